@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.in_situ import surface_of
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     CaseNumber,
@@ -65,8 +64,8 @@ class FallSection(Section):
 
     def line(self, context: Context) -> HeadLine:
         """The line for the model."""
-        start = _point(self.start, context.at("from"))
-        return HeadLine(start, _point(self.end, context.at("to")), self.level.scalar)
+        start, end = context.at("from").vector(self.start), context.at("to").vector(self.end)
+        return HeadLine(start, end, self.level.scalar)
 
 
 class WaterLoadSection(Section):
@@ -81,7 +80,8 @@ class WaterLoadSection(Section):
     def load(self, group: str, context: Context) -> WaterPressure:
         """The pressure on a group of faces."""
         falls = None if self.falls is None else self.falls.line(context.at("falls"))
-        return WaterPressure(group, self.level.scalar, _weight(self.unit_weight), falls)
+        weight = _weight(self.unit_weight)
+        return self.to_model(WaterPressure, group=group, unit_weight=weight, falls=falls)
 
 
 class LoadSection(Section):
@@ -161,7 +161,7 @@ class LoadSection(Section):
             hint = f"Give it in {unit}."
             context.at(wrong).refuse("wrong-dimension", message, hint, key=True)
         value = _scalars(given, context.at(wanted))
-        at = None if self.at is None else _point(self.at, context.at("at"))
+        at = None if self.at is None else context.at("at").vector(self.at)
         return PointForce(self.on or "" if at is None else at, value)
 
     def _seismic(self, given: Sequence[CaseNumber], context: Context) -> Seismic:
@@ -194,8 +194,7 @@ class WaterSection(Section):
 
     def water(self) -> Water:
         """The water for the model."""
-        groups = None if self.groups is None else tuple(self.groups)
-        return Water(surface_of(self.table), _weight(self.unit_weight), groups)
+        return self.to_model(Water, unit_weight=_weight(self.unit_weight))
 
 
 class TemperatureFieldSection(Section):
@@ -225,12 +224,10 @@ class TemperatureFieldSection(Section):
 
     def field(self, context: Context) -> TemperatureField:
         """The changes for the model."""
-        points = (
-            _point(point, context.at("points", n)) for n, point in enumerate(self.points or ())
+        points = tuple(
+            context.at("points", n).vector(point) for n, point in enumerate(self.points or ())
         )
-        values = tuple(value.factor for value in self.values or ())
-        factor = scalar_of(self.factor) or Scalar(1.0)
-        return TemperatureField(tuple(points), values, factor)
+        return self.to_model(TemperatureField, points=points)
 
 
 def _shape(value: object) -> str:
@@ -285,7 +282,3 @@ def _weight(given: CaseNumber | None) -> Scalar:
 def _scalars(given: Sequence[CaseNumber], context: Context) -> tuple[Scalar, ...]:
     context.vector(given, f"the {str(context.path[-1]).replace('_', ' ')}")
     return tuple(number.scalar for number in given)
-
-
-def _point(given: Sequence[CaseNumber], context: Context) -> tuple[float, ...]:
-    return context.vector(given)

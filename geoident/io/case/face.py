@@ -227,15 +227,13 @@ def build_face(
     centre = None
     if section.centre is not None:
         centre = context.at("centre").vector(section.centre, "the centre")
-    plastic = getattr(section, "plastic_radius", None)
-    return FaceProfile(
+    return section.to_model(
+        FaceProfile,
         law=section.profile,
         groups=groups_released(section, stages),
         radius=radius or Scalar(1.0),  # where it is missing, that is a fault
         constants=tuple(number.scalar for number in section.constants),
-        plastic_radius=scalar_of(plastic),
         centre=centre,
-        conversion=section.conversion,
     )
 
 

@@ -108,7 +108,7 @@ class AxisSection(Section):
 
     def scan_axis(self, points: int) -> ScanAxis:
         """The axis, with this number of values where it does not give its own."""
-        return ScanAxis(self.start.factor, self.stop.factor, self.points or points)
+        return self.to_model(ScanAxis, points=self.points or points)
 
 
 class FitBase(Section):
@@ -201,39 +201,23 @@ class FitBase(Section):
         """
         opening = self._method("closed-form")
         assert isinstance(opening, ClosedFormOptions)
-        return FitSettings(
-            tuple(self._method(name) for name in self.chain(strengths=strengths)),
-            None if self.stages is None else tuple(self.stages),
-            self._loss(),
-            opening,
-            model_error_options(self.model_error),
-            self.backtest,
-            mesh_error=self.mesh_error,
+        loss = LOSS_OPTIONS[self.loss]
+        return self.to_model(
+            FitSettings,
+            methods=tuple(self._method(name) for name in self.chain(strengths=strengths)),
+            loss=self.options(self.loss).to_model(loss) if fields(loss) else loss(),
+            closed_form=opening,
+            model_error=model_error_options(self.model_error),
             reduced=self.reduced is not False,
             keep_reduced=self.reduced == "keep",
+            ladder=(),
         )
 
     def _method(self, name: str) -> MethodOptions:
-        kind, given = METHOD_OPTIONS[name], self.options(name)
-        values = {option.name: _plain(getattr(given, option.name)) for option in fields(kind)}
-        if name == "scan":
-            values["grid"] = {
-                parameter: axis.scan_axis(values["points"])
-                for parameter, axis in values["grid"].items()
-            }
-        return kind(**values)
-
-    def _loss(self) -> LossOptions:
-        kind = LOSS_OPTIONS[self.loss]
-        given = self.options(self.loss) if fields(kind) else None
-        return kind(**{option.name: _plain(getattr(given, option.name)) for option in fields(kind)})
-
-
-def _plain(value: Any) -> Any:
-    """An option as numbers in SI units."""
-    if isinstance(value, list):
-        return tuple(_plain(entry) for entry in value)
-    return value.factor if isinstance(value, CaseNumber) else value
+        given: Any = self.options(name)
+        axes: Mapping[str, AxisSection] = getattr(given, "grid", {})
+        grid = {parameter: axis.scan_axis(given.points) for parameter, axis in axes.items()}
+        return given.to_model(METHOD_OPTIONS[name], **({"grid": grid} if name == "scan" else {}))
 
 
 def _field_name(name: str) -> str:

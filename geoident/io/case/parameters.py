@@ -49,14 +49,13 @@ class ParameterSection(Section):
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of this name, in SI units."""
-        prior = self.prior
-        return Parameter(
+        lower, upper = self.bounds
+        return self.to_model(
+            Parameter,
             name=name,
-            start=self.start.factor,
-            lower=self.bounds[0].factor,
-            upper=self.bounds[1].factor,
-            scale=self.scale,
-            prior=Prior(prior.mean.factor, prior.sd.factor, prior.kind) if prior else None,
+            lower=lower.factor,
+            upper=upper.factor,
+            prior=self.prior and self.prior.to_model(Prior),
             dimension=self.start.dimension,
             unit=self.start.unit,
         )

@@ -30,7 +30,6 @@ from geoident.io.schema.values import (
     Force,
     Length,
     Name,
-    scalar_of,
 )
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
@@ -129,23 +128,12 @@ class StageSection(Section):
             context: of the section.
             gravity: whether the case has any.
         """
-        return Stage(
-            name=self.name,
-            excavate=tuple(self.excavate),
-            install=dict(self.install),
-            change=dict(self.change),
-            release={group: part.scalar for group, part in self.release.items()},
-            distance=scalar_of(self.distance),
+        return self.to_model(
+            Stage,
             loads=build_loads(self.loads, context.at("loads"), gravity=gravity),
-            remove=tuple(self.remove),
-            build=tuple(self.build),
-            dismantle=tuple(self.dismantle),
-            prestress={name: force.scalar for name, force in self.prestress.items()},
             water=None if self.water is None else self.water.water(),
             temperature=build_temperature(self.temperature, context.at("temperature")),
             supports=build_stage_supports(self.supports, context.at("supports")),
-            independent=self.independent,
-            base=self.base,
         )
 
 

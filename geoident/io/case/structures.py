@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -26,11 +26,10 @@ from geoident.io.schema.values import (
     Size,
     Stress,
     WallStiffness,
-    scalar_of,
     shape_of,
 )
 from geoident.model.case import Analysis
-from geoident.model.structures import Anchors, Beam, Bolts, Structure, Struts
+from geoident.model.structures import Anchors, Bars, Beam, Bolts, Structure, Struts
 
 
 class _StructureBase(Section):
@@ -118,23 +117,16 @@ class BeamSection(_StructureBase):
             hinge if isinstance(hinge, str) else context.at("hinges", n).vector(hinge, "the hinge")
             for n, hinge in enumerate(self.hinges)
         )
-        return Beam(
-            self.on,
-            E=scalar_of(self.E),
-            thickness=scalar_of(self.thickness),
-            nu=scalar_of(self.nu),
-            EA=scalar_of(self.EA),
-            EI=scalar_of(self.EI),
-            clamped_on=tuple(self.clamped_on),
-            hinges=hinges,
-            density=scalar_of(self.density),
-            weight=scalar_of(self.weight),
-        )
+        return self.to_model(Beam, group=self.on, hinges=hinges)
 
 
 class _BarSection(_StructureBase):
     """What all bars have in common."""
 
+    what: ClassVar[str]
+    """What one of them is."""
+    bars: ClassVar[type[Bars]]
+    """What they are built into."""
     one_of = (
         Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
     )
@@ -179,13 +171,8 @@ class _BarSection(_StructureBase):
         faults.raise_any()
         return self
 
-    @property
-    @abstractmethod
-    def what(self) -> str:
-        """What one of the bars is."""
-
-    def _given(self, context: Context) -> dict[str, Any]:
-        """What all bars have in the model."""
+    def structure(self, context: Context) -> Bars:
+        """The bars; about an axis they are smeared over their ring."""
         self._check_spacing(context)
         ends = []
         for n, pair in enumerate(self.ends):
@@ -193,9 +180,7 @@ class _BarSection(_StructureBase):
                 context.at("ends", n, k).vector(point, "the end") for k, point in enumerate(pair)
             )
             ends.append((first, second))
-        names = ("spacing", "number", "E", "diameter", "area", "EA", "prestress")
-        numbers = {name: scalar_of(getattr(self, name)) for name in names}
-        return {"ends": tuple(ends), **numbers}
+        return self.to_model(self.bars, ends=tuple(ends))
 
     def _check_spacing(self, context: Context) -> None:
         if context.analysis is Analysis.AXISYMMETRIC:
@@ -247,16 +232,9 @@ def negative_force(given: CaseNumber) -> tuple[str, str] | None:
 class BoltSection(_BarSection):
     """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
 
+    what, bars = "bolt", Bolts
+
     kind: Literal["bolt"]
-
-    @property
-    def what(self) -> str:
-        """What one of the bars is."""
-        return "bolt"
-
-    def structure(self, context: Context) -> Bolts:
-        """Bolts; about an axis they are smeared over their ring."""
-        return Bolts(**self._given(context))
 
 
 class StrutSection(_BarSection):
@@ -266,6 +244,8 @@ class StrutSection(_BarSection):
     half of the strut ends.
     """
 
+    what, bars = "strut", Struts
+
     kind: Literal["strut"]
     second_end: Literal["joined", "fixed", "symmetry"] = Field(
         "joined",
@@ -274,18 +254,11 @@ class StrutSection(_BarSection):
         "the whole strut lies (give EA of the strut: half its length follows from the ends).",
     )
 
-    @property
-    def what(self) -> str:
-        """What one of the bars is."""
-        return "strut"
-
-    def structure(self, context: Context) -> Struts:
-        """Struts; about an axis they are spokes, smeared over their ring."""
-        return Struts(**self._given(context), second_end=self.second_end)
-
 
 class AnchorSection(_BarSection):
     """Ground anchors from a head to a toe: free up to the grout, held by the ground along it."""
+
+    what, bars = "anchor", Anchors
 
     kind: Literal["anchor"]
     grouted: Annotated[CaseNumber, QuantityType("length", above=0.0)] = Field(
@@ -293,11 +266,6 @@ class AnchorSection(_BarSection):
         "ground; before it the bar is free.",
         examples=["6 m"],
     )
-
-    @property
-    def what(self) -> str:
-        """What one of the bars is."""
-        return "anchor"
 
     @model_validator(mode="after")
     def _free_length(self) -> AnchorSection:
@@ -311,10 +279,6 @@ class AnchorSection(_BarSection):
                 faults.add(("ends", n), "zero-length", message, hint)
         faults.raise_any()
         return self
-
-    def structure(self, context: Context) -> Anchors:
-        """Anchors; about an axis they are smeared over their ring."""
-        return Anchors(**self._given(context), grouted=self.grouted.factor)
 
 
 def _place(point: list[CaseNumber]) -> list[float]:

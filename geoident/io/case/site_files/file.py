@@ -236,26 +236,16 @@ class ReadingsFileSection(Section):
             dimensions: channel to the dimension of its readings.
             survey: how coordinates become readings; None for other layouts.
         """
-        return Layout(
+        return self.to_model(
+            Layout,
             delimiter=DELIMITERS[self.delimiter],
-            decimal=self.decimal,
-            columns=dict(self.columns),
-            unit=self.unit or "",
-            date_format=self.date_format,
             wide=self.layout == "wide",
-            unit_row=self.unit_row,
             channels={
                 name: Origin(value) if isinstance(value, str) else value.origin()
                 for name, value in self.channels.items()
             },
             dimensions=dimensions,
-            encoding=self.encoding or "",
-            header_row=self.header_row,
-            header_rows=self.header_rows,
-            data_row=self.data_row,
-            blank=tuple(self.blank),
             ignore=tuple(name.strip().lower() for name in self.ignore),
-            sheet=self.sheet,
             cells=self.range or "",
             survey=survey,
         )

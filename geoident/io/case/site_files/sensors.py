@@ -115,14 +115,7 @@ class CalibrationSection(Section):
             coefficients: tuple[float, ...] = (0.0, sign * self.factor.factor)
         else:
             coefficients = tuple(entry.factor for entry in self.polynomial or ())
-        return Calibration(
-            reads=self.reads,
-            coefficients=coefficients,
-            zero=None if self.zero is None else self.zero.factor,
-            thermal=self.thermal.factor if self.thermal else 0.0,
-            zero_temperature=self.zero_temperature.factor if self.zero_temperature else 0.0,
-            temperature=self.temperature or "",
-        )
+        return self.to_model(Calibration, coefficients=coefficients)
 
 
 class TransformationSection(Section):

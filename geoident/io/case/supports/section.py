@@ -16,11 +16,9 @@ from geoident.io.schema.values import (
     Length,
     SharesUnit,
     Text,
-    scalar_of,
 )
 from geoident.model.actions import Contraction, MotionField
 from geoident.model.case import Analysis, Support
-from geoident.model.parameter import Scalar
 
 FIXED, FREE = "fixed", "free"
 _AXES = ("x", "y", "z")
@@ -79,8 +77,8 @@ class MeasuredMotionSection(Section):
             context.at("points", n).vector(point) for n, point in enumerate(self.points or ())
         )
         columns = [[value.factor for value in getattr(self, _AXES[c])] for c in self.axes]
-        factor = scalar_of(self.factor) or Scalar(1.0)
-        return MotionField(points, self.axes, tuple(zip(*columns, strict=True)), factor)
+        values = tuple(zip(*columns, strict=True))
+        return self.to_model(MotionField, points=points, components=self.axes, values=values)
 
 
 class SupportSection(Section):

@@ -222,15 +222,13 @@ class FieldBase(Section):
             if (value := _point_value(entry, mean, *place)) is not None
         ]
         _check_repeated(points, context.at("measured"))
-        return RandomField(
+        return self.to_model(
+            RandomField,
             material=material,
             constant=constant,
-            mean=mean.scalar,
             sd=self.relative_sd,
             lengths=tuple(length.factor for length in given),
             frame=along or _upright(context),
-            smoothness=self.smoothness.factor,
-            modes=self.modes,
             measured=tuple(points),
             surface=surface,
             dimension=mean.dimension,
