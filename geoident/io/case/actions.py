@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Coefficients,
@@ -56,11 +57,10 @@ class FallSection(Section):
     end: Coordinates = Field(alias="to", description="Where it has fallen to `level`.")
     level: Length = Field(description="Level of the water there.")
 
-    @model_validator(mode="after")
-    def _some_length(self) -> FallSection:
+    def check(self, faults: SectionFaults) -> None:
+        """The line has a length."""
         if [x.factor for x in self.start] == [x.factor for x in self.end]:
-            refuse(("to",), "zero-length", "the line begins and ends at one point")
-        return self
+            faults.add(("to",), "zero-length", "the line begins and ends at one point")
 
     def line(self, context: Context) -> HeadLine:
         """The line for the model."""
@@ -122,8 +122,8 @@ class LoadSection(Section):
         examples=["[0.1, 0]"],
     )
 
-    @model_validator(mode="after")
-    def _in_its_place(self) -> LoadSection:
+    def check(self, faults: SectionFaults) -> None:
+        """The load stands in a place of its kind."""
         kind = next(kind for kind in _LOADS if getattr(self, kind) is not None)
         places = [key for key in ("on", "at") if getattr(self, key) is not None]
         if kind == "seismic":
@@ -134,8 +134,7 @@ class LoadSection(Section):
             expected, good = "'on' with a group of faces is expected", places == ["on"]
         if not good:
             found = " and ".join(f"'{place}'" for place in places) or "no place"
-            refuse((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
-        return self
+            faults.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
 
     def load(self, context: Context) -> Load:
         """The load for the model; what cannot be is noted as a fault."""
@@ -209,9 +208,8 @@ class TemperatureFieldSection(Section):
     )
     factor: Coefficient | None = Field(None, description="Multiplies all changes; 1 if missing.")
 
-    @model_validator(mode="after")
-    def _as_many(self) -> TemperatureFieldSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Points and values, as many of both, or a file."""
         if self.file is not None or not self.points or not self.values:
             given = [key for key in ("points", "values", "file") if getattr(self, key) is not None]
             message = f"found {' and '.join(given) or 'neither'}; points with values, or a file, is"
@@ -219,8 +217,6 @@ class TemperatureFieldSection(Section):
         elif len(self.points) != len(self.values):
             message = f"{len(self.values)} values for {len(self.points)} points"
             faults.add(("values",), "wrong-number", message, "Write one value for each point.")
-        faults.raise_any()
-        return self
 
     def field(self, context: Context) -> TemperatureField:
         """The changes for the model."""
@@ -230,13 +226,9 @@ class TemperatureFieldSection(Section):
         return self.to_model(TemperatureField, points=points)
 
 
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, dict | TemperatureFieldSection) else "text"
-
-
 TemperatureSection = Annotated[
     Annotated[TemperatureChange, Tag("text")] | Annotated[TemperatureFieldSection, Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 
 

@@ -15,13 +15,11 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Discriminator,
     Field,
     Tag,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
-    model_validator,
 )
 from pydantic_core import PydanticKnownError
 
@@ -45,13 +43,13 @@ from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     Accelerations,
     CaseNumber,
     FixedAcceleration,
     Name,
     ParameterName,
     Text,
-    shape_of,
 )
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, Case, KeyPath, Material
@@ -69,7 +67,7 @@ class MeshSection(Section):
 
 Gravity = Annotated[
     Annotated[FixedAcceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
-    Discriminator(shape_of),
+    TEXT_OR_LIST,
 ]
 
 
@@ -209,15 +207,12 @@ class CaseSection(Section):
     fit: FitSection = Field(default_factory=FitSection)
     report: ReportSection | None = Field(None, description="The head of the report.")
 
-    @model_validator(mode="after")
-    def _ground_or_elsewhere(self) -> CaseSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """There is ground, or a model elsewhere, not both."""
         if self.model is None:
             _require_ground(self, faults)
         else:
             _refuse_ground(self, faults)
-        faults.raise_any()
-        return self
 
 
 def _require_ground(section: CaseSection, faults: SectionFaults) -> None:

@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
+from pydantic import BeforeValidator, Field, Tag, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     AnyQuantity,
     CaseNumber,
     Count,
@@ -29,7 +30,6 @@ from geoident.io.schema.values import (
     QuantityType,
     SharesUnit,
     require_text,
-    shape_of,
 )
 from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
 from geoident.model.case import FitSettings
@@ -118,7 +118,7 @@ class FitBase(Section):
         Annotated[
             Annotated[MethodName, Tag("text")]
             | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
-            Discriminator(shape_of),
+            TEXT_OR_LIST,
         ]
         | None
     ) = Field(

@@ -6,14 +6,14 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import ModulusOrVaried, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
 from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
-from geoident.io.schema.section import Alternatives, Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
@@ -55,11 +55,10 @@ class _MaterialBase(Section):
         "stays elastic if missing. Exact surfaces need isotropic elasticity.",
     )
 
-    @model_validator(mode="after")
-    def _density_not_negative(self) -> _MaterialBase:
+    def check(self, faults: SectionFaults) -> None:
+        """The density is not negative."""
         if self.density and self.density.parameter is None and self.density.factor < 0:
-            refuse(("density",), "out-of-range", f"'{self.density.text}' is negative")
-        return self
+            faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
 
     @abstractmethod
     def build_elastic(self, context: Context) -> Elastic:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
-from geoident.io.schema.section import Alternatives, Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     Angle,
     CaseNumber,
     Coefficient,
@@ -53,13 +54,9 @@ _EQUILIBRIUM = (
 )
 
 
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, dict) else "text"
-
-
 RatioByGroup = Annotated[
     Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 """One number, or element group to number."""
 
@@ -231,12 +228,11 @@ class GeostaticModel(_ModelBase):
     tectonic: TectonicSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
 
-    @model_validator(mode="after")
-    def _cover_to_a_surface(self) -> GeostaticModel:
+    def check(self, faults: SectionFaults) -> None:
+        """A cover reaches up to a surface."""
         if self.cover is not None and self.surface is None:
             message = "'cover' without 'surface': how thick it is is not known"
-            refuse(("cover",), "wrong-pair", message, "Add 'surface', a level or a group.")
-        return self
+            faults.add(("cover",), "wrong-pair", message, "Add 'surface', a level or a group.")
 
     def stress(self, context: Context) -> GeostaticStress:
         """The weight above, and parts of it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import AnyQuantity, Bounds, CaseNumber
@@ -37,15 +37,12 @@ class ParameterSection(Section):
         description="Prior knowledge; without it all values within the bounds are equally likely.",
     )
 
-    @model_validator(mode="after")
-    def _agrees_with_itself(self) -> ParameterSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Start, bounds and prior agree."""
         self._check_dimensions(faults)
         if not faults.found:
             self._check_bounds(faults)
             self._check_prior(faults)
-        faults.raise_any()
-        return self
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of this name, in SI units."""

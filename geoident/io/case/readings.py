@@ -11,6 +11,7 @@ from geoident.io.case.gauges.accuracy import computable
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
+    TEXT_LIST_OR_MAPPING,
     AnyQuantity,
     CaseNumber,
     Name,
@@ -79,15 +80,9 @@ Entry = Annotated[
 ]
 
 
-def _readings_shape(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return "list"
-    return "<file>" if isinstance(value, Mapping | ReadingsFileSection) else "text"
-
-
 Readings = Annotated[
     Annotated[Text, Tag("text")]
-    | Annotated[ReadingsFileSection, Tag("<file>")]
+    | Annotated[ReadingsFileSection, Tag("mapping")]
     | Annotated[list[Entry], Tag("list")],
-    Discriminator(_readings_shape),
+    TEXT_LIST_OR_MAPPING,
 ]

@@ -6,10 +6,11 @@ import math
 from abc import abstractmethod
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     Area,
     AxialStiffness,
     BendingStiffness,
@@ -26,7 +27,6 @@ from geoident.io.schema.values import (
     Size,
     Stress,
     WallStiffness,
-    shape_of,
 )
 from geoident.model.case import Analysis
 from geoident.model.structures import Anchors, Bars, Beam, Bolts, Structure, Struts
@@ -38,9 +38,7 @@ class _StructureBase(Section):
         """The structure for the model; a fault where the kind of analysis has none."""
 
 
-Hinge = Annotated[
-    Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], Discriminator(shape_of)
-]
+Hinge = Annotated[Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], TEXT_OR_LIST]
 
 
 class BeamSection(_StructureBase):
@@ -89,9 +87,8 @@ class BeamSection(_StructureBase):
         examples=["8 kN/m2"],
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> BeamSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Its weight is given in one way, and is not negative."""
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; density with a thickness, or weight is expected"
@@ -101,8 +98,6 @@ class BeamSection(_StructureBase):
             if given is not None and given.parameter is None and given.factor < 0:
                 message = f"'{given.text}' is negative"
                 faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
-        faults.raise_any()
-        return self
 
     def structure(self, context: Context) -> Beam:
         """A lining or wall, in the plane or about an axis."""
@@ -159,17 +154,14 @@ class _BarSection(_StructureBase):
         examples=["300 kN"],
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> _BarSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The bars have a length, and are pulled or pushed by a positive force."""
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):
                 message = f"the {self.what} begins and ends at one point"
                 faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
         if self.prestress is not None and (fault := negative_force(self.prestress)):
             faults.add(("prestress",), "out-of-range", *fault)
-        faults.raise_any()
-        return self
 
     def structure(self, context: Context) -> Bars:
         """The bars; about an axis they are smeared over their ring."""
@@ -267,18 +259,16 @@ class AnchorSection(_BarSection):
         examples=["6 m"],
     )
 
-    @model_validator(mode="after")
-    def _free_length(self) -> AnchorSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Before the grout is a free length."""
+        super().check(faults)
         for n, (head, toe) in enumerate(self.ends):
             length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
-            if not self.grouted.factor < length:
+            if 0.0 < length <= self.grouted.factor:
                 message = f"the anchor is {length:.6g} m long, of which '{self.grouted.text}' are "
                 message += "grouted: no free length is left"
                 hint = "Give head and toe, and the grouted length at the toe."
                 faults.add(("ends", n), "zero-length", message, hint)
-        faults.raise_any()
-        return self
 
 
 def _place(point: list[CaseNumber]) -> list[float]:

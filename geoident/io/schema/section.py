@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
@@ -100,8 +100,8 @@ class Section(BaseModel):
         return data
 
     @model_validator(mode="after")
-    def _in_one_way(self) -> Section:
-        """Refuse keys that are none of the ways in which something can be said."""
+    def _judge(self) -> Self:
+        """Refuse keys that are none of the ways in which something can be said; then `check`."""
         faults = SectionFaults()
         for one in self.one_of:
             given = [key for key in one.keys if getattr(self, key) is not None]
@@ -109,8 +109,13 @@ class Section(BaseModel):
                 found = _listed(given, "") if given else one.nothing
                 message = f"found {found}; expected is {one.words()}"
                 faults.add((), "wrong-pair", message, one.hint)
+        if not faults.found:
+            self.check(faults)
         faults.raise_any()
         return self
+
+    def check(self, faults: SectionFaults) -> None:
+        """Note what is wrong between the keys of a section, each of which is right by itself."""
 
     def to_model(self, kind: type[T], /, **given: Any) -> T:
         """What the section says as a class of the model, whose attributes have the names of keys.
@@ -217,19 +222,3 @@ class SectionFaults:
         """
         if self.found:
             raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": self.found})
-
-
-def refuse(path: KeyPath, code: str, message: str, hint: str = "") -> NoReturn:
-    """Refuse a section for one fault.
-
-    Args:
-        path: of the key, from the section on.
-        code: short stable name of the kind of fault.
-        message: what was found and what is expected.
-        hint: the likely remedy.
-
-    Raises:
-        PydanticCustomError: always.
-    """
-    fault = SectionFault(path, code, message, hint)
-    raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": [fault]})

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BaseModel,
     BeforeValidator,
     Discriminator,
     Field,
@@ -542,9 +543,15 @@ class CountOr:
 
 
 def shape_of(value: object) -> str:
-    """``list`` or ``text``: tells the two ways apart in which some keys can be written."""
+    """``text``, ``list`` or ``mapping``: tells the ways apart in which some keys can be written."""
+    if isinstance(value, Mapping | BaseModel):
+        return "mapping"
     return "list" if isinstance(value, list | tuple) else "text"
 
+
+TEXT_OR_LIST = Discriminator(lambda value: "list" if shape_of(value) == "list" else "text")
+TEXT_OR_MAPPING = Discriminator(lambda value: "mapping" if shape_of(value) == "mapping" else "text")
+TEXT_LIST_OR_MAPPING = Discriminator(shape_of)
 
 # A number that may be tied to a parameter has a plain name; of one that may not it is `Fixed...`.
 Stress = Annotated[CaseNumber, QuantityType("pressure", tied=True)]

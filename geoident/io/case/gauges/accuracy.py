@@ -14,11 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     CaseNumber,
     QuantityType,
     or_words,
@@ -221,20 +222,15 @@ class ErrorsSection(Section):
     )
 
 
-def accuracy_shape(value: object) -> str:
-    """``mapping`` or ``text``: tells the ways apart in which an accuracy can be written."""
-    return "mapping" if isinstance(value, Mapping | ErrorsSection) else "text"
-
-
 Accuracy = Annotated[
     Annotated[CaseNumber, StandardDeviationOf(None, above=0.0), Tag("text")]
     | Annotated[ErrorsSection, Tag("mapping")],
-    Discriminator(accuracy_shape),
+    TEXT_OR_MAPPING,
 ]
 LengthAccuracy = Annotated[
     Annotated[CaseNumber, StandardDeviationOf("length", above=0.0), Tag("text")]
     | Annotated[ErrorsSection, Tag("mapping")],
-    Discriminator(accuracy_shape),
+    TEXT_OR_MAPPING,
 ]
 AnyAccuracy = CaseNumber | ErrorsSection
 FORCES = ("force", "line load", "moment per length")
@@ -243,7 +239,7 @@ FORCES = ("force", "line load", "moment per length")
 EstimatedKinds = Annotated[
     Annotated[Literal["estimate"], Tag("text")]
     | Annotated[dict[str, Literal["estimate"]], Tag("mapping")],
-    Discriminator(accuracy_shape),
+    TEXT_OR_MAPPING,
 ]
 
 

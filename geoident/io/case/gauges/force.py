@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.accuracy import FORCES
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
@@ -74,17 +74,15 @@ class StressGaugeSection(ValueGauge):
         "in ground that nothing has changed yet.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> StressGaugeSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Nothing is read twice, and a virgin stress has no zero."""
+        super().check(faults)
         if self.state == "virgin" and "zero" in self.model_fields_set:
             message = "found 'zero' of a stress in the virgin state, which does not change"
             faults.add(("zero",), "wrong-pair", message, "Remove 'zero' or 'state: virgin'.")
         for way in ("components", "principal"):
             _refuse_twice(way, getattr(self, way) or [], faults)
         refuse_no_direction("direction", self.direction, faults)
-        faults.raise_any()
-        return self
 
     @property
     def reads(self) -> Reads:
@@ -135,12 +133,10 @@ class PressureCellSection(ValueGauge):
     on: Name | None = Field(None, description="Beam on which the pressure is read.")
     towards: Coordinates | None = Field(None, description=TOWARDS)
 
-    @model_validator(mode="after")
-    def _one_plane(self) -> PressureCellSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The normal has a direction."""
+        super().check(faults)
         refuse_no_direction("normal", self.normal, faults)
-        faults.raise_any()
-        return self
 
     @property
     def structure(self) -> str | None:
@@ -205,9 +201,9 @@ class LoadCellSection(ValueGauge):
             return "force"
         return "moment per length" if self.quantity == "M" else "line load"
 
-    @model_validator(mode="after")
-    def _forces(self) -> LoadCellSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """A force is read; only an axial one has a sign."""
+        super().check(faults)
         if isinstance(self.accuracy, CaseNumber) and self.dimension not in FORCES:
             message = f"'{self.accuracy.text}' is no force, line load or moment per length"
             hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
@@ -215,8 +211,6 @@ class LoadCellSection(ValueGauge):
         if self.sign is not None and self.quantity != "N":
             message = f"'sign' is that of the axial force; {self.quantity} is read"
             faults.add(("sign",), "wrong-pair", message, "Remove it; 'towards' turns moments.")
-        faults.raise_any()
-        return self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""

@@ -12,7 +12,6 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
-    Discriminator,
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
@@ -20,7 +19,6 @@ from pydantic import (
     ValidationInfo,
     field_validator,
     model_serializer,
-    model_validator,
 )
 from pydantic_core import CoreSchema
 
@@ -28,7 +26,6 @@ from geoident.io.case.face import ZeroValue
 from geoident.io.case.gauges.accuracy import (
     Accuracy,
     StandardDeviationOf,
-    accuracy_shape,
     check_parts,
     error_parts,
     unit_shown,
@@ -37,6 +34,7 @@ from geoident.io.case.gauges.accuracy import (
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     CaseNumber,
     Coordinates,
     Name,
@@ -132,7 +130,7 @@ class GaugeBase(Section):
     def _like_a_reading(cls, value: Any, info: ValidationInfo) -> Any:
         """Read a quantity in the dimension of what the kind of gauge reads."""
         name = str(info.field_name)
-        left = accuracy_shape(value) == "mapping" if name == "accuracy" else value is None
+        left = shape_of(value) == "mapping" if name == "accuracy" else value is None
         return value if left else cls._likes()[name].parse(value)
 
     @classmethod
@@ -150,11 +148,11 @@ class GaugeBase(Section):
         )
         return described
 
-    @model_validator(mode="after")
-    def _of_one_dimension(self) -> GaugeBase:
-        read, faults = self.dimension, SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """All quantities like a reading have the dimension of what is read."""
+        read = self.dimension
         if self.measures and read not in self.measures:
-            return self  # the accuracy is refused
+            return  # the accuracy is refused
         check_parts(self.accuracy, read, self.kind_name, faults)
         for key, like in self.like_readings(read).items():
             given = None if key == "accuracy" else getattr(self, key)
@@ -166,8 +164,6 @@ class GaugeBase(Section):
             if like.dimension:
                 hint = f"Its units: {unit_list(like.dimension)}."
             faults.add((key,), "unit", message, hint)
-        faults.raise_any()
-        return self
 
     @model_serializer(mode="wrap")
     def _as_written(self, dump: SerializerFunctionWrapHandler) -> Any:
@@ -262,7 +258,7 @@ class GaugeBase(Section):
 
 Reference = Annotated[
     Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
-    Discriminator(shape_of),
+    TEXT_OR_LIST,
 ]
 """What a motion is relative to: fixed ground, or a point."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.accuracy import LengthAccuracy, check_parts
 from geoident.io.case.gauges.gauge import (
@@ -89,9 +89,9 @@ class InclinometerSection(GaugeBase):
         examples=["1 mm"],
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> InclinometerSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Rings have an accuracy, and no axis and no depth is listed twice."""
+        super().check(faults)
         if (self.ring_accuracy is None) == bool(self.rings):
             message = "found one of rings and ring_accuracy; both or none are expected"
             hint = "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
@@ -108,8 +108,6 @@ class InclinometerSection(GaugeBase):
                 seen.add(_metres(depth.factor))
         if self.ring_accuracy is not None:
             check_parts(self.ring_accuracy, self.dimension, self.kind, faults, "ring_accuracy")
-        faults.raise_any()
-        return self
 
     def sections(self, name: str) -> dict[str, GaugeBase]:
         """Rings have an accuracy of their own."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.force import ForceSection
 from geoident.io.case.gauges.gauge import (
@@ -91,12 +91,10 @@ class DisplacementSection(GaugeBase):
         None, description="Direction vector in place of a component; its length does not matter."
     )
 
-    @model_validator(mode="after")
-    def _one_direction(self) -> DisplacementSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The direction has a length."""
+        super().check(faults)
         refuse_no_direction("direction", self.direction, faults)
-        faults.raise_any()
-        return self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
@@ -147,9 +147,9 @@ class LevellingSection(GaugeBase):
         None, description="Pairs whose angular distortion is read, the second point going down."
     )
 
-    @model_validator(mode="after")
-    def _known_points(self) -> LevellingSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The points that are named are points of the line."""
+        super().check(faults)
         known = ", ".join(self.points)
         if self.relative_to not in {"ground", *self.points}:
             message = f"there is no point '{self.relative_to}' in the line"
@@ -163,8 +163,6 @@ class LevellingSection(GaugeBase):
                 if name not in self.points:
                     message = f"there is no point '{name}' in the line"
                     faults.add(path, "unknown-point", message, f"Its points: {known}.")
-        faults.raise_any()
-        return self
 
     def channel_names(self, name: str) -> list[str]:
         """One name for every point that is read, then one for every pair."""

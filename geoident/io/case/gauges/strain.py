@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.gauge import Motion, distance, subtract, unit_vector
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
@@ -99,12 +99,10 @@ class StrainSection(ValueGauge):
     )
     towards: Coordinates | None = Field(None, description=TOWARDS)
 
-    @model_validator(mode="after")
-    def _one_way(self) -> StrainSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The direction has a length."""
+        super().check(faults)
         refuse_no_direction("direction", self.direction, faults)
-        faults.raise_any()
-        return self
 
     @property
     def reads(self) -> Reads:

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
@@ -81,16 +81,14 @@ class TargetSection(GaugeBase):
     )
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> TargetSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """No component is listed twice."""
+        super().check(faults)
         chosen = self.components or []
         for n, component in enumerate(chosen):
             if component in chosen[:n]:
                 message = f"the component {component} is listed twice"
                 faults.add(("components", n), "duplicate", message, "Remove one.")
-        faults.raise_any()
-        return self
 
     def chosen(self) -> list[str]:
         """Components that are read."""
