@@ -27,7 +27,6 @@ from geoident.io.case.gauges.channel_errors import described_channels
 from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
-from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, paths_of
@@ -239,8 +238,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
         message = f"found {kind_of(places.data)}; a mapping is expected"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
-    for read_files in (with_tables, with_measured):
-        places = read_files(places, folder, faults)
+    places = with_tables(places, folder, faults)
     data = places.data
     assert isinstance(data, dict)
     given = faults.of_keys()

@@ -35,7 +35,7 @@ from geoident.model.arrays import Floats
 from geoident.model.campaign import SEED
 from geoident.model.gauges import Channel
 from geoident.model.parameter import Parameter
-from geoident.units import UnitError, read_quantity, require_dimension, with_article
+from geoident.units import UnitError, read_quantity, with_article
 
 _SETTING = "parameters"
 _NAMES = 8
@@ -227,10 +227,7 @@ class _CampaignReader:
         for n, text in enumerate(texts):
             try:
                 if text:
-                    given = require_dimension(
-                        read_quantity(text, parameter.dimension), parameter.dimension, text
-                    )
-                    found[n] = given.value
+                    found[n] = read_quantity(text, parameter.dimension).value
                     continue
                 message, hint = "it is left as in the base case", "Write its value in every run."
             except UnitError as error:

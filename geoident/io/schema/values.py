@@ -35,7 +35,6 @@ from geoident.units import (
     UNITS,
     UnitError,
     read_quantity,
-    require_dimension,
     units_of,
     with_article,
 )
@@ -239,8 +238,6 @@ class QuantityType:
                 raise
             tie = f"To tie it to a parameter of this name write ${shorten(name)}."
             raise UnitError(error.message, f"{tie} {error.hint}".strip()) from error
-        if self.dimension is not None:
-            quantity = require_dimension(quantity, self.dimension, text)
         return CaseNumber(
             text,
             quantity.value,
