@@ -214,9 +214,10 @@ class FitBase(Section):
         )
 
     def _method(self, name: str) -> MethodOptions:
-        given: Any = self.options(name)
+        given = self.options(name)
         axes: Mapping[str, AxisSection] = getattr(given, "grid", {})
-        grid = {parameter: axis.scan_axis(given.points) for parameter, axis in axes.items()}
+        points: int = getattr(given, "points", 0)
+        grid = {parameter: axis.scan_axis(points) for parameter, axis in axes.items()}
         return given.to_model(METHOD_OPTIONS[name], **({"grid": grid} if name == "scan" else {}))
 
 

@@ -148,7 +148,9 @@ class TransverselyIsotropicSection(_InclinedBase):
     def build_elastic(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
         frame = strata(context, self.dip, self.dip_direction, self.normal)
-        return self.to_model(LoveModuli if self.E_p is None else TransverselyIsotropic, frame=frame)
+        if self.E_p is None:
+            return self.to_model(LoveModuli, frame=frame)
+        return self.to_model(TransverselyIsotropic, frame=frame)
 
 
 class OrthotropicSection(_InclinedBase):

@@ -29,7 +29,7 @@ from geoident.io.schema.values import (
     WallStiffness,
 )
 from geoident.model.case import Analysis
-from geoident.model.structures import Anchors, Bars, Beam, Bolts, Structure, Struts
+from geoident.model.structures import Anchors, Beam, Bolts, Structure, Struts
 
 
 class _StructureBase(Section):
@@ -120,7 +120,7 @@ class _BarSection(_StructureBase):
 
     what: ClassVar[str]
     """What one of them is."""
-    bars: ClassVar[type[Bars]]
+    bars: ClassVar[type[Bolts | Struts | Anchors]]
     """What they are built into."""
     one_of = (
         Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
@@ -163,7 +163,7 @@ class _BarSection(_StructureBase):
         if self.prestress is not None and (fault := negative_force(self.prestress)):
             faults.add(("prestress",), "out-of-range", *fault)
 
-    def structure(self, context: Context) -> Bars:
+    def structure(self, context: Context) -> Bolts | Struts | Anchors:
         """The bars; about an axis they are smeared over their ring."""
         self._check_spacing(context)
         ends = []

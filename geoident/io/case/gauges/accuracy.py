@@ -324,7 +324,7 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts:
     if isinstance(given, CaseNumber):
         known = (("reading", _component(kind, "reading")),)
         return ErrorParts(usual.reading, survey=survey, estimated=known)
-    sizes: dict[str, float] = {}
+    sizes: dict[str, Any] = {}
     estimated: dict[str, str] = {}
     for name in PARTS:
         part: CaseNumber | None = getattr(given, name)

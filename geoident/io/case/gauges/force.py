@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -148,8 +148,8 @@ class PressureCellSection(ValueGauge):
         point = context.at("point").vector(self.point)
         normal = unit_direction(self.normal, context.at("normal"))
         inside = optional_vector(self.towards, context.at("towards"), "the point")
-        given = {"structure": self.on or "", "towards": inside, "compression": True}
-        return [self.at_point(name, point, normal, context, **given)]
+        own: dict[str, Any] = {"structure": self.on or "", "towards": inside, "compression": True}
+        return [self.at_point(name, point, normal, context, **own)]
 
 
 class PiezometerSection(ValueGauge):
@@ -214,9 +214,9 @@ class LoadCellSection(ValueGauge):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        given = {"quantity": self.quantity, "compression": self.sign == "compression"}
+        own: dict[str, Any] = {"quantity": self.quantity, "compression": self.sign == "compression"}
         places = self.point, self.bar, self.towards
-        return [on_structure(self, name, *places, context, **given)]
+        return [on_structure(self, name, *places, context, **own)]
 
 
 def _refuse_twice(key: str, names: Sequence[str], faults: SectionFaults) -> None:

@@ -124,8 +124,8 @@ class StrainSection(ValueGauge):
             return self._along(name, context)
         if self.between is not None:
             place = context.at("between")
-            ends = [place.at(n).vector(point) for n, point in enumerate(self.between)]
-            motion, terms = distance(*ends, place), _mean_strain(ends)
+            first, second = (place.at(n).vector(point) for n, point in enumerate(self.between))
+            motion, terms = distance(first, second, place), _mean_strain([first, second])
             return [self.make_channel(name, name, motion, context.path, terms=terms)]
         point = context.at("point").vector(self.point or [])
         direction = unit_direction(self.direction, context.at("direction"))
@@ -193,9 +193,9 @@ class StrainSection(ValueGauge):
 
     def _of_structure(self, name: str, context: Context) -> list[Channel]:
         depth = None if self.depth is None else self.depth.factor
-        given = {"quantity": self.fibre or "", "fibre": depth}
         places = self.point, self.bar, self.towards
-        return [on_structure(self, name, *places, context, **given)]
+        fibre = self.fibre or ""
+        return [on_structure(self, name, *places, context, quantity=fibre, fibre=depth)]
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:
