@@ -137,15 +137,16 @@ class GaugeBase(Section):
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
+        """The schema with quantities and examples of what the kind of gauge reads."""
         described = handler(schema)
         keys = handler.resolve_ref_schema(described)["properties"]
         for name, like in cls._likes().items():
             ways = keys[name].get("anyOf") or keys[name]["oneOf"]
             ways[0] = like.described()
-        kind = keys["kind"]["const"] if "kind" in keys else ""
-        keys["accuracy"]["examples"] = (
-            usual_examples(kind) or keys["accuracy"]["oneOf"][0]["examples"]
-        )
+        accuracy, kind = keys["accuracy"], keys["kind"]["const"] if "kind" in keys else ""
+        accuracy["examples"] = usual_examples(kind) or accuracy["oneOf"][0]["examples"]
+        if cls.measures:
+            accuracy["description"] += " `estimate` finds it from the residuals."
         return described
 
     def check(self, faults: SectionFaults) -> None:
