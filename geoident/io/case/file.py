@@ -241,8 +241,8 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
     places = with_tables(places, folder, faults)
     data = places.data
     assert isinstance(data, dict)
-    given = faults.of_keys()
-    wrong = {str(path[0]) for path in given}
+    noted = faults.of_keys()  # what pydantic finds there has been said
+    wrong = {str(path[0]) for path in noted}
     known: dict[int, tuple[str, ...]] = {}
     try:
         section = CaseSection.model_validate(data, context=known)
@@ -254,11 +254,13 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
         errors = [
             one
             for one, path in zip(errors, paths, strict=True)
-            if not any(path[: len(blank)] == blank for blank in given)
+            if not any(path[: len(key)] == key for key in noted)
         ]
         faults = Faults(places, faults.found)
         add_schema_faults(faults, errors, data, known)
         wrong |= {str(one["loc"][0]) if one["loc"] else "" for one in errors}
+    # an unknown key may hold what other sections refer to, and without 'model' nobody knows whether
+    # there is ground: nothing more is said then
     if wrong <= CaseSection.model_fields.keys() - {"format", "model"}:
         left = {key: node for key, node in data.items() if key not in wrong}
         with suppress(ValidationError):

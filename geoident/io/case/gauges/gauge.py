@@ -47,7 +47,10 @@ from geoident.model.gauges import Channel, ErrorParts, Reads
 from geoident.units import rate_of, unit_list, with_article
 
 LikeReading = Annotated[CaseNumber, QuantityType(None, tied=True)]
-"""A quantity whose dimension follows from what the gauge reads (`GaugeBase.like_readings`)."""
+"""A quantity whose dimension follows from what the gauge reads."""
+LIKE_READINGS = ("offset", "drift_per_stage")
+RATES_OF_READINGS = ("drift",)
+"""Keys of all gauges with the dimension of a reading, or of its change in time."""
 
 
 class Motion(NamedTuple):
@@ -67,8 +70,8 @@ class Motion(NamedTuple):
 class GaugeBase(Section):
     """What every kind of gauge says beside its place.
 
-    The dimension of what a kind reads is its attribute `measures`; quantities that are like a
-    reading, such as `offset`, have it too (`like_readings`).
+    The dimension of what a kind reads is its attribute `measures`, which quantities that are like a
+    reading have, too (`LIKE_READINGS`). Keys become attributes of the channel of the same names.
     """
 
     measures: ClassVar[tuple[str, ...]] = ("length",)
@@ -119,13 +122,14 @@ class GaugeBase(Section):
         like = QuantityType(dimension, tied=True)
         rate = QuantityType(dimension and rate_of(dimension), tied=True)
         accuracy = StandardDeviationOf(dimension, above=0.0, usual=bool(cls.measures))
-        return {"accuracy": accuracy, "offset": like, "drift": rate, "drift_per_stage": like}
+        likes = dict.fromkeys(LIKE_READINGS, like) | dict.fromkeys(RATES_OF_READINGS, rate)
+        return {"accuracy": accuracy, **likes}
 
     @classmethod
     def _likes(cls) -> dict[str, QuantityType]:
         return cls.like_readings(cls.measures[0] if len(cls.measures) == 1 else None)
 
-    @field_validator("accuracy", "offset", "drift", "drift_per_stage", mode="before")
+    @field_validator("accuracy", *LIKE_READINGS, *RATES_OF_READINGS, mode="before")
     @classmethod
     def _like_a_reading(cls, value: Any, info: ValidationInfo) -> Any:
         """Read a quantity in the dimension of what the kind of gauge reads."""
