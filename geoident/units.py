@@ -370,18 +370,23 @@ class Quantity:
 
 
 def read_quantity(text: str, dimension: str = "") -> Quantity:
-    """The quantity that a text says, whatever its dimension.
+    """The quantity that a text says.
 
     Args:
         text: a number with its unit.
-        dimension: that is expected, for the hint where there is no such unit; empty for any.
+        dimension: that it must have, a key of `DIMENSIONS`; empty for any.
 
     >>> read_quantity("12GPa")
     Quantity(value=12000000000.0, dimension='pressure', unit='GPa')
 
     Raises:
-        UnitError: the text is no number with a unit.
+        UnitError: the text is no number with a unit, or one of another dimension.
     """
+    quantity = _quantity(text, dimension)
+    return require_dimension(quantity, dimension, text) if dimension else quantity
+
+
+def _quantity(text: str, dimension: str) -> Quantity:
     text = text.strip()
     match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None or match[2].startswith((",", "'", "_", ".")):

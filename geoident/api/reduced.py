@@ -14,7 +14,7 @@ from geoident.api.tables import ResultTable
 from geoident.errors import UsageError
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.model.arrays import Bools, Floats
-from geoident.units import UnitError, in_unit, read_quantity, require_dimension, shown_unit
+from geoident.units import UnitError, in_unit, read_quantity, shown_unit
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.reduced_answers import CLOSE
 
@@ -176,8 +176,7 @@ class KeptModel:
             return float(value)
         parameter = self._restored.case.parameters[self._number(name)]
         try:
-            found = read_quantity(value, parameter.dimension)
-            return require_dimension(found, parameter.dimension, value).value
+            return read_quantity(value, parameter.dimension).value
         except UnitError as error:
             raise UsageError(f"{name}: {error}") from error
 

@@ -83,21 +83,6 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
     return on_mesh, gauges
 
 
-def faults_on_mesh(case: Case, mesh: Mesh, *, complete: bool) -> list[Fault]:
-    """What does not fit the mesh in a case of which some entries are left out, being wrong.
-
-    Args:
-        case: what is left of it.
-        mesh: its mesh.
-        complete: which ground is there at which stage is known nonetheless.
-    """
-    on_mesh = _on(mesh, case)
-    faults = _group_faults(on_mesh)
-    if faults or not complete:
-        return [*faults, *_points_outside(on_mesh)]
-    return _all_faults(on_mesh)[1]
-
-
 _upright_of = OfMesh[Mesh]()
 _loose_body_of = OfMesh[LooseBody | None]()
 

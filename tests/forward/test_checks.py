@@ -15,14 +15,12 @@ from support.yielding import mohr, rock
 from geoident.errors import InputError, ModelError
 from geoident.forward.checks import (
     check_on_mesh,
-    faults_on_mesh,
     imbalance_notes,
     inadmissible_numbers,
     notes_on_mesh,
 )
 from geoident.model.actions import Water
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 
 ROCK = material("rock", 1e9, 0.2)
@@ -233,18 +231,10 @@ def test_fill_on_a_rigid_base_and_ground_that_never_is():
         assert fault.path == place
 
 
-def test_faults_of_a_case_that_is_not_complete():
-    """Of a case of which entries are left out only what does not depend on them is said."""
+def test_a_group_that_the_mesh_lacks_is_said_with_points_outside():
     mesh = blocks()
     far = displacement("far", (9.0, 9.0), (1.0, 0.0))
     settings = {"materials": {"rock": ROCK}, "groups": ALL, "supports": HELD, "channels": (far,)}
-    stress = HeimStress(vertical=Scalar(1e6), K0=Scalar(1.0))
-    never = make_case(mesh, **{**settings, "groups": dict.fromkeys(ALL)}, in_situ=stress)
-    whole = {fault.code for fault in faults_on_mesh(never, mesh, complete=True)}
-    part = {fault.code for fault in faults_on_mesh(never, mesh, complete=False)}
-    assert "absent-group" in whole
-    assert "absent-group" not in part
-    assert part
     lacking = make_case(mesh, **{**settings, "groups": {**ALL, "roof": "rock"}})
     with pytest.raises(InputError) as caught:
         check_on_mesh(lacking, mesh)

@@ -1,4 +1,4 @@
-"""Faults of the text, of the readings and of what needs the mesh are said in one round."""
+"""Faults of a case and its readings are said in one round, those of its mesh in the next."""
 
 import itertools
 
@@ -50,22 +50,22 @@ def faults_of(tmp_path, changes, rows=()):
 
 
 @pytest.mark.parametrize("wrong", TEXT)
-def test_what_needs_the_mesh_is_said_beside_what_is_wrong_in_the_text(tmp_path, wrong):
-    faults = faults_of(tmp_path, [TEXT[wrong], *ON_MESH.values()], ROWS.values())
-    said = "\n".join(map(str, faults))
+def test_the_mesh_is_judged_once_the_text_is_right(tmp_path, wrong):
+    (fault,) = faults_of(tmp_path, [TEXT[wrong], *ON_MESH.values()])
+    assert fault.location.file.endswith("case.yaml")
+    told = "\n".join(map(str, faults_of(tmp_path, ON_MESH.values())))
     for _, _, words in ON_MESH.values():
-        assert words in said, wrong
-    assert "there is no gauge 'CW'" in said
-    assert "there is no unit 'mmm'" in said
-    assert len(faults) == 1 + len(ON_MESH) + len(ROWS), said
+        assert words in told
+
+
+def test_a_round_has_all_faults_of_text_and_readings(tmp_path):
+    between = [TEXT["unknown stage"], TEXT["unknown zero"], TEXT["faulty group"]]
+    faults = faults_of(tmp_path, between, ROWS.values())
+    assert len(faults) == len(between) + len(ROWS)
     lines = [(fault.location.file, fault.location.line) for fault in faults]
     assert lines == sorted(lines)
-
-
-def test_all_at_once_is_the_sum_of_each(tmp_path):
-    every = [*TEXT.values(), *ON_MESH.values()]
-    together = faults_of(tmp_path, every, ROWS.values())
-    assert len(together) == len(every) + len(ROWS)
+    inside = [way for way in TEXT.values() if way not in between]
+    assert len(faults_of(tmp_path, inside)) == len(inside)
 
 
 def test_points_and_readings_that_do_not_fit_the_mesh_are_said_together(tmp_path):
@@ -91,15 +91,6 @@ def test_nothing_is_said_of_the_mesh_that_follows_from_a_wrong_entry(tmp_path):
         assert fault.code in {"unknown-key", "unknown-material"}
     (absent,) = faults_of(tmp_path, [gauge], [("S,first,-0.1226,mm\n", "")])
     assert absent.code == "gauge-in-absent-ground"
-
-
-def test_a_mesh_that_cannot_be_read_is_said_beside_the_text(tmp_path):
-    write_case(tmp_path)
-    (tmp_path / "case.yaml").write_text(CASE.replace("nu: 0.25", "nu: 0.75"))
-    (tmp_path / "trench.inp").write_text("*NODE\n1, 0, zero\n")
-    with pytest.raises(InputError) as caught:
-        check(str(tmp_path / "case.yaml"))
-    assert len({fault.location.file for fault in caught.value.faults}) == 2
 
 
 def test_every_pair_of_faults_ends_in_faults(tmp_path):
@@ -130,6 +121,6 @@ def test_a_group_that_the_mesh_has_and_the_case_lacks_is_told_from_a_misspelt_on
     )
     (fault,) = faults_of(tmp_path, [left_out])
     assert "no group 'lower'" in fault.message
-    assert fault.hint.startswith("The mesh has it: add 'lower: MATERIAL' to 'groups'")
+    assert "If the mesh has it, add 'lower: MATERIAL' to 'groups'" in fault.hint
     (fault,) = faults_of(tmp_path, [("excavate: [lower]", "excavate: [lowe]")])
     assert fault.hint == "Did you mean 'lower'?"

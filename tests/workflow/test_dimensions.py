@@ -16,14 +16,11 @@ import xarray
 from geoident.errors import InputError
 from geoident.io.case.file import read_case
 from geoident.io.case.gauges.accuracy import FORCES
-from geoident.io.case.gauges.kinds import ConvergenceSection
 from geoident.io.case.site_files.calendar import Calendar
-from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
+from geoident.io.case.site_files.values import READ
 from geoident.io.readings.file import parse_readings
 from geoident.io.readings.layout import Layout, Origin
 from geoident.io.result.file import read_result, write_result
-from geoident.io.schema.section import Section
-from geoident.io.schema.values import AxialStiffness, QuantityType
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.results.summary import CaseSummary, GaugeSummary
@@ -187,17 +184,8 @@ def test_check_has_the_accuracy_in_the_unit_of_each_gauge():
     assert ["B1", "axial", "force", "virgin", "2", "kN", "1", "0"] in lines
 
 
-class ForceSection(Section):
-    accuracy: AxialStiffness
-
-
-def test_what_gauges_read_is_what_their_accuracies_say():
+def test_readings_may_have_the_dimensions_of_all_kinds_of_gauges():
     assert set(READ) == {"length", "angle", "pressure", "strain", *FORCES}
-    read = dimensions_of([ConvergenceSection, ForceSection, ConvergenceSection])
-    assert read == ("length", "force")
-    assert quantity_read(READ) == QuantityType(None)
-    assert quantity_read(("length",)) == QuantityType("length")
-    assert quantity_read(read, above=0.0) == QuantityType(None, above=0.0)
 
 
 def test_a_reading_in_the_case_must_be_of_the_quantity_of_its_channel(tmp_path, monkeypatch):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
-from geoident.io.case.in_situ import surface_of
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Coefficients,
@@ -57,16 +57,15 @@ class FallSection(Section):
     end: Coordinates = Field(alias="to", description="Where it has fallen to `level`.")
     level: Length = Field(description="Level of the water there.")
 
-    @model_validator(mode="after")
-    def _some_length(self) -> FallSection:
+    def check(self, faults: SectionFaults) -> None:
+        """The line has a length."""
         if [x.factor for x in self.start] == [x.factor for x in self.end]:
-            refuse(("to",), "zero-length", "the line begins and ends at one point")
-        return self
+            faults.add(("to",), "zero-length", "the line begins and ends at one point")
 
     def line(self, context: Context) -> HeadLine:
         """The line for the model."""
-        start = _point(self.start, context.at("from"))
-        return HeadLine(start, _point(self.end, context.at("to")), self.level.scalar)
+        start, end = context.at("from").vector(self.start), context.at("to").vector(self.end)
+        return HeadLine(start, end, self.level.scalar)
 
 
 class WaterLoadSection(Section):
@@ -81,7 +80,8 @@ class WaterLoadSection(Section):
     def load(self, group: str, context: Context) -> WaterPressure:
         """The pressure on a group of faces."""
         falls = None if self.falls is None else self.falls.line(context.at("falls"))
-        return WaterPressure(group, self.level.scalar, _weight(self.unit_weight), falls)
+        weight = _weight(self.unit_weight)
+        return self.to_model(WaterPressure, group=group, unit_weight=weight, falls=falls)
 
 
 class LoadSection(Section):
@@ -122,8 +122,8 @@ class LoadSection(Section):
         examples=["[0.1, 0]"],
     )
 
-    @model_validator(mode="after")
-    def _in_its_place(self) -> LoadSection:
+    def check(self, faults: SectionFaults) -> None:
+        """The load stands in a place of its kind."""
         kind = next(kind for kind in _LOADS if getattr(self, kind) is not None)
         places = [key for key in ("on", "at") if getattr(self, key) is not None]
         if kind == "seismic":
@@ -134,8 +134,7 @@ class LoadSection(Section):
             expected, good = "'on' with a group of faces is expected", places == ["on"]
         if not good:
             found = " and ".join(f"'{place}'" for place in places) or "no place"
-            refuse((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
-        return self
+            faults.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
 
     def load(self, context: Context) -> Load:
         """The load for the model; what cannot be is noted as a fault."""
@@ -161,7 +160,7 @@ class LoadSection(Section):
             hint = f"Give it in {unit}."
             context.at(wrong).refuse("wrong-dimension", message, hint, key=True)
         value = _scalars(given, context.at(wanted))
-        at = None if self.at is None else _point(self.at, context.at("at"))
+        at = None if self.at is None else context.at("at").vector(self.at)
         return PointForce(self.on or "" if at is None else at, value)
 
     def _seismic(self, given: Sequence[CaseNumber], context: Context) -> Seismic:
@@ -194,8 +193,7 @@ class WaterSection(Section):
 
     def water(self) -> Water:
         """The water for the model."""
-        groups = None if self.groups is None else tuple(self.groups)
-        return Water(surface_of(self.table), _weight(self.unit_weight), groups)
+        return self.to_model(Water, unit_weight=_weight(self.unit_weight))
 
 
 class TemperatureFieldSection(Section):
@@ -210,9 +208,8 @@ class TemperatureFieldSection(Section):
     )
     factor: Coefficient | None = Field(None, description="Multiplies all changes; 1 if missing.")
 
-    @model_validator(mode="after")
-    def _as_many(self) -> TemperatureFieldSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Points and values, as many of both, or a file."""
         if self.file is not None or not self.points or not self.values:
             given = [key for key in ("points", "values", "file") if getattr(self, key) is not None]
             message = f"found {' and '.join(given) or 'neither'}; points with values, or a file, is"
@@ -220,26 +217,18 @@ class TemperatureFieldSection(Section):
         elif len(self.points) != len(self.values):
             message = f"{len(self.values)} values for {len(self.points)} points"
             faults.add(("values",), "wrong-number", message, "Write one value for each point.")
-        faults.raise_any()
-        return self
 
     def field(self, context: Context) -> TemperatureField:
         """The changes for the model."""
-        points = (
-            _point(point, context.at("points", n)) for n, point in enumerate(self.points or ())
+        points = tuple(
+            context.at("points", n).vector(point) for n, point in enumerate(self.points or ())
         )
-        values = tuple(value.factor for value in self.values or ())
-        factor = scalar_of(self.factor) or Scalar(1.0)
-        return TemperatureField(tuple(points), values, factor)
-
-
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, dict | TemperatureFieldSection) else "text"
+        return self.to_model(TemperatureField, points=points)
 
 
 TemperatureSection = Annotated[
     Annotated[TemperatureChange, Tag("text")] | Annotated[TemperatureFieldSection, Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 
 
@@ -285,7 +274,3 @@ def _weight(given: CaseNumber | None) -> Scalar:
 def _scalars(given: Sequence[CaseNumber], context: Context) -> tuple[Scalar, ...]:
     context.vector(given, f"the {str(context.path[-1]).replace('_', ' ')}")
     return tuple(number.scalar for number in given)
-
-
-def _point(given: Sequence[CaseNumber], context: Context) -> tuple[float, ...]:
-    return context.vector(given, "the point") or ()

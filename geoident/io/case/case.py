@@ -15,13 +15,11 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Discriminator,
     Field,
     Tag,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
-    model_validator,
 )
 from pydantic_core import PydanticKnownError
 
@@ -45,13 +43,13 @@ from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     Accelerations,
     CaseNumber,
     FixedAcceleration,
     Name,
     ParameterName,
     Text,
-    shape_of,
 )
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, Case, KeyPath, Material
@@ -69,12 +67,16 @@ class MeshSection(Section):
 
 Gravity = Annotated[
     Annotated[FixedAcceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
-    Discriminator(shape_of),
+    TEXT_OR_LIST,
 ]
 
 
 ONE_STAGE = "end"
 """Name of the one stage of a case with a model elsewhere that lists none."""
+
+
+LEFT_OUT = "left out"
+"""Key of the context of a validation: sections that are left out because they are wrong."""
 
 
 class _Absent:
@@ -87,7 +89,8 @@ def _or_elsewhere(instead: object) -> WrapValidator:
     def validate(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
         if not isinstance(value, _Absent):
             return handler(value)
-        if info.data.get("model", value) is None:
+        left_out = (info.context or {}).get(LEFT_OUT, ())
+        if info.data.get("model", value) is None and info.field_name not in left_out:
             raise PydanticKnownError("missing")
         return instead
 
@@ -204,15 +207,12 @@ class CaseSection(Section):
     fit: FitSection = Field(default_factory=FitSection)
     report: ReportSection | None = Field(None, description="The head of the report.")
 
-    @model_validator(mode="after")
-    def _ground_or_elsewhere(self) -> CaseSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """There is ground, or a model elsewhere, not both."""
         if self.model is None:
             _require_ground(self, faults)
         else:
             _refuse_ground(self, faults)
-        faults.raise_any()
-        return self
 
 
 def _require_ground(section: CaseSection, faults: SectionFaults) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Field, Tag
 
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Coordinates,
@@ -135,13 +136,9 @@ class FirstReadingSection(Section):
     )
 
 
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, dict | FirstReadingSection) else "text"
-
-
 ZeroValue = Annotated[
     Annotated[Name, Tag("text")] | Annotated[FirstReadingSection, Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 """Where a gauge reads zero: the name of a stage, or the distance to the face there."""
 
@@ -227,15 +224,13 @@ def build_face(
     centre = None
     if section.centre is not None:
         centre = context.at("centre").vector(section.centre, "the centre")
-    plastic = getattr(section, "plastic_radius", None)
-    return FaceProfile(
+    return section.to_model(
+        FaceProfile,
         law=section.profile,
         groups=groups_released(section, stages),
         radius=radius or Scalar(1.0),  # where it is missing, that is a fault
         constants=tuple(number.scalar for number in section.constants),
-        plastic_radius=scalar_of(plastic),
         centre=centre,
-        conversion=section.conversion,
     )
 
 

@@ -2,41 +2,34 @@
 
 Values may be replaced by overrides: ``parameters.E.start=20 GPa``.
 
-All faults are shown at once: those of the text, of its sections, and of what refers to something
-else in the case or its readings, as far as that can be said while sections are wrong. What is left
-without the faulty entries goes with them (`FaultyCase`), so that it can be held against the mesh.
+Faults come in rounds. Every section is judged by itself first. A check that takes several sections,
+or the readings, runs once those that it needs are valid; the mesh is opened for a valid case only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
-from geoident.errors import Fault, InputError
-from geoident.io.case.case import (
-    CaseSection,
-    build_case,
-    tied_parameters,
-)
+from geoident.errors import InputError
+from geoident.io.case.case import LEFT_OUT, CaseSection, build_case, tied_parameters
 from geoident.io.case.external.build import build_elsewhere
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
 from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.channel_errors import described_channels
 from geoident.io.case.ladder import names_in_text
-from geoident.io.case.readings_by_stage import read_all
+from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
-from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
-from geoident.io.schema.faults import add_schema_faults, likely_tags, node_at, paths_of
-from geoident.io.schema.partial import ValidPart
+from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.values import kind_of, tied_parameter
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.head import refuse_no_case
@@ -110,12 +103,9 @@ def parse_case(
         places = apply_overrides(document, [*overrides, *(f"parameters.{n}=null" for n in idle)])
     folder = Path() if path == STDIN else Path(path).parent
     files = named_files([document.data, places.data], folder)
-    section, places = _validate(places, folder)
-    faults = Faults(places)
+    section, faults = _validate(places, folder)
     case, paths = _build(section, folder, faults, with_mesh=with_mesh)
-    if faults.found:
-        left = _left(ValidPart.all_of(places), faults, case, folder)
-        raise FaultyCase(faults, left)
+    faults.raise_any()
     case = replace(case, notes=(*case.notes, *_idle_notes(idle)))
     chain = [method_name(options) for options in case.fit.methods]
     resolved = computed = _resolved_text(section, chain) if with_texts else ""
@@ -160,23 +150,43 @@ def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
     return (f"{', '.join(names)} {word}: overrides took away what depended on {them}",)
 
 
+_GIVES_AXES = {"analysis", "mesh", "gravity"}
+"""Sections without which no other can be built."""
+_OF_READINGS = {"gauges", "stages", "dates", "readings", "bad", "analysis"}
+
+
 def _build(
-    section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True
+    section: CaseSection,
+    folder: Path,
+    faults: Faults,
+    wrong: Collection[str] = (),
+    *,
+    with_mesh: bool = True,
 ) -> tuple[Case, tuple[str, ...]]:
     """The case of sections that are right by themselves, and the paths of its readings.
 
-    What is wrong beyond the sections is noted.
+    Args:
+        section: the case.
+        folder: of the case.
+        faults: takes what is wrong beyond single sections.
+        wrong: sections that are left out because they are wrong. What needs them is not checked, so
+            the case is not complete then.
+        with_mesh: whether the file of the mesh has to be there.
     """
-    gauges = with_zero_stages(section.gauges, section.stages, faults)
-    section = section.model_copy(update={"gauges": gauges})
-    mesh_path = None
-    if section.mesh is not None and not with_mesh:
-        mesh_path = section.mesh.file
-    elif section.mesh is not None:
-        mesh_path = _find(folder, section.mesh.file, ("mesh", "file"), faults=faults)
-    check_references(section, faults)
-    read = read_all(section, partial(_find, folder, faults=faults), faults)
+    if "stages" not in wrong:
+        gauges = with_zero_stages(section.gauges, section.stages, faults)
+        section = section.model_copy(update={"gauges": gauges})
+    mesh_path = None if section.mesh is None else section.mesh.file
+    if mesh_path is not None and with_mesh:
+        mesh_path = _find(folder, mesh_path, ("mesh", "file"), faults=faults)
+    check_references(section, faults, wrong)
+    find = partial(_find, folder, faults=faults)
+    read = read_all(section, find, faults) if _OF_READINGS.isdisjoint(wrong) else ReadReadings()
+    if not _GIVES_AXES.isdisjoint(wrong):
+        faults.raise_any()
     built = build_case(section, faults)
+    if wrong:
+        faults.raise_any()
     elsewhere = _elsewhere(section, built, read.dates, folder, faults) if with_mesh else None
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
@@ -208,104 +218,19 @@ def _elsewhere(
     return build_elsewhere(section.model, around)
 
 
-@dataclass(frozen=True)
-class PartOfCase:
-    """What is left of a faulty case without its faulty entries, to be held against its mesh.
-
-    Args:
-        case: that part.
-        mesh_path: path of the mesh.
-        rest: what was left out, and what therefore cannot be said.
-    """
-
-    case: Case
-    mesh_path: str
-    rest: ValidPart
-
-
-class FaultyCase(InputError):
-    """A case with faults of its text; some of it may be right.
-
-    Args:
-        found: the faults.
-        sound: what is right, where it is a case with a mesh.
-    """
-
-    def __init__(self, found: Faults, sound: PartOfCase | None) -> None:
-        self._found, self.sound = found, sound
-        super().__init__(found.shown())
-
-    def with_those_of_the_mesh(
-        self, further: Iterable[Fault], groups: Iterable[str] = ()
-    ) -> InputError:
-        """The same with what its mesh has shown to be wrong in what is left.
-
-        Args:
-            further: faults of what is left.
-            groups: element groups of the mesh.
-        """
-        stand = self.sound.rest.independent(further) if self.sound else ()
-        found = [_with_group(fault, groups) for fault in self._found.found]
-        return InputError(Faults(self._found.places, [*found, *stand]).shown())
-
-
-def _with_group(fault: Fault, groups: Iterable[str]) -> Fault:
-    """A fault about a group that the case does not have, with its remedy if the mesh has it."""
-    name = next((name for name in groups if f"no group '{name}' " in fault.message), "")
-    if fault.code != "unknown-group" or not name:
-        return fault
-    hint = f"The mesh has it: add '{name}: MATERIAL' to 'groups', or '{name}: absent' for ground "
-    return replace(fault, hint=f"{hint}that a stage installs.")
-
-
-_ROUNDS = 5
-"""Times that what is left of a case may show further faults when these are left out as well."""
-
-
-def _left(rest: ValidPart, faults: Faults, case: Case, folder: Path) -> PartOfCase | None:
-    """What is left of a case without all that is wrong in it; None where that is no case.
-
-    Args:
-        rest: the case without entries that are wrong by themselves.
-        faults: what else was found in it.
-        case: what was built of it.
-        folder: of the case.
-    """
-    left = rest
-    for _ in range(_ROUNDS):
-        paths = faults.of_keys()
-        if not paths or not left.sequence_is_known:  # then nothing asks for what they name
-            wrong = {fault.location for fault in faults.found}
-            sound = tuple(r for r in case.readings if not {r.location, r.when} & wrong)
-            case = replace(case, readings=sound)
-            mesh = case.mesh_file
-            return None if mesh is None else PartOfCase(case, mesh, left)
-        fewer = left.without(paths)
-        if fewer is None:
-            return None
-        left, faults = fewer, Faults(fewer.places)
-        try:
-            section = CaseSection.model_validate(left.places.data, context={})
-        except ValidationError:
-            return None
-        case, _ = _build(section, folder, faults)
-    return None
-
-
 def _shown(path: str) -> str:
     return STDIN_NAME if path == STDIN else path
 
 
-def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
-    """The sections of a case, each right by itself, and the case with the tables of its files.
+def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
+    """The sections of a case, each right by itself, and what takes further faults.
 
     Raises:
-        InputError: with what is wrong in them or left to fill in, and what else is, whatever these
-            should have been.
+        InputError: with what is wrong in them or left to fill in, and with what is wrong between
+            sections that are right.
     """
     faults = Faults(places)
-    blanks = list(_blanks(places.data, ()))
-    for path in blanks:
+    for path in _blanks(places.data, ()):
         hint = next((_HINTS[str(key)] for key in reversed(path) if str(key) in _HINTS), "")
         faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
     if not isinstance(places.data, dict):
@@ -313,76 +238,35 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
         message = f"found {kind_of(places.data)}; a mapping is expected"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
-    for read_files in (with_tables, with_measured):
-        places = read_files(places, folder, faults)
-    paths = faults.of_keys()
+    places = with_tables(places, folder, faults)
+    data = places.data
+    assert isinstance(data, dict)
+    noted = faults.of_keys()  # what pydantic finds there has been said
+    wrong = {str(path[0]) for path in noted}
     known: dict[int, tuple[str, ...]] = {}
     try:
-        section = CaseSection.model_validate(places.data, context=known)
+        section = CaseSection.model_validate(data, context=known)
         if not faults.found:
-            return section, places
+            return section, Faults(places)
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        found += _behind_wrong_words(likely_tags(found, places.data), places.data, known)
+        errors = error.errors(include_url=False)
+        paths = paths_of(errors, data)
         errors = [
             one
-            for one, path in zip(found, paths_of(found, places.data), strict=True)
-            if not any(path[: len(given)] == given for given in paths)
+            for one, path in zip(errors, paths, strict=True)
+            if not any(path[: len(key)] == key for key in noted)
         ]
-        add_schema_faults(faults, errors, places.data, known)
-        paths += paths_of(errors, places.data)
-    left = _further(ValidPart.all_of(places).without(paths), faults, folder)
-    raise FaultyCase(faults, left)
-
-
-def _behind_wrong_words(
-    likely: Mapping[KeyPath, str], data: Node, known: dict[int, tuple[str, ...]]
-) -> list[ErrorDetails]:
-    """What else is wrong in mappings of which the word that says what they are is misspelt.
-
-    Args:
-        likely: path of such a word to what was probably meant.
-        data: of the case, in which these words are put for the time of this call.
-        known: gets the keys of these mappings.
-    """
-    written = {path: node_at(data, path) for path in likely}
-    try:
-        for path, word in likely.items():
-            _put(data, path, word)
-        CaseSection.model_validate(data, context=known)
-    except ValidationError as error:
-        found = error.errors(include_url=False)
-        inside = {path[:-1] for path in likely}
-        return [
-            one
-            for one, path in zip(found, paths_of(found, data), strict=True)
-            if any(path[: len(holder)] == holder for holder in inside)
-        ]
-    finally:
-        for path, node in written.items():
-            _put(data, path, node)
-    return []
-
-
-def _put(data: Node, path: KeyPath, node: Node) -> None:
-    """Put a node in the place of another."""
-    holder = node_at(data, path[:-1])
-    if isinstance(holder, dict):
-        holder[str(path[-1])] = node
-
-
-def _further(rest: ValidPart | None, faults: Faults, folder: Path) -> PartOfCase | None:
-    """Note what is wrong in the rest of a case that has wrong entries; what is left then."""
-    if rest is None:
-        return None
-    try:
-        section = CaseSection.model_validate(rest.places.data, context={})
-    except ValidationError:
-        return None  # what is left is no case
-    found = Faults(rest.places)
-    case, _ = _build(section, folder, found)
-    faults.extend(rest.independent(found.found))
-    return _left(rest, found, case, folder)
+        faults = Faults(places, faults.found)
+        add_schema_faults(faults, errors, data, known)
+        wrong |= {str(one["loc"][0]) if one["loc"] else "" for one in errors}
+    # an unknown key may hold what other sections refer to, and without 'model' nobody knows whether
+    # there is ground: nothing more is said then
+    if wrong <= CaseSection.model_fields.keys() - {"format", "model"}:
+        left = {key: node for key, node in data.items() if key not in wrong}
+        with suppress(ValidationError):
+            section = CaseSection.model_validate(left, context={LEFT_OUT: wrong})
+            _build(section, folder, faults, wrong)
+    raise InputError(faults.shown())
 
 
 def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:

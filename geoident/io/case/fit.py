@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, create_model
+from pydantic import BeforeValidator, Field, Tag, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     AnyQuantity,
     CaseNumber,
     Count,
@@ -29,7 +30,6 @@ from geoident.io.schema.values import (
     QuantityType,
     SharesUnit,
     require_text,
-    shape_of,
 )
 from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
 from geoident.model.case import FitSettings
@@ -108,7 +108,7 @@ class AxisSection(Section):
 
     def scan_axis(self, points: int) -> ScanAxis:
         """The axis, with this number of values where it does not give its own."""
-        return ScanAxis(self.start.factor, self.stop.factor, self.points or points)
+        return self.to_model(ScanAxis, points=self.points or points)
 
 
 class FitBase(Section):
@@ -118,7 +118,7 @@ class FitBase(Section):
         Annotated[
             Annotated[MethodName, Tag("text")]
             | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
-            Discriminator(shape_of),
+            TEXT_OR_LIST,
         ]
         | None
     ) = Field(
@@ -201,39 +201,24 @@ class FitBase(Section):
         """
         opening = self._method("closed-form")
         assert isinstance(opening, ClosedFormOptions)
-        return FitSettings(
-            tuple(self._method(name) for name in self.chain(strengths=strengths)),
-            None if self.stages is None else tuple(self.stages),
-            self._loss(),
-            opening,
-            model_error_options(self.model_error),
-            self.backtest,
-            mesh_error=self.mesh_error,
+        loss = LOSS_OPTIONS[self.loss]
+        return self.to_model(
+            FitSettings,
+            methods=tuple(self._method(name) for name in self.chain(strengths=strengths)),
+            loss=self.options(self.loss).to_model(loss) if fields(loss) else loss(),
+            closed_form=opening,
+            model_error=model_error_options(self.model_error),
             reduced=self.reduced is not False,
             keep_reduced=self.reduced == "keep",
+            ladder=(),
         )
 
     def _method(self, name: str) -> MethodOptions:
-        kind, given = METHOD_OPTIONS[name], self.options(name)
-        values = {option.name: _plain(getattr(given, option.name)) for option in fields(kind)}
-        if name == "scan":
-            values["grid"] = {
-                parameter: axis.scan_axis(values["points"])
-                for parameter, axis in values["grid"].items()
-            }
-        return kind(**values)
-
-    def _loss(self) -> LossOptions:
-        kind = LOSS_OPTIONS[self.loss]
-        given = self.options(self.loss) if fields(kind) else None
-        return kind(**{option.name: _plain(getattr(given, option.name)) for option in fields(kind)})
-
-
-def _plain(value: Any) -> Any:
-    """An option as numbers in SI units."""
-    if isinstance(value, list):
-        return tuple(_plain(entry) for entry in value)
-    return value.factor if isinstance(value, CaseNumber) else value
+        given = self.options(name)
+        axes: Mapping[str, AxisSection] = getattr(given, "grid", {})
+        points: int = getattr(given, "points", 0)
+        grid = {parameter: axis.scan_axis(points) for parameter, axis in axes.items()}
+        return given.to_model(METHOD_OPTIONS[name], **({"grid": grid} if name == "scan" else {}))
 
 
 def _field_name(name: str) -> str:

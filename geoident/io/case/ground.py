@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import ModulusOrVaried, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
 from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
-from geoident.io.schema.section import Alternatives, Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
@@ -37,11 +37,7 @@ from geoident.model.ground import (
     bounded,
     breach,
 )
-from geoident.model.parameter import Scalar
 
-_ENGINEERING = ("E_p", "nu_p", "E_n", "nu_np", "G_np")
-_LOVE = ("A", "C", "F", "L", "N")
-_THREE_AXES = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_13", "G_23")
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
 
 
@@ -59,19 +55,14 @@ class _MaterialBase(Section):
         "stays elastic if missing. Exact surfaces need isotropic elasticity.",
     )
 
-    @model_validator(mode="after")
-    def _density_not_negative(self) -> _MaterialBase:
+    def check(self, faults: SectionFaults) -> None:
+        """The density is not negative."""
         if self.density and self.density.parameter is None and self.density.factor < 0:
-            refuse(("density",), "out-of-range", f"'{self.density.text}' is negative")
-        return self
+            faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
 
     @abstractmethod
     def build_elastic(self, context: Context) -> Elastic:
         """The elasticity for the model; what cannot be is noted as a fault."""
-
-    def _scalars(self, names: Sequence[str]) -> dict[str, Scalar]:
-        """Numbers that the validation has made sure of, by name."""
-        return {name: getattr(self, name).scalar for name in names}
 
 
 class IsotropicSection(_MaterialBase):
@@ -91,7 +82,7 @@ class IsotropicSection(_MaterialBase):
 
     def build_elastic(self, context: Context) -> Isotropic:
         """By the pair that is given."""
-        return Isotropic(*map(scalar_of, (self.E, self.nu, self.K, self.G)))
+        return self.to_model(Isotropic)
 
 
 class _InclinedBase(_MaterialBase):
@@ -157,9 +148,9 @@ class TransverselyIsotropicSection(_InclinedBase):
     def build_elastic(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
         frame = strata(context, self.dip, self.dip_direction, self.normal)
-        if self.E_p is not None:
-            return TransverselyIsotropic(**self._scalars(_ENGINEERING), frame=frame)
-        return LoveModuli(**self._scalars(_LOVE), frame=frame)
+        if self.E_p is None:
+            return self.to_model(LoveModuli, frame=frame)
+        return self.to_model(TransverselyIsotropic, frame=frame)
 
 
 class OrthotropicSection(_InclinedBase):
@@ -199,7 +190,7 @@ class OrthotropicSection(_InclinedBase):
             if self.axis_1 is None or self.axis_2 is None
             else axes_along(context, self.axis_1, self.axis_2)
         )
-        return Orthotropic(**self._scalars(_THREE_AXES), frame=frame)
+        return self.to_model(Orthotropic, frame=frame)
 
 
 def _entry(row: str, column: str, missing: str = "") -> Any:
@@ -281,23 +272,21 @@ def build_materials(
         parameters: the parameters of the case.
         context: of the key `materials`.
     """
-    none = Scalar(0.0)
     materials = {}
     for name, section in sections.items():
         place = context.at(name)
         elastic, growths = section.build_elastic(place), growths_in(section, place, material=name)
         _check_start(bounded(elastic, growths), section, parameters, place)
-        materials[name] = Material(
-            name,
-            elastic,
-            scalar_of(section.density) or none,
-            scalar_of(section.expansion) or none,
-            build_yields(section.yields, elastic, parameters, place.at("yield")),
-            (
+        materials[name] = section.to_model(
+            Material,
+            name=name,
+            elastic=elastic,
+            yields=build_yields(section.yields, elastic, parameters, place.at("yield")),
+            fields=(
                 *fields_in(section, place, material=name),
                 *fields_of_yields(section.yields, place.at("yield"), material=name),
             ),
-            growths,
+            growths=growths,
         )
     return materials
 

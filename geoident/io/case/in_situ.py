@@ -5,10 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
-from geoident.io.schema.section import Alternatives, Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     Angle,
     CaseNumber,
     Coefficient,
@@ -26,13 +27,12 @@ from geoident.model.in_situ import (
     HeimStress,
     InSitu,
     ProfileStress,
-    StressRatio,
-    Surface,
 )
 from geoident.model.parameter import Scalar
 
 _NAMES = ("xx", "yy", "zz", "xy", "yz", "xz")
 _OUT_OF_PLANE = ("yz", "xz")
+_OF_DEPTH = ("at_surface", "gradient")
 _HORIZONTAL = {2: ("xx", "zz"), 3: ("xx", "yy", "xy")}
 
 _HELD = (
@@ -54,13 +54,9 @@ _EQUILIBRIUM = (
 )
 
 
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, dict) else "text"
-
-
 RatioByGroup = Annotated[
     Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 """One number, or element group to number."""
 
@@ -134,7 +130,7 @@ class ConstantModel(_ModelBase):
 
     def stress(self, context: Context) -> ConstantStress:
         """The same everywhere."""
-        return ConstantStress(_components(self, context), held=self.held)
+        return self.to_model(ConstantStress, components=_components(self, context))
 
 
 class HeimModel(_ModelBase):
@@ -172,17 +168,7 @@ class HeimModel(_ModelBase):
     def stress(self, context: Context) -> HeimStress:
         """Vertical, and horizontal in parts of it."""
         _require_plan(self.azimuth, context)
-        tectonic = _tectonic(self.tectonic, context)
-        return HeimStress(
-            K0=self.K0.scalar,
-            vertical=scalar_of(self.vertical),
-            unit_weight=scalar_of(self.unit_weight),
-            surface=None if self.surface is None else surface_of(self.surface),
-            held=self.held,
-            K0_across=scalar_of(self.K0_across),
-            azimuth=scalar_of(self.azimuth),
-            tectonic=tectonic,
-        )
+        return self.to_model(HeimStress, tectonic=_tectonic(self.tectonic, context))
 
 
 class ProfileModel(_ModelBase):
@@ -202,12 +188,8 @@ class ProfileModel(_ModelBase):
 
     def stress(self, context: Context) -> ProfileStress:
         """Linear in depth."""
-        return ProfileStress(
-            at_surface=_components(self.at_surface, context.at("at_surface")),
-            gradient=_components(self.gradient, context.at("gradient")),
-            surface=surface_of(self.surface),
-            held=self.held,
-        )
+        parts = {key: _components(getattr(self, key), context.at(key)) for key in _OF_DEPTH}
+        return self.to_model(ProfileStress, **parts)
 
 
 class GeostaticModel(_ModelBase):
@@ -246,69 +228,45 @@ class GeostaticModel(_ModelBase):
     tectonic: TectonicSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
 
-    @model_validator(mode="after")
-    def _cover_to_a_surface(self) -> GeostaticModel:
+    def check(self, faults: SectionFaults) -> None:
+        """A cover reaches up to a surface."""
         if self.cover is not None and self.surface is None:
             message = "'cover' without 'surface': how thick it is is not known"
-            refuse(("cover",), "wrong-pair", message, "Add 'surface', a level or a group.")
-        return self
+            faults.add(("cover",), "wrong-pair", message, "Add 'surface', a level or a group.")
 
     def stress(self, context: Context) -> GeostaticStress:
         """The weight above, and parts of it."""
         _require_plan(self.azimuth, context)
-        return GeostaticStress(
-            K0=_ratio(self.K0),
-            surface=None if self.surface is None else surface_of(self.surface),
-            cover=scalar_of(self.cover),
-            surcharge=scalar_of(self.surcharge),
-            held=self.held,
-            K0_across=None if self.K0_across is None else _ratio(self.K0_across),
-            azimuth=scalar_of(self.azimuth),
-            tectonic=_tectonic(self.tectonic, context),
-        )
+        return self.to_model(GeostaticStress, tectonic=_tectonic(self.tectonic, context))
 
 
 ZoneSection = Annotated[
     ConstantModel | HeimModel | ProfileModel | GeostaticModel, Field(discriminator="model")
 ]
 
-_ZONES = "Element group to a model of its own, where its stress differs (a fault zone)."
 
-
-class ConstantSection(ConstantModel):
-    """In-situ stress that is the same everywhere; tension is positive."""
-
-    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
+class _WholeGround(Section):
+    groups: dict[Name, ZoneSection] = Field(
+        {},
+        description="Element group to a model of its own, where its stress differs (a fault zone).",
+    )
     equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
 
 
-class HeimSection(HeimModel):
-    """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
-
-    The vertical is y in 2-D and z in a solid.
-    """
-
-    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
-    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
+class ConstantSection(_WholeGround, ConstantModel):  # noqa: D101 - it is that of the model, below
+    __doc__ = ConstantModel.__doc__
 
 
-class ProfileSection(ProfileModel):
-    """A stress that changes linearly with depth: at_surface + gradient * depth."""
-
-    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
-    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
+class HeimSection(_WholeGround, HeimModel):  # noqa: D101 - it is that of the model, below
+    __doc__ = HeimModel.__doc__
 
 
-class GeostaticSection(GeostaticModel):
-    """The weight of the layers above from their densities, and K0 times it horizontally.
+class ProfileSection(_WholeGround, ProfileModel):  # noqa: D101 - it is that of the model, below
+    __doc__ = ProfileModel.__doc__
 
-    The vertical is y in 2-D and z in a solid. The weight of all ground above a point counts, along
-    the vertical through the elements, with the loads that act on it from the beginning. Where there
-    is water in the pores, the stress is effective: the weight above less the pressure of the water.
-    """
 
-    groups: dict[Name, ZoneSection] = Field({}, description=_ZONES)
-    equilibrium: Equilibrium = Field("required", description=_EQUILIBRIUM)
+class GeostaticSection(_WholeGround, GeostaticModel):  # noqa: D101 - it is that of the model, below
+    __doc__ = GeostaticModel.__doc__
 
 
 InSituSection = Annotated[
@@ -332,11 +290,6 @@ def build_in_situ(
     return section.stress(context), zones
 
 
-def surface_of(given: CaseNumber | str) -> Surface:
-    """A level, or the name of a group."""
-    return given if isinstance(given, str) else given.scalar
-
-
 def _components(
     given: ConstantModel | StressSection | TectonicSection | GradientSection, context: Context
 ) -> Components:
@@ -350,12 +303,6 @@ def _components(
         scalar_of(getattr(given, name, None)) or Scalar(0.0) for name in _NAMES
     )
     return xx, yy, zz, xy, yz, xz
-
-
-def _ratio(given: CaseNumber | dict[str, CaseNumber]) -> StressRatio:
-    if isinstance(given, CaseNumber):
-        return given.scalar
-    return {group: ratio.scalar for group, ratio in given.items()}
 
 
 def _require_plan(azimuth: CaseNumber | None, context: Context) -> None:

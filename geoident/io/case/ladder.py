@@ -13,12 +13,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import Field, Tag
 
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import NAME_PATTERN, Angle, CaseNumber, Name, Text
+from geoident.io.schema.values import NAME_PATTERN, TEXT_OR_MAPPING, Angle, CaseNumber, Name, Text
 from geoident.io.text.wording import listing
 from geoident.model.case import Analysis, KeyPath, Rung, format_path
 
@@ -49,13 +49,9 @@ class RungSection(Section):
     )
 
 
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, Mapping | BaseModel) else "text"
-
-
 LadderEntry = Annotated[
     Annotated[Symmetry, Tag("text")] | Annotated[RungSection, Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 
 
@@ -75,6 +71,8 @@ def build_ladder(
         ties: where parameters stand in the case.
         context: of the key `fit.ladder`.
     """
+    if not (materials and parameters):
+        return ()  # there is nothing that could be simpler
     ladder = _Ladder(materials, parameters, tuple(ties))
     rungs: list[Rung] = []
     for n, entry in enumerate(entries):

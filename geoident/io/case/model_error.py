@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import CaseNumber, FixedSize
+from geoident.io.schema.values import TEXT_OR_MAPPING, CaseNumber, FixedSize
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS
@@ -68,14 +67,10 @@ class ModelErrorSection(Section):
     )
 
 
-def _shape(value: object) -> str:
-    return "mapping" if isinstance(value, Mapping | ModelErrorSection) else "text"
-
-
 ModelErrorValue = Annotated[
     Annotated[CaseNumber, RelativeError(), Tag("text")]
     | Annotated[ModelErrorSection, Tag("mapping")],
-    Discriminator(_shape),
+    TEXT_OR_MAPPING,
 ]
 
 

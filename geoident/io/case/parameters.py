@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import AnyQuantity, Bounds, CaseNumber
@@ -37,26 +37,22 @@ class ParameterSection(Section):
         description="Prior knowledge; without it all values within the bounds are equally likely.",
     )
 
-    @model_validator(mode="after")
-    def _agrees_with_itself(self) -> ParameterSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Start, bounds and prior agree."""
         self._check_dimensions(faults)
         if not faults.found:
             self._check_bounds(faults)
             self._check_prior(faults)
-        faults.raise_any()
-        return self
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of this name, in SI units."""
-        prior = self.prior
-        return Parameter(
+        lower, upper = self.bounds
+        return self.to_model(
+            Parameter,
             name=name,
-            start=self.start.factor,
-            lower=self.bounds[0].factor,
-            upper=self.bounds[1].factor,
-            scale=self.scale,
-            prior=Prior(prior.mean.factor, prior.sd.factor, prior.kind) if prior else None,
+            lower=lower.factor,
+            upper=upper.factor,
+            prior=self.prior and self.prior.to_model(Prior),
             dimension=self.start.dimension,
             unit=self.start.unit,
         )

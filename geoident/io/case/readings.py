@@ -9,9 +9,16 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from geoident.io.case.gauges.accuracy import computable
 from geoident.io.case.site_files.file import ReadingsFileSection
-from geoident.io.case.site_files.values import READ, quantity_read
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import CaseNumber, Name, Text, require_text
+from geoident.io.schema.values import (
+    TEXT_LIST_OR_MAPPING,
+    AnyQuantity,
+    CaseNumber,
+    Name,
+    QuantityType,
+    Text,
+    require_text,
+)
 from geoident.io.text.dates import DateError, read_date, utc_offset
 from geoident.io.text.wording import Refusal, shorten
 
@@ -37,8 +44,7 @@ Date = Annotated[
     BeforeValidator(_date),
     WithJsonSchema({"type": "string", "description": "a date such as 2024-03-01 [14:30]"}),
 ]
-ReadValue = Annotated[CaseNumber, quantity_read(READ)]
-ReadAccuracy = Annotated[CaseNumber, quantity_read(READ, above=0.0), AfterValidator(computable)]
+ReadAccuracy = Annotated[CaseNumber, QuantityType(None, above=0.0), AfterValidator(computable)]
 
 
 class ReadingSection(Section):
@@ -48,7 +54,7 @@ class ReadingSection(Section):
     stage: Name | None = Field(
         None, description="Stage at whose end it was read. Required where there are several."
     )
-    value: ReadValue | None = Field(description="What was read; empty if it is missing.")
+    value: AnyQuantity | None = Field(description="What was read; empty if it is missing.")
     accuracy: ReadAccuracy | None = Field(None, description="Its own standard deviation.")
 
 
@@ -74,15 +80,9 @@ Entry = Annotated[
 ]
 
 
-def _readings_shape(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return "list"
-    return "<file>" if isinstance(value, Mapping | ReadingsFileSection) else "text"
-
-
 Readings = Annotated[
     Annotated[Text, Tag("text")]
-    | Annotated[ReadingsFileSection, Tag("<file>")]
+    | Annotated[ReadingsFileSection, Tag("mapping")]
     | Annotated[list[Entry], Tag("list")],
-    Discriminator(_readings_shape),
+    TEXT_LIST_OR_MAPPING,
 ]

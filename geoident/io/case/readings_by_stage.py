@@ -29,7 +29,7 @@ from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, Case, KeyPath
 from geoident.model.gauges import DAY, Reading, Reads, StageReadings, named_channels
-from geoident.units import UnitError, read_quantity, require_dimension
+from geoident.units import UnitError, read_quantity
 
 Find = Callable[[str, KeyPath], str]
 """Path of a file that the case names at a key; notes a fault if it is not there."""
@@ -141,8 +141,7 @@ def _inline(
         known[name] = given.factor
         if wanted is not None:
             try:
-                quantity = require_dimension(read_quantity(given.text), wanted, given.text)
-                known[name] = quantity.value
+                known[name] = read_quantity(given.text, wanted).value
             except UnitError as error:
                 faults.add((*path, name), "unit", error.message, error.hint)
     reading = Reading(

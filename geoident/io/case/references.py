@@ -6,51 +6,42 @@ section, the sequence of stages in `stages`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from geoident.io.case.actions import WaterSection
-from geoident.io.case.case import CaseSection, circle_of, numbers_with_paths
+from geoident.io.case.case import (
+    CaseSection,
+    circle_of,
+    numbers_with_paths,
+    tied_parameters,
+)
 from geoident.io.case.external.section import ConvergenceLawSection
 from geoident.io.case.face import FaceCheck, groups_released
 from geoident.io.case.fit import AxisSection
 from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
-from geoident.io.case.stages import ABSENT, Begin, check_sequence
+from geoident.io.case.stages import ABSENT, Begin, check_sequence, refuse_group
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.units import rate_of, with_article
+from geoident.units import with_article
 
 
-def check_references(section: CaseSection, faults: Faults) -> None:
-    """Note every name in the case that refers to nothing, and every impossible sequence."""
-    _check_ties(section, faults)
-    _check_added(section, faults)
-    if section.model is not None:
-        _check_names(section, faults)
-        _check_fit(section, faults)
-        _check_fit_elsewhere(section, faults)
-        return
-    _check_materials(section, faults)
-    _check_groups(section, faults)
-    _check_geostatic(section, faults)
-    _check_compression(section, faults)
-    _check_names(section, faults)
-    _check_fit(section, faults)
-    _check_mesh(section, faults)
-    FaceCheck(section.face, section.stages, section.parameters, faults).note(
-        section.analysis, section.groups, circle=circle_of(section) is not None
-    )
-    begin = Begin(
-        section.groups,
-        section.materials,
-        section.loads,
-        section.structures,
-        section.supports,
-        groups_released(section.face, section.stages),
-    )
-    check_sequence(begin, section.stages, faults)
+def check_references(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> None:
+    """Note every name in the case that refers to nothing, and every impossible sequence.
+
+    Args:
+        section: the case.
+        faults: where to note.
+        wrong: sections that are left out of it; what refers to them waits until they are valid.
+    """
+    ground = section.model is None
+    for check, needs, of_ground in _CHECKS:
+        if needs.isdisjoint(wrong) and (ground or not of_ground):
+            check(section, faults)
+    if not wrong:
+        _check_use(section, faults)
 
 
 def _check_materials(section: CaseSection, faults: Faults) -> None:
@@ -85,9 +76,7 @@ def _check_groups(section: CaseSection, faults: Faults) -> None:
         named += [(("in_situ", "groups", group), group, True) for group in zones]
     for place, group, key in named:
         if group not in known:
-            hint = faults.did_you_mean(group, sorted(known), what="Groups")
-            message = f"no group '{group}' is in 'groups' or installed by a stage"
-            faults.add(place, "unknown-group", message, hint, key=key)
+            refuse_group(place, group, known, faults, key=key)
 
 
 def _check_geostatic(section: CaseSection, faults: Faults) -> None:
@@ -174,8 +163,8 @@ def _check_ratios(
             faults.add((*path, group), "absent-group", f"'{group}' {why}", "Remove it.", key=True)
 
 
-def _check_names(section: CaseSection, faults: Faults) -> None:
-    """Names of stages, and of the stages and structures that others name."""
+def _check_stage_names(section: CaseSection, faults: Faults) -> None:
+    """Names of stages, and the stages that others name."""
     names: dict[str, int] = {}
     for n, stage in enumerate(section.stages):
         first = names.setdefault(stage.name, n)
@@ -184,10 +173,17 @@ def _check_names(section: CaseSection, faults: Faults) -> None:
             message += f"the first is {format_path(('stages', first))}"
             faults.add(("stages", n, "name"), "duplicate-stage", message, "Rename one.")
     for n, name in enumerate(section.fit.stages or ()):
-        _require_stage(("fit", "stages", n), name, names, faults)
+        if name not in names:
+            faults.add_unknown(("fit", "stages", n), "stage", name, names)
     zeros = {VIRGIN: 0, **names}
     for name, gauge in section.gauges.items():
-        _require_stage(("gauges", name, "zero"), gauge.zero_stage, zeros, faults)
+        if gauge.zero_stage not in zeros:
+            faults.add_unknown(("gauges", name, "zero"), "stage", gauge.zero_stage, zeros)
+
+
+def _check_structures(section: CaseSection, faults: Faults) -> None:
+    """The structures on which gauges sit."""
+    for name, gauge in section.gauges.items():
         structure = getattr(gauge, "structure", None)
         if structure is not None and structure not in section.structures:
             key = "on" if hasattr(gauge, "on") else "structure"
@@ -195,12 +191,8 @@ def _check_names(section: CaseSection, faults: Faults) -> None:
             faults.add_unknown(place, "structure", structure, section.structures)
 
 
-def _require_stage(path: KeyPath, name: str, known: Collection[str], faults: Faults) -> None:
-    if name not in known:
-        faults.add_unknown(path, "stage", name, known)
-
-
-def _check_fit(section: CaseSection, faults: Faults) -> None:
+def _check_grid(section: CaseSection, faults: Faults) -> None:
+    """The axes of a scan."""
     grid: dict[str, AxisSection] = getattr(section.fit.options("scan"), "grid", {})
     path: KeyPath = ("fit", "scan", "grid")
     if len(grid) > 2:
@@ -229,23 +221,41 @@ def _check_mesh(section: CaseSection, faults: Faults) -> None:
     faults.add((), "no-mesh", message, hint)
 
 
+def _check_face(section: CaseSection, faults: Faults) -> None:
+    """The tunnel face and the distances to it."""
+    FaceCheck(section.face, section.stages, section.parameters, faults).note(
+        section.analysis, section.groups, circle=circle_of(section) is not None
+    )
+
+
+def _check_sequence(section: CaseSection, faults: Faults) -> None:
+    """The stages one after the other."""
+    begin = Begin(
+        section.groups,
+        section.materials,
+        section.loads,
+        section.structures,
+        section.supports,
+        groups_released(section.face, section.stages),
+    )
+    check_sequence(begin, section.stages, faults)
+
+
 def _check_added(section: CaseSection, faults: Faults) -> None:
     """Offsets and drifts of gauges that may read anything are ties to what they read."""
     for name, gauge in section.gauges.items():
-        read = gauge.dimension
-        for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
-            given: CaseNumber | None = getattr(gauge, key)
-            if given is not None and given.parameter in section.parameters and not given.dimension:
-                tie = replace(given, dimension=wanted)
-                path: KeyPath = ("gauges", name, key)
-                _check_tie(section, path, tie, str(given.parameter), faults)
+        for key, like in gauge.like_readings(gauge.dimension).items():
+            given = getattr(gauge, key)
+            if isinstance(given, CaseNumber) and given.parameter and not given.dimension:
+                tie = replace(given, dimension=str(like.dimension))
+                if given.parameter in section.parameters:
+                    _check_tie(section, ("gauges", name, key), tie, given.parameter, faults)
 
 
-def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
-    """What asks for the equations of a model is not there."""
-    why = "the model is external ('model')"
-    if section.fit.ladder:
-        message = f"{why}, so geoident cannot make simpler ones of it"
+def _check_external_fit(section: CaseSection, faults: Faults) -> None:
+    """A model elsewhere has no simpler ones."""
+    if section.model is not None and section.fit.ladder:
+        message = "the model is external ('model'), so geoident cannot make simpler ones of it"
         faults.add(("fit", "ladder"), "no-ground", message, "Remove it.", key=True)
 
 
@@ -257,14 +267,19 @@ def _check_dimension(path: KeyPath, given: CaseNumber, start: CaseNumber, faults
 
 
 def _check_ties(section: CaseSection, faults: Faults) -> None:
-    """Note ties to unknown parameters or of another dimension, and parameters without any use."""
-    used = names_of_sets(section.fit.ladder or ())
+    """Ties to parameters that there are not, or that have another dimension."""
     for path, given in numbers_with_paths(section):
         if given.parameter is not None:
-            used.add(given.parameter)
             _check_tie(section, path, given, given.parameter, faults)
+
+
+def _check_use(section: CaseSection, faults: Faults) -> None:
+    """Parameters on which nothing depends."""
+    if not isinstance(section.model, ConvergenceLawSection | None):
+        return
+    used = names_of_sets(section.fit.ladder or ()) | tied_parameters(section)
     for name in section.parameters:
-        if name not in used and isinstance(section.model, ConvergenceLawSection | None):
+        if name not in used:
             message = f"the parameter '{name}' is declared, but nothing depends on it"
             hint = f"Write ${name} where it stands, or remove it."
             faults.add(("parameters", name), "unused-parameter", message, hint, key=True)
@@ -281,3 +296,30 @@ def _check_tie(
         message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
         hint = "Change the unit of its start, or use another parameter."
         faults.add(path, "unit", message, hint)
+
+
+_Check = Callable[[CaseSection, Faults], None]
+_CHECKS: tuple[tuple[_Check, set[str], bool], ...] = (
+    (_check_ties, {"parameters"}, False),
+    (_check_added, {"parameters"}, False),
+    (_check_materials, {"materials"}, True),
+    (_check_groups, {"groups", "stages"}, True),
+    (_check_geostatic, {"groups", "materials", "gravity"}, True),
+    (_check_compression, {"parameters"}, True),
+    (_check_stage_names, {"stages"}, False),
+    (_check_structures, {"structures"}, False),
+    (_check_grid, {"parameters"}, False),
+    (_check_external_fit, set(), False),
+    (_check_mesh, {"mesh", "fit"}, True),
+    (
+        _check_face,
+        {"analysis", "face", "stages", "parameters", "groups", "mesh", "fit"},
+        True,
+    ),
+    (
+        _check_sequence,
+        {"groups", "loads", "structures", "supports", "face", "stages"},
+        True,
+    ),
+)
+"""Checks, the sections to which they refer, and whether they are of a case with ground only."""

@@ -62,11 +62,4 @@ def read_report_head(text: str, path: str) -> ReportHead:
     if found is None:
         return ReportHead()
     logo = str(Path(path).parent / found.logo) if found.logo else ""
-    return ReportHead(
-        project=found.project,
-        author=found.author,
-        client=found.client,
-        revision=found.revision,
-        date=found.date,
-        logo=logo,
-    )
+    return found.to_model(ReportHead, logo=logo)

@@ -30,7 +30,6 @@ from geoident.io.schema.values import (
     Force,
     Length,
     Name,
-    scalar_of,
 )
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
@@ -129,23 +128,12 @@ class StageSection(Section):
             context: of the section.
             gravity: whether the case has any.
         """
-        return Stage(
-            name=self.name,
-            excavate=tuple(self.excavate),
-            install=dict(self.install),
-            change=dict(self.change),
-            release={group: part.scalar for group, part in self.release.items()},
-            distance=scalar_of(self.distance),
+        return self.to_model(
+            Stage,
             loads=build_loads(self.loads, context.at("loads"), gravity=gravity),
-            remove=tuple(self.remove),
-            build=tuple(self.build),
-            dismantle=tuple(self.dismantle),
-            prestress={name: force.scalar for name, force in self.prestress.items()},
             water=None if self.water is None else self.water.water(),
             temperature=build_temperature(self.temperature, context.at("temperature")),
             supports=build_stage_supports(self.supports, context.at("supports")),
-            independent=self.independent,
-            base=self.base,
         )
 
 
@@ -373,10 +361,28 @@ class _Ground:
 
     def _refuse_absent(self, place: KeyPath, group: str, what: str, *, key: bool) -> None:
         if group not in self.known:
-            message = f"no group '{group}' is in 'groups' or installed by a stage"
-            hint = self.faults.did_you_mean(group, sorted(self.known), what="Groups")
-            self.faults.add(place, "unknown-group", message, hint, key=key)
+            refuse_group(place, group, self.known, self.faults, key=key)
             return
         since = f", since '{self.excavated[group]}' excavated it" if group in self.excavated else ""
         message = f"'{group}' cannot be {what}: it is not present at this stage{since}"
         self.faults.add(place, "absent-group", message, "Check the order of the stages.", key=key)
+
+
+def refuse_group(
+    place: KeyPath, group: str, known: Collection[str], faults: Faults, *, key: bool
+) -> None:
+    """Note a group that the case does not have, though its mesh may.
+
+    Args:
+        place: where it is named.
+        group: its name.
+        known: the groups of the case.
+        faults: where to note.
+        key: it is named by a key.
+    """
+    message = f"no group '{group}' is in 'groups' or installed by a stage"
+    hint = faults.did_you_mean(group, sorted(known), what="Groups")
+    if not hint.startswith("Did"):
+        hint += f" If the mesh has it, add '{group}: MATERIAL' to 'groups', or '{group}: absent' "
+        hint += "for ground that a stage installs."
+    faults.add(place, "unknown-group", message, hint, key=key)

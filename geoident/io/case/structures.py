@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     Area,
     AxialStiffness,
     BendingStiffness,
@@ -26,8 +27,6 @@ from geoident.io.schema.values import (
     Size,
     Stress,
     WallStiffness,
-    scalar_of,
-    shape_of,
 )
 from geoident.model.case import Analysis
 from geoident.model.structures import Anchors, Beam, Bolts, Structure, Struts
@@ -39,9 +38,7 @@ class _StructureBase(Section):
         """The structure for the model; a fault where the kind of analysis has none."""
 
 
-Hinge = Annotated[
-    Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], Discriminator(shape_of)
-]
+Hinge = Annotated[Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], TEXT_OR_LIST]
 
 
 class BeamSection(_StructureBase):
@@ -90,9 +87,8 @@ class BeamSection(_StructureBase):
         examples=["8 kN/m2"],
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> BeamSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Its weight is given in one way, and is not negative."""
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; density with a thickness, or weight is expected"
@@ -102,8 +98,6 @@ class BeamSection(_StructureBase):
             if given is not None and given.parameter is None and given.factor < 0:
                 message = f"'{given.text}' is negative"
                 faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
-        faults.raise_any()
-        return self
 
     def structure(self, context: Context) -> Beam:
         """A lining or wall, in the plane or about an axis."""
@@ -115,28 +109,19 @@ class BeamSection(_StructureBase):
             hint = "Write the number itself; E and thickness may be parameters."
             context.at("nu").refuse("bad-tie", message, hint)
         hinges = tuple(
-            hinge
-            if isinstance(hinge, str)
-            else context.at("hinges", n).vector(hinge, "the hinge") or ()
+            hinge if isinstance(hinge, str) else context.at("hinges", n).vector(hinge, "the hinge")
             for n, hinge in enumerate(self.hinges)
         )
-        return Beam(
-            self.on,
-            E=scalar_of(self.E),
-            thickness=scalar_of(self.thickness),
-            nu=scalar_of(self.nu),
-            EA=scalar_of(self.EA),
-            EI=scalar_of(self.EI),
-            clamped_on=tuple(self.clamped_on),
-            hinges=hinges,
-            density=scalar_of(self.density),
-            weight=scalar_of(self.weight),
-        )
+        return self.to_model(Beam, group=self.on, hinges=hinges)
 
 
 class _BarSection(_StructureBase):
     """What all bars have in common."""
 
+    what: ClassVar[str]
+    """What one of them is."""
+    bars: ClassVar[type[Bolts | Struts | Anchors]]
+    """What they are built into."""
     one_of = (
         Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
     )
@@ -169,36 +154,25 @@ class _BarSection(_StructureBase):
         examples=["300 kN"],
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> _BarSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The bars have a length, and are pulled or pushed by a positive force."""
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):
                 message = f"the {self.what} begins and ends at one point"
                 faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
         if self.prestress is not None and (fault := negative_force(self.prestress)):
             faults.add(("prestress",), "out-of-range", *fault)
-        faults.raise_any()
-        return self
 
-    @property
-    @abstractmethod
-    def what(self) -> str:
-        """What one of the bars is."""
-
-    def _given(self, context: Context) -> dict[str, Any]:
-        """What all bars have in the model."""
+    def structure(self, context: Context) -> Bolts | Struts | Anchors:
+        """The bars; about an axis they are smeared over their ring."""
         self._check_spacing(context)
         ends = []
         for n, pair in enumerate(self.ends):
             first, second = (
-                context.at("ends", n, k).vector(point, "the end") or ()
-                for k, point in enumerate(pair)
+                context.at("ends", n, k).vector(point, "the end") for k, point in enumerate(pair)
             )
             ends.append((first, second))
-        names = ("spacing", "number", "E", "diameter", "area", "EA", "prestress")
-        numbers = {name: scalar_of(getattr(self, name)) for name in names}
-        return {"ends": tuple(ends), **numbers}
+        return self.to_model(self.bars, ends=tuple(ends))
 
     def _check_spacing(self, context: Context) -> None:
         if context.analysis is Analysis.AXISYMMETRIC:
@@ -250,16 +224,9 @@ def negative_force(given: CaseNumber) -> tuple[str, str] | None:
 class BoltSection(_BarSection):
     """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
 
+    what, bars = "bolt", Bolts
+
     kind: Literal["bolt"]
-
-    @property
-    def what(self) -> str:
-        """What one of the bars is."""
-        return "bolt"
-
-    def structure(self, context: Context) -> Bolts:
-        """Bolts; about an axis they are smeared over their ring."""
-        return Bolts(**self._given(context))
 
 
 class StrutSection(_BarSection):
@@ -269,6 +236,8 @@ class StrutSection(_BarSection):
     half of the strut ends.
     """
 
+    what, bars = "strut", Struts
+
     kind: Literal["strut"]
     second_end: Literal["joined", "fixed", "symmetry"] = Field(
         "joined",
@@ -277,18 +246,11 @@ class StrutSection(_BarSection):
         "the whole strut lies (give EA of the strut: half its length follows from the ends).",
     )
 
-    @property
-    def what(self) -> str:
-        """What one of the bars is."""
-        return "strut"
-
-    def structure(self, context: Context) -> Struts:
-        """Struts; about an axis they are spokes, smeared over their ring."""
-        return Struts(**self._given(context), second_end=self.second_end)
-
 
 class AnchorSection(_BarSection):
     """Ground anchors from a head to a toe: free up to the grout, held by the ground along it."""
+
+    what, bars = "anchor", Anchors
 
     kind: Literal["anchor"]
     grouted: Annotated[CaseNumber, QuantityType("length", above=0.0)] = Field(
@@ -297,27 +259,16 @@ class AnchorSection(_BarSection):
         examples=["6 m"],
     )
 
-    @property
-    def what(self) -> str:
-        """What one of the bars is."""
-        return "anchor"
-
-    @model_validator(mode="after")
-    def _free_length(self) -> AnchorSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Before the grout is a free length."""
+        super().check(faults)
         for n, (head, toe) in enumerate(self.ends):
             length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
-            if not self.grouted.factor < length:
+            if 0.0 < length <= self.grouted.factor:
                 message = f"the anchor is {length:.6g} m long, of which '{self.grouted.text}' are "
                 message += "grouted: no free length is left"
                 hint = "Give head and toe, and the grouted length at the toe."
                 faults.add(("ends", n), "zero-length", message, hint)
-        faults.raise_any()
-        return self
-
-    def structure(self, context: Context) -> Anchors:
-        """Anchors; about an axis they are smeared over their ring."""
-        return Anchors(**self._given(context), grouted=self.grouted.factor)
 
 
 def _place(point: list[CaseNumber]) -> list[float]:

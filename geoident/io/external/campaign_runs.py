@@ -25,7 +25,7 @@ from geoident.model.arrays import Floats
 from geoident.model.campaign import SEED
 from geoident.model.gauges import Channel
 from geoident.model.parameter import Parameter
-from geoident.units import UnitError, read_quantity, require_dimension, with_article
+from geoident.units import UnitError, read_quantity, with_article
 
 _SETTING = "parameters"
 _NAMES = 8
@@ -211,8 +211,7 @@ def _numbers(campaign: _Campaign, path: str, parameter: Parameter, faults: list[
         message, hint = "it is left as in the base case", "Write its value in every run."
         try:
             if text:
-                quantity = read_quantity(text, parameter.dimension)
-                values[n] = require_dimension(quantity, parameter.dimension, text).value
+                values[n] = read_quantity(text, parameter.dimension).value
                 continue
         except UnitError as error:
             message, hint = error.message, error.hint

@@ -7,9 +7,6 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pydantic import GetJsonSchemaHandler
-from pydantic_core import CoreSchema
-
 from geoident.io.schema.values import CaseNumber, QuantityType, or_words, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.units import DIMENSIONLESS, UnitError
@@ -68,10 +65,9 @@ class SizeOrWord(QuantityType):
         """What is expected, for a message."""
         return self.expected
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        described = super().__get_pydantic_json_schema__(schema, handler)
+    def described(self) -> dict[str, Any]:
+        """The JSON schema of the number."""
+        described = super().described()
         or_words(described, ESTIMATE, NONE)
         described["description"] = self.words()
         described["examples"] = list(self.shown)

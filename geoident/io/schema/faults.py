@@ -12,7 +12,7 @@ from geoident.errors import Term
 from geoident.io.schema.section import SECTION_FAULTS, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
-from geoident.io.text.wording import Refusal, listing, nearest, shorten
+from geoident.io.text.wording import Refusal, listing, shorten
 from geoident.io.text.yaml_reader import Node
 from geoident.model.case import KeyPath
 from geoident.units import UnitError
@@ -80,24 +80,6 @@ def paths_of(errors: list[ErrorDetails], data: Node) -> list[KeyPath]:
         data: what was read.
     """
     return [_resolve(error, data)[0] for error in errors]
-
-
-def likely_tags(errors: list[ErrorDetails], data: Node) -> dict[KeyPath, str]:
-    """Path of words that tell the ways of a mapping apart, to what they were probably to be.
-
-    Args:
-        errors: what pydantic found.
-        data: what was read.
-    """
-    likely: dict[KeyPath, str] = {}
-    for error in errors:
-        context: dict[str, Any] = error.get("ctx", {})
-        path, node, _ = _resolve(error, data)
-        name = str(context.get("discriminator", "")).strip("'")
-        if error["type"] == "union_tag_invalid" and isinstance(node, dict) and name in node:
-            meant = nearest(str(context["tag"]), _QUOTED.findall(context["expected_tags"]))
-            likely |= {(*path, name): meant} if meant else {}
-    return likely
 
 
 def _resolve(error: ErrorDetails, data: Node) -> tuple[KeyPath, Node, bool]:

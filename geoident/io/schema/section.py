@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NoReturn
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from geoident.io.schema.values import CaseNumber
+from geoident.io.schema.values import CaseNumber, in_si
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, KeyPath
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 SECTION_FAULTS = "section_faults"
 """Type of the pydantic error that carries several faults of one section."""
@@ -95,8 +100,8 @@ class Section(BaseModel):
         return data
 
     @model_validator(mode="after")
-    def _in_one_way(self) -> Section:
-        """Refuse keys that are none of the ways in which something can be said."""
+    def _judge(self) -> Self:
+        """Refuse keys that are none of the ways in which something can be said; then `check`."""
         faults = SectionFaults()
         for one in self.one_of:
             given = [key for key in one.keys if getattr(self, key) is not None]
@@ -104,8 +109,26 @@ class Section(BaseModel):
                 found = _listed(given, "") if given else one.nothing
                 message = f"found {found}; expected is {one.words()}"
                 faults.add((), "wrong-pair", message, one.hint)
+        if not faults.found:
+            self.check(faults)
         faults.raise_any()
         return self
+
+    def check(self, faults: SectionFaults) -> None:
+        """Note what is wrong between the keys of a section, each of which is right by itself."""
+
+    def to_model(self, kind: type[T], /, **given: Any) -> T:
+        """What the section says as a class of the model, whose attributes have the names of keys.
+
+        A key that is missing leaves the default of the model.
+
+        Args:
+            kind: a dataclass of the model.
+            given: attributes that are no keys, or take more than a conversion to SI units.
+        """
+        keys = type(self).model_fields.keys() - given.keys()
+        values = {f.name: in_si(getattr(self, f.name)) for f in fields(kind) if f.name in keys}
+        return kind(**{key: x for key, x in values.items() if x is not None}, **given)
 
     @property
     def numbers(self) -> list[CaseNumber]:
@@ -148,8 +171,8 @@ class Context:
         """
         self.faults.add(self.path, code, message, hint, key=key)
 
-    def vector(self, given: Sequence[CaseNumber], what: str) -> tuple[float, ...] | None:
-        """Components (dim,) in SI units; None, with a fault, where there are more or fewer.
+    def vector(self, given: Sequence[CaseNumber], what: str = "the point") -> tuple[float, ...]:
+        """Components (dim,) in SI units; NaN, with a fault, where there are more or fewer.
 
         Args:
             given: the components as written.
@@ -161,7 +184,7 @@ class Context:
         message = f"{what} has {len(given)} components; {self.dim} expected ({axes})"
         hint = f"'analysis' says that there are {self.dim}: correct it or the components."
         self.refuse("wrong-dimension", message, hint)
-        return None
+        return tuple(float("nan") for _ in range(self.dim))  # no two of them are equal
 
 
 @dataclass(frozen=True)
@@ -199,19 +222,3 @@ class SectionFaults:
         """
         if self.found:
             raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": self.found})
-
-
-def refuse(path: KeyPath, code: str, message: str, hint: str = "") -> NoReturn:
-    """Refuse a section for one fault.
-
-    Args:
-        path: of the key, from the section on.
-        code: short stable name of the kind of fault.
-        message: what was found and what is expected.
-        hint: the likely remedy.
-
-    Raises:
-        PydanticCustomError: always.
-    """
-    fault = SectionFault(path, code, message, hint)
-    raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": [fault]})

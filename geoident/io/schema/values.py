@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
+    BaseModel,
     BeforeValidator,
     Discriminator,
     Field,
@@ -34,7 +35,6 @@ from geoident.units import (
     UNITS,
     UnitError,
     read_quantity,
-    require_dimension,
     units_of,
     with_article,
 )
@@ -137,6 +137,7 @@ class CaseNumber:
         unit: as normalised by `geoident.units`, empty for a tie.
         varied_by: the section of the field of which the number is the mean, of the growth that
             begins from it, or of the rock mass from which it follows; None for one number.
+        may_be_tied: a parameter may stand in its place.
     """
 
     text: str
@@ -145,6 +146,12 @@ class CaseNumber:
     dimension: str
     unit: str = ""
     varied_by: Any = None
+    may_be_tied: bool = False
+
+    @property
+    def value(self) -> Scalar | float:
+        """For the model: a scalar where a parameter may stand, else a number in SI units."""
+        return self.scalar if self.may_be_tied else self.factor
 
     @property
     def scalar(self) -> Scalar:
@@ -161,6 +168,17 @@ def tied_parameter(text: str) -> str | None:
     """The parameter to which a text such as ``0.6 $E_rock`` ties a number; None for another."""
     tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     return None if tie is None else tie[3]
+
+
+def in_si(value: Any) -> Any:
+    """What stands under a key as the model has it: numbers in SI units, tuples for lists."""
+    if isinstance(value, CaseNumber):
+        return value.value
+    if isinstance(value, list):
+        return tuple(map(in_si, value))
+    if isinstance(value, Mapping):
+        return {key: in_si(part) for key, part in value.items()}
+    return value
 
 
 def scalar_of(given: CaseNumber | None) -> Scalar | None:
@@ -200,7 +218,7 @@ class QuantityType:
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
         if tie is not None and self.tied:
             factor = _factor(tie[1] or ("-1" if tie[2] else "1"), text)
-            return CaseNumber(text, factor, tie[3], self.dimension or "")
+            return CaseNumber(text, factor, tie[3], self.dimension or "", may_be_tied=True)
         if text.strip().startswith("$") or tie is not None:
             raise self._refuse_tie(text, well_formed=tie is not None)
         given = self._quantity(text)
@@ -220,9 +238,14 @@ class QuantityType:
                 raise
             tie = f"To tie it to a parameter of this name write ${shorten(name)}."
             raise UnitError(error.message, f"{tie} {error.hint}".strip()) from error
-        if self.dimension is not None:
-            quantity = require_dimension(quantity, self.dimension, text)
-        return CaseNumber(text, quantity.value, None, quantity.dimension, quantity.unit)
+        return CaseNumber(
+            text,
+            quantity.value,
+            None,
+            quantity.dimension,
+            quantity.unit,
+            may_be_tied=self.tied,
+        )
 
     def _refuse_tie(self, text: str, *, well_formed: bool) -> Refusal:
         if self.tied and not well_formed:
@@ -259,6 +282,10 @@ class QuantityType:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
+        return self.described()
+
+    def described(self) -> dict[str, Any]:
+        """The JSON schema of the number."""
         units = UNITS if self.dimension is None else units_of(self.dimension)
         tie = rf"|(({NUMBER_PATTERN}\s*\*?\s*)|-)?\${NAME_PATTERN}" if self.tied else ""
         pattern = rf"^\s*({quantity_pattern(units)}{tie})\s*$"
@@ -513,9 +540,15 @@ class CountOr:
 
 
 def shape_of(value: object) -> str:
-    """``list`` or ``text``: tells the two ways apart in which some keys can be written."""
+    """``text``, ``list`` or ``mapping``: tells the ways apart in which some keys can be written."""
+    if isinstance(value, Mapping | BaseModel):
+        return "mapping"
     return "list" if isinstance(value, list | tuple) else "text"
 
+
+TEXT_OR_LIST = Discriminator(lambda value: "list" if shape_of(value) == "list" else "text")
+TEXT_OR_MAPPING = Discriminator(lambda value: "mapping" if shape_of(value) == "mapping" else "text")
+TEXT_LIST_OR_MAPPING = Discriminator(shape_of)
 
 # A number that may be tied to a parameter has a plain name; of one that may not it is `Fixed...`.
 Stress = Annotated[CaseNumber, QuantityType("pressure", tied=True)]

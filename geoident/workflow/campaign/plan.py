@@ -13,7 +13,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
 from geoident.forward.external.program import ProgramModel
 from geoident.io.campaign.file import FaultyCampaign, read_campaign
-from geoident.io.case.file import FaultyCase, parse_case
+from geoident.io.case.file import parse_case
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.campaign import (
     CampaignHead,
@@ -427,7 +427,7 @@ def _faults(campaign: Campaign, text: str, common: Variation, run: Variation) ->
             yield from error.faults
             wrong = {fault.path for fault in error.faults if fault.code == "bad-override"}
             left = tuple(s for s in settings if format_path(parse_path(s[0])) not in wrong)
-            if isinstance(error, FaultyCase) or len(left) == len(settings):
+            if len(left) == len(settings):
                 return
             settings = left
         else:

@@ -15,14 +15,13 @@ import numpy as np
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
-from geoident.forward.checks import faults_on_mesh
 from geoident.forward.external.model import ExternalModel
 from geoident.forward.external.program import ProgramModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
-from geoident.io.case.file import FaultyCase, PartOfCase, parse_case, read_case
+from geoident.io.case.file import parse_case, read_case
 from geoident.io.loaded import LoadedCase
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
@@ -117,8 +116,7 @@ def load_inputs(
 ) -> Inputs:
     """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
 
-    The mesh and the readings are hashed; the mesh is parsed only if the case is wrong, to say with
-    its faults what does not fit the mesh either.
+    The mesh and the readings are hashed; the mesh is not parsed.
 
     Args:
         path: of the case.
@@ -128,29 +126,9 @@ def load_inputs(
     Raises:
         InputError: with all faults of the case.
     """
-    try:
-        if text is not None:
-            return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
-        return _hashed(path, read_case(path, overrides=tuple(overrides)))
-    except FaultyCase as error:
-        raise error.with_those_of_the_mesh(*_faults_on_mesh(error.sound)) from error
-
-
-def _faults_on_mesh(left: PartOfCase | None) -> tuple[list[Fault], tuple[str, ...]]:
-    """What does not fit the mesh in a case of which parts are wrong by themselves.
-
-    Returns:
-        The faults, and the element groups of the mesh.
-    """
-    if left is None:
-        return [], ()
-    groups: tuple[str, ...] = ()
-    try:
-        mesh = _read_mesh(left.case, left.mesh_path)
-        groups = tuple(mesh.groups)
-        return faults_on_mesh(left.case, mesh, complete=left.rest.sequence_is_known), groups
-    except InputError as error:
-        return list(error.faults), groups
+    if text is not None:
+        return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
+    return _hashed(path, read_case(path, overrides=tuple(overrides)))
 
 
 def inputs_of_result(result: Result, path: str) -> Inputs:

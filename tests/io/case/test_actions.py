@@ -279,13 +279,17 @@ def test_a_file_of_temperatures_becomes_part_of_the_case(table, project, changed
     ("table", "words"),
     [
         (None, "cannot be read"),
-        ("", "no table of temperatures"),
-        ("x,y,change\n1,2,3\n", "no table of temperatures"),
-        ("x [m],y [m],change [MPb]\n1,2,3\n", "no table of temperatures"),
-        ("x [m],y [m],change [K]\n1,2\n", "line 2: found 2 cells"),
-        ("x [m],y [m],change [K]\n1,2,warm\n", "'warm K' is not a number"),
-        ("x [m],y [m],change [kPa]\n1,2,3\n", "a pressure; a temperature"),
-        ("x [m],y [m],z [m],change [K]\n1,2,3,4\n", "3 components; 2 expected"),
+        ("", "there is no column 'x'"),
+        ("x,y,change\n1,2,3\n", "warm.csv:1:1: stages[2].temperature.lining.file: 'x' has no unit"),
+        ("x [m],y [m],change [MPb]\n1,2,3\n", "there is no unit 'MPb'"),
+        (
+            "x [m],y [m],change [K]\n1,2\n",
+            "the cell is empty (change)",
+        ),
+        ("x [m],y [m],change [K]\n1,2,warm\n", "'warm' is no number (change)"),
+        ("x [m],y [m],change [K]\n", "the table has no row"),
+        ("x [m],y [m],change [kPa]\n1,2,3\n", "has no unit of a temperature"),
+        ("x [m],y [m],z [m],change [K]\n1,2,3,4\n", "the column 'z [m]' is not known here"),
     ],
 )
 def test_a_faulty_file_of_temperatures_is_said(table, words, project, changed):
@@ -294,4 +298,7 @@ def test_a_faulty_file_of_temperatures_is_said(table, words, project, changed):
     text = warm(changed)
     faults = project.faults(text)
     assert words in str(faults[0])
-    assert "name: warm" in text.splitlines()[faults[0].location.line - 1]
+    if table is None:
+        assert "name: warm" in text.splitlines()[faults[0].location.line - 1]
+    else:
+        assert faults[0].location.file.endswith("warm.csv")

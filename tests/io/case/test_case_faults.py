@@ -319,7 +319,7 @@ def test_all_faults_of_the_sections_are_said_at_once(project, changed):
     ]
 
 
-def test_what_a_wrong_word_hides_is_said_beside_it(project, changed):
+def test_wrong_words_are_said_beside_all_else_in_valid_sections(project, changed):
     """The analysis, the model of a stress, the scale of a parameter."""
     text = changed("plane-strain", "2D").replace("scale: log", "scale: logarithmic")
     text = text.replace("[2 GPa, 80 GPa]", "[80 GPa, 2 GPa]").replace("zero: heading", "zero: 2")
@@ -330,9 +330,12 @@ def test_what_a_wrong_word_hides_is_said_beside_it(project, changed):
         ("parameters.E_rock.bounds", "GPa]."),
         ("parameters.E_rock.scale", "'log'?"),
         ("in_situ.model", "'heim'?"),
-        ("in_situ.sigma_v", "'vertical'?"),
         ("gauges.CV1.zero", "1."),
     ]
+    (hidden,) = project.faults(
+        changed("model: heim, vertical: 8 MPa", "model: heim, sigma_v: 8 MPa")
+    )[:1]
+    assert (hidden.path, hidden.hint) == ("in_situ.sigma_v", "Did you mean 'vertical'?")
 
 
 def test_all_broken_references_are_said_at_once_with_those_of_the_readings(project, changed):

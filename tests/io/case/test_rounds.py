@@ -1,4 +1,4 @@
-"""All faults at once: those of entries, and of what takes several; rows of a file said once."""
+"""Faults in rounds: sections, then what takes several of them; rows of a file said once."""
 
 import pytest
 from support.trench import CASE, READINGS, write_case
@@ -24,21 +24,33 @@ def changed(*pairs):
     return text
 
 
-def test_what_takes_several_entries_is_said_beside_wrong_ones(tmp_path):
-    case = changed(
+def test_what_takes_several_sections_is_said_beside_a_wrong_one_that_it_does_not_need(tmp_path):
+    pairs = (
         ("nu: 0.25", "nu: 0.75"),  # by itself
-        ("K0: $K0", "K0: 1.1"),  # so K0 is of no use
+        ("K0: $K0", "K0: 1.1"),  # so K0 is of no use, unless the materials use it
         ("mesh: {file: trench.inp}", "mesh: {file: french.inp}"),
         ("excavate: [lower]", "excavate: [upper]"),  # a second time
         ("stages: [first]", "stages: [frist]"),
     )
-    faults = faults_of(tmp_path, case, READINGS.replace("CV,second", "CW,second"))
-    codes = {fault.code for fault in faults}
-    assert codes >= {"unused-parameter", "missing-file", "absent-group", "unknown-stage",
-                     "unknown-gauge"}  # fmt: skip
-    messages = " ".join(fault.message for fault in faults)
-    assert "0.75" in messages
-    assert len(faults) == 6
+    readings = READINGS.replace("CV,second", "CW,second")
+    between = {"missing-file", "absent-group", "unknown-stage", "unknown-gauge"}
+    faults = faults_of(tmp_path, changed(*pairs), readings)
+    assert {fault.code for fault in faults} == {"out-of-range", *between}
+    assert "0.75" in " ".join(fault.message for fault in faults)
+    faults = faults_of(tmp_path, changed(*pairs[1:]), readings)
+    assert {fault.code for fault in faults} == {"unused-parameter", *between}
+
+
+def test_a_round_has_the_faults_of_all_sections(tmp_path):
+    """Bounds of no sense, a gauge of three coordinates in a plane, a number of no unit."""
+    case = changed(
+        ("bounds: [0.2, 4]", "bounds: [4, 0.2]"),
+        ("point: [1 m, 4 m]", "point: [1 m, 4 m, 0 m]"),
+        ("vertical: 1 MPa", "vertical: 1"),
+    )
+    assert {fault.path for fault in faults_of(tmp_path, case)} == {
+        "parameters.K0.bounds", "gauges.S.point", "in_situ.vertical"
+    }  # fmt: skip
 
 
 def test_nothing_is_said_that_follows_from_a_wrong_entry(tmp_path):

@@ -67,7 +67,6 @@ def test_measured_motions_come_from_the_case_or_a_file(project, changed):
             "wrong-pair",
             "by 'measured'",
         ),
-        ("{left: {measured: {file: «readings.csv}}}", "bad-table", "no table of motions"),
         ("{left: «free}", None, ""),
     ],
 )
@@ -76,6 +75,13 @@ def test_faults_are_at_their_place(project, changed, supports, code, said):
     assert said in fault.message
     if code is not None:
         assert fault.code == code
+
+
+def test_faults_of_a_table_of_motions_are_at_their_cells(project, changed):
+    (project.folder / "motions.csv").write_text("x [m], y [m], ux [mm]\n1, 2, 3\n4, 5, six\n")
+    (fault,) = project.faults(changed(SUPPORTS, "{left: {measured: {file: motions.csv}}}"))
+    assert (fault.location.line, fault.location.column) == (3, 7)
+    assert fault.message == "'six' is no number (ux)"
 
 
 def test_what_does_not_hold_cannot_let_go(project, changed):

@@ -6,12 +6,13 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
-from geoident.io.schema.section import Alternatives, Section, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Count,
@@ -164,14 +165,15 @@ class OutputSection(Section):
         "run, gauge and stage.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> OutputSection:
+    def check(self, faults: SectionFaults) -> None:
+        """One way to find the number, with the keys that belong to it."""
         given = [name for name in WAYS if getattr(self, name) is not None]
         if len(given) != 1:
             message = f"found {' and '.join(given) or 'nothing'} to find the number by; one of "
             message += f"{', '.join(WAYS)} is expected"
-            refuse((), "wrong-pair", message, "Give exactly one of them.")
-        faults, way = SectionFaults(), given[0]
+            faults.add((), "wrong-pair", message, "Give exactly one of them.")
+            return
+        way = given[0]
         for name, belongs in _WITH.items():
             if getattr(self, name) is not None and belongs != way:
                 message = f"'{name}' belongs to '{belongs}', and '{way}' is given"
@@ -193,8 +195,6 @@ class OutputSection(Section):
         if self.pointer is not None and not self.pointer.startswith("/"):
             message = f"'{shorten(self.pointer)}' does not begin with /"
             faults.add(("pointer",), "bad-pointer", message, "Write it like /stages/0/u.")
-        faults.raise_any()
-        return self
 
 
 _TIME_LIMIT = "Time after which a run is ended, and has failed; no limit if missing."
@@ -212,13 +212,9 @@ class TemplateSection(Section):
     )
 
 
-def _template_shape(value: object) -> str:
-    return "<template>" if isinstance(value, Mapping | TemplateSection) else "text"
-
-
 AnyTemplateSection = Annotated[
-    Annotated[Text, Tag("text")] | Annotated[TemplateSection, Tag("<template>")],
-    Discriminator(_template_shape),
+    Annotated[Text, Tag("text")] | Annotated[TemplateSection, Tag("mapping")],
+    TEXT_OR_MAPPING,
 ]
 
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
-from pydantic_core import CoreSchema
+from pydantic import Field, Tag
 
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_MAPPING,
     CaseNumber,
     QuantityType,
     or_words,
@@ -145,10 +145,9 @@ class StandardDeviationOf(QuantityType):
             return "a standard deviation per root of a length, such as 0.2 mm/sqrt(m),"
         return super().words()
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        described = super().__get_pydantic_json_schema__(schema, handler)
+    def described(self) -> dict[str, Any]:
+        """The JSON schema of the number."""
+        described = super().described()
         if not self.usual:
             return described
         if self.per_root_length:
@@ -223,30 +222,15 @@ class ErrorsSection(Section):
     )
 
 
-def accuracy_shape(value: object) -> str:
-    """``mapping`` or ``text``: tells the ways apart in which an accuracy can be written."""
-    return "mapping" if isinstance(value, Mapping | ErrorsSection) else "text"
-
-
-AS_PARTS = Annotated[ErrorsSection, Tag("mapping")]
-ACCURACY = Discriminator(accuracy_shape)
+Accuracy = Annotated[
+    Annotated[CaseNumber, StandardDeviationOf(None, above=0.0), Tag("text")]
+    | Annotated[ErrorsSection, Tag("mapping")],
+    TEXT_OR_MAPPING,
+]
 LengthAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0), Tag("text")] | AS_PARTS,
-    ACCURACY,
-]
-AngleAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
-]
-PressureAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf("pressure", above=0.0), Tag("text")] | AS_PARTS,
-    ACCURACY,
-]
-StrainAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf("strain", above=0.0), Tag("text")] | AS_PARTS,
-    ACCURACY,
-]
-ForceAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0), Tag("text")]
+    | Annotated[ErrorsSection, Tag("mapping")],
+    TEXT_OR_MAPPING,
 ]
 AnyAccuracy = CaseNumber | ErrorsSection
 FORCES = ("force", "line load", "moment per length")
@@ -255,46 +239,34 @@ FORCES = ("force", "line load", "moment per length")
 EstimatedKinds = Annotated[
     Annotated[Literal["estimate"], Tag("text")]
     | Annotated[dict[str, Literal["estimate"]], Tag("mapping")],
-    Discriminator(accuracy_shape),
+    TEXT_OR_MAPPING,
 ]
 
 
-def dimension_read(kind: type[Section]) -> str | None:
-    """The dimension of what gauges of a kind read: that of their accuracy; None for any."""
-    about = kind.model_fields["accuracy"]
-    return _dimension([*about.metadata, about.annotation])
-
-
-def _dimension(marks: Iterable[object]) -> str | None:
-    for mark in marks:
-        if isinstance(mark, QuantityType):
-            if mark.dimension is not None:
-                return mark.dimension
-        elif mark is not ErrorsSection and (found := _dimension(get_args(mark))):
-            return found
-    return None
-
-
-def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accuracy") -> None:
+def check_parts(
+    given: AnyAccuracy, dimension: str, kind: str, faults: SectionFaults, key: str = "accuracy"
+) -> None:
     """Refuse sizes of another dimension, and a reading without an error of its own.
 
     Args:
         given: of a gauge.
         dimension: of what it reads.
         kind: of the gauge.
+        faults: takes what is wrong.
         key: under which they stand.
     """
-    faults = SectionFaults()
     if isinstance(given, CaseNumber):
-        if given.dimension == dimension:
-            _refuse_nonsense(given, (key,), kind, faults)
-        faults.raise_any()
+        _refuse_nonsense(given, dimension, (key,), kind, faults)
         return
-    if given.reading is not None and given.reading.dimension == dimension:
-        _refuse_nonsense(given.reading, (key, "reading"), kind, faults)
+    if given.reading is not None:
+        _refuse_nonsense(given.reading, dimension, (key, "reading"), kind, faults)
     for name in PARTS:
         part: CaseNumber | None = getattr(given, name)
-        if part is not None and part.text != ESTIMATE and part.dimension != dimension:
+        if part is None:
+            continue
+        if part.text == ESTIMATE and kind not in TYPICAL:
+            faults.add((key, name), "no-size", *UNKNOWN_SIZE)
+        elif part.text != ESTIMATE and part.dimension != dimension:
             message = f"'{shorten(part.text)}' is {with_article(part.dimension)}; "
             message += f"{with_article(dimension)} is expected"
             faults.add((key, name), "unit", message, f"Its units: {unit_list(dimension)}.")
@@ -304,16 +276,16 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
     elif given.reading is not None and given.reading.factor == 0.0:
         message = "the reading error must exceed zero"
         faults.add((key, "reading"), "out-of-range", message, "Write one above zero.")
-    faults.raise_any()
 
 
 def _refuse_nonsense(
-    given: CaseNumber, key: tuple[str, ...], kind: str, faults: SectionFaults
+    given: CaseNumber, dimension: str, key: tuple[str, ...], kind: str, faults: SectionFaults
 ) -> None:
     """Refuse an error of a reading that no instrument of a kind has, by far.
 
     Args:
         given: its standard deviation.
+        dimension: of what the gauge reads.
         key: under which it stands.
         kind: of the gauge.
         faults: takes the fault.
@@ -321,7 +293,7 @@ def _refuse_nonsense(
     usual = TYPICAL.get(kind)
     if usual is None or given.text == ESTIMATE or given.factor == 0.0:
         return
-    if UNITS.get(usual.unit, ("",))[0] != given.dimension:
+    if not UNITS[usual.unit][0] == given.dimension == dimension:
         return  # of another quantity, if it may be
     if usual.reading / NONSENSE <= given.factor <= usual.reading * NONSENSE:
         return
@@ -352,7 +324,7 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts:
     if isinstance(given, CaseNumber):
         known = (("reading", _component(kind, "reading")),)
         return ErrorParts(usual.reading, survey=survey, estimated=known)
-    sizes: dict[str, float] = {}
+    sizes: dict[str, Any] = {}
     estimated: dict[str, str] = {}
     for name in PARTS:
         part: CaseNumber | None = getattr(given, name)
@@ -373,10 +345,22 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts:
         survey=survey,
         zero_surveyed=surveyed,
         estimated=tuple(estimated.items()),
-        already_estimated=(),
-        mesh=(),
-        surface=(),
     )
+
+
+def usual_examples(kind: str) -> list[Any]:
+    """Ways to write the accuracy of a kind of gauge, with usual sizes; none where none are."""
+    usual = TYPICAL.get(kind)
+    if usual is None:
+        return []
+    sizes = {
+        name: in_unit(getattr(usual, name), usual.unit, UNITS[usual.unit][0])
+        for name in PARTS
+        if name != "zero"
+    }
+    root = {"along": "/sqrt(m)"}
+    parts = {name: f"{x:.3g} {usual.unit}{root.get(name, '')}" for name, x in sizes.items() if x}
+    return [parts["reading"], ESTIMATE, *([parts] if len(parts) > 1 else [])]
 
 
 def unit_shown(given: AnyAccuracy, kind: str, dimension: str) -> str:

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from geoident.io.case.gauges.accuracy import (
-    FORCES,
-    ForceAccuracy,
-    PressureAccuracy,
-)
-from geoident.io.case.gauges.gauge import point_of
+from geoident.io.case.gauges.accuracy import FORCES
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
 from geoident.io.case.gauges.value import (
-    DRIFT,
     StressComponent,
     ValueGauge,
-    has_component,
-    optional_point,
+    check_component,
+    optional_vector,
     refuse_no_direction,
     unit_direction,
 )
@@ -33,16 +26,10 @@ from geoident.io.schema.values import (
     DirectionVector,
     Flag,
     Name,
-    QuantityType,
 )
 from geoident.model.gauges import Channel, Reads
 
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]
-
-PressureOffset = Annotated[CaseNumber, QuantityType("pressure", tied=True)]
-PressureRate = Annotated[CaseNumber, QuantityType("pressure rate", tied=True)]
-ForceOffset = Annotated[CaseNumber, QuantityType(None, tied=True)]
-ForceRate = ForceOffset
 
 
 class StressGaugeSection(ValueGauge):
@@ -59,13 +46,9 @@ class StressGaugeSection(ValueGauge):
         Alternatives("components", "principal", "direction", hint="Give exactly one of them."),
     )
 
+    measures = ("pressure",)
+
     kind: Literal["stress"]
-    accuracy: PressureAccuracy = Field(
-        description="Standard deviation of one reading.", examples=["0.3 MPa"]
-    )
-    offset: PressureOffset | None = Field(None, description="Added to all readings.")
-    drift: PressureRate | None = Field(None, description=DRIFT)
-    drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
     components: list[StressComponent] | None = Field(
         None,
@@ -91,17 +74,15 @@ class StressGaugeSection(ValueGauge):
         "in ground that nothing has changed yet.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> StressGaugeSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Nothing is read twice, and a virgin stress has no zero."""
+        super().check(faults)
         if self.state == "virgin" and "zero" in self.model_fields_set:
             message = "found 'zero' of a stress in the virgin state, which does not change"
             faults.add(("zero",), "wrong-pair", message, "Remove 'zero' or 'state: virgin'.")
         for way in ("components", "principal"):
             _refuse_twice(way, getattr(self, way) or [], faults)
         refuse_no_direction("direction", self.direction, faults)
-        faults.raise_any()
-        return self
 
     @property
     def reads(self) -> Reads:
@@ -119,20 +100,13 @@ class StressGaugeSection(ValueGauge):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every component or principal value."""
-        point = point_of(self.point, context.at("point"))
+        point = context.at("point").vector(self.point)
         direction = unit_direction(self.direction, context.at("direction"))
-        known = [
-            has_component(part, context.at("components", n))
-            for n, part in enumerate(self.components or ())
-        ]
-        if point is None or direction is None or not all(known):
-            return []
+        for n, part in enumerate(self.components or ()):
+            check_component(part, context.at("components", n))
+        pushed = self.positive == "compression"
         return [
-            replace(
-                self.at_point(name, part, point, direction, context),
-                effective=self.effective,
-                compression=self.positive == "compression",
-            )
+            self.at_point(name, point, direction, context, part, compression=pushed)
             for part in self.parts
         ]
 
@@ -149,13 +123,9 @@ class PressureCellSection(ValueGauge):
         Alternatives("normal", "on towards?", hint="'towards' tells the sides of a beam apart."),
     )
 
+    measures = ("pressure",)
+
     kind: Literal["pressure-cell"]
-    accuracy: PressureAccuracy = Field(
-        description="Standard deviation of one reading.", examples=["10 kPa"]
-    )
-    offset: PressureOffset | None = Field(None, description="Added to all readings.")
-    drift: PressureRate | None = Field(None, description=DRIFT)
-    drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
     normal: DirectionVector | None = Field(
         None, description="Normal of the plane on which the pressure is read."
@@ -163,12 +133,10 @@ class PressureCellSection(ValueGauge):
     on: Name | None = Field(None, description="Beam on which the pressure is read.")
     towards: Coordinates | None = Field(None, description=TOWARDS)
 
-    @model_validator(mode="after")
-    def _one_plane(self) -> PressureCellSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The normal has a direction."""
+        super().check(faults)
         refuse_no_direction("normal", self.normal, faults)
-        faults.raise_any()
-        return self
 
     @property
     def structure(self) -> str | None:
@@ -177,13 +145,11 @@ class PressureCellSection(ValueGauge):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        point = point_of(self.point, context.at("point"))
+        point = context.at("point").vector(self.point)
         normal = unit_direction(self.normal, context.at("normal"))
-        inside = optional_point(self.towards, context.at("towards"))
-        if point is None or normal is None:
-            return []
-        found = self.at_point(name, "", point, normal, context)
-        return [replace(found, structure=self.on or "", towards=inside, compression=True)]
+        inside = optional_vector(self.towards, context.at("towards"), "the point")
+        own: dict[str, Any] = {"structure": self.on or "", "towards": inside, "compression": True}
+        return [self.at_point(name, point, normal, context, **own)]
 
 
 class PiezometerSection(ValueGauge):
@@ -192,20 +158,14 @@ class PiezometerSection(ValueGauge):
     It reads what the case says of the water, so it tells about its level and nothing else.
     """
 
+    measures = ("pressure",)
+
     kind: Literal["piezometer"]
-    accuracy: PressureAccuracy = Field(
-        description="Standard deviation of one reading.", examples=["2 kPa"]
-    )
-    offset: PressureOffset | None = Field(None, description="Added to all readings.")
-    drift: PressureRate | None = Field(None, description=DRIFT)
-    drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        point = point_of(self.point, context.at("point"))
-        none = (0.0,) * context.dim
-        return [] if point is None else [self.at_point(name, "", point, none, context)]
+        return [self.at_point(name, context.at("point").vector(self.point), None, context)]
 
 
 class LoadCellSection(ValueGauge):
@@ -213,18 +173,12 @@ class LoadCellSection(ValueGauge):
 
     Bolts and anchors count tension positive, struts compression (`sign` says otherwise); N of a
     beam is positive in tension, M with tension on the inside, Q = dM/ds with s along the beam and
-    its inside to the right. Forces of a beam are per metre.
+    its inside to the right. Forces of a beam are per metre: N and Q in kN/m, M in kNm/m.
     """
 
+    measures = FORCES
+
     kind: Literal["load-cell"]
-    accuracy: ForceAccuracy = Field(
-        description="Standard deviation of one reading: of one bar a force, of a beam N and Q in "
-        "kN/m, M in kNm/m.",
-        examples=["5 kN"],
-    )
-    offset: ForceOffset | None = Field(None, description="Added to all readings.")
-    drift: ForceRate | None = Field(None, description=DRIFT)
-    drift_per_stage: ForceOffset | None = Field(None, description="Drift per stage.")
     structure: Name = Field(description="The structure whose force is read.")
     bar: Annotated[int, Count()] | None = Field(
         None, description="Which of its bars, counted from 1; may be missing if it has one."
@@ -247,28 +201,22 @@ class LoadCellSection(ValueGauge):
             return "force"
         return "moment per length" if self.quantity == "M" else "line load"
 
-    @model_validator(mode="after")
-    def _forces(self) -> LoadCellSection:
-        faults = SectionFaults()
-        if self.dimension in FORCES:
-            self.note_other_dimensions(faults)
-        else:
-            assert isinstance(self.accuracy, CaseNumber)
+    def check(self, faults: SectionFaults) -> None:
+        """A force is read; only an axial one has a sign."""
+        super().check(faults)
+        if isinstance(self.accuracy, CaseNumber) and self.dimension not in FORCES:
             message = f"'{self.accuracy.text}' is no force, line load or moment per length"
             hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
             faults.add(("accuracy",), "unit", message, hint)
         if self.sign is not None and self.quantity != "N":
             message = f"'sign' is that of the axial force; {self.quantity} is read"
             faults.add(("sign",), "wrong-pair", message, "Remove it; 'towards' turns moments.")
-        faults.raise_any()
-        return self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        found = on_structure(self, name, self.point, self.bar, self.towards, context)
-        compression = None if self.sign is None else self.sign == "compression"
-        on, quantity, pushed = self.structure, self.quantity, bool(compression)
-        return [replace(c, structure=on, quantity=quantity, compression=pushed) for c in found]
+        own: dict[str, Any] = {"quantity": self.quantity, "compression": self.sign == "compression"}
+        places = self.point, self.bar, self.towards
+        return [on_structure(self, name, *places, context, **own)]
 
 
 def _refuse_twice(key: str, names: Sequence[str], faults: SectionFaults) -> None:

@@ -7,40 +7,50 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
-    Discriminator,
     Field,
+    GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     Tag,
+    ValidationInfo,
+    field_validator,
     model_serializer,
-    model_validator,
 )
+from pydantic_core import CoreSchema
 
 from geoident.io.case.face import ZeroValue
 from geoident.io.case.gauges.accuracy import (
-    LengthAccuracy,
+    Accuracy,
+    StandardDeviationOf,
     check_parts,
-    dimension_read,
     error_parts,
     unit_shown,
+    usual_examples,
 )
 from geoident.io.schema.estimated import ESTIMATE
-from geoident.io.schema.section import Alternatives, Context, Section
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     CaseNumber,
     Coordinates,
-    Drift,
-    Length,
     Name,
-    scalar_of,
+    QuantityType,
     shape_of,
 )
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
-from geoident.model.gauges import Channel, ErrorParts, MovingPoint, Reads
+from geoident.model.gauges import Channel, ErrorParts, Reads
+from geoident.units import rate_of, unit_list, with_article
+
+LikeReading = Annotated[CaseNumber, QuantityType(None, tied=True)]
+"""A quantity whose dimension follows from what the gauge reads."""
+LIKE_READINGS = ("offset", "drift_per_stage")
+RATES_OF_READINGS = ("drift",)
+"""Keys of all gauges with the dimension of a reading, or of its change in time."""
 
 
 class Motion(NamedTuple):
@@ -58,16 +68,21 @@ class Motion(NamedTuple):
 
 
 class GaugeBase(Section):
-    """What every kind of gauge says beside its place."""
+    """What every kind of gauge says beside its place.
 
+    The dimension of what a kind reads is its attribute `measures`, which quantities that are like a
+    reading have, too (`LIKE_READINGS`). Keys become attributes of the channel of the same names.
+    """
+
+    measures: ClassVar[tuple[str, ...]] = ("length",)
+    """Dimensions that readings may have; empty for any. Of several the accuracy says which."""
     one_of: ClassVar[tuple[Alternatives, ...]] = (
         Alternatives("drift", "drift_per_stage", "", hint="Give one of them, or none."),
     )
 
-    accuracy: LengthAccuracy = Field(
+    accuracy: Accuracy = Field(
         description="Standard deviation of one reading, whose errors are then independent; or what "
-        "its errors are made of, where readings share some; or `estimate`.",
-        examples=["0.1 mm", "estimate", {"reading": "0.1 mm", "epoch": "0.2 mm"}],
+        "its errors are made of, where readings share some."
     )
     survey: Name | None = Field(
         None,
@@ -80,24 +95,80 @@ class GaugeBase(Section):
         "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
         "stage readings count from its placing on.",
     )
-    offset: Length | None = Field(
+    offset: LikeReading | None = Field(
         None,
-        description="Added to all readings after the zero: a misread zero, a head that slipped.",
+        description="Added to all readings after the zero (without a zero, to all): a misread "
+        "zero, a head that slipped.",
         examples=["$off1"],
     )
-    drift: Drift | None = Field(
+    drift: LikeReading | None = Field(
         None,
-        description="Drift of the gauge with time since its zero; needs dates.",
+        description="Drift of the gauge with time since its zero, without `zero` since the date of "
+        f"'{VIRGIN}'; needs dates.",
         examples=["$drift1"],
     )
-    drift_per_stage: Length | None = Field(
+    drift_per_stage: LikeReading | None = Field(
         None, description="Drift of the gauge per stage since its zero."
     )
 
-    @model_validator(mode="after")
-    def _sizes_of_errors(self) -> GaugeBase:
-        check_parts(self.accuracy, self.dimension, self.kind_name)
-        return self
+    @classmethod
+    @cache
+    def like_readings(cls, dimension: str | None) -> dict[str, QuantityType]:
+        """Keys with a quantity like a reading, and what it must be.
+
+        Args:
+            dimension: of what is read; None for any.
+        """
+        like = QuantityType(dimension, tied=True)
+        rate = QuantityType(dimension and rate_of(dimension), tied=True)
+        accuracy = StandardDeviationOf(dimension, above=0.0, usual=bool(cls.measures))
+        likes = dict.fromkeys(LIKE_READINGS, like) | dict.fromkeys(RATES_OF_READINGS, rate)
+        return {"accuracy": accuracy, **likes}
+
+    @classmethod
+    def _likes(cls) -> dict[str, QuantityType]:
+        return cls.like_readings(cls.measures[0] if len(cls.measures) == 1 else None)
+
+    @field_validator("accuracy", *LIKE_READINGS, *RATES_OF_READINGS, mode="before")
+    @classmethod
+    def _like_a_reading(cls, value: Any, info: ValidationInfo) -> Any:
+        """Read a quantity in the dimension of what the kind of gauge reads."""
+        name = str(info.field_name)
+        left = shape_of(value) == "mapping" if name == "accuracy" else value is None
+        return value if left else cls._likes()[name].parse(value)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """The schema with quantities and examples of what the kind of gauge reads."""
+        described = handler(schema)
+        keys = handler.resolve_ref_schema(described)["properties"]
+        for name, like in cls._likes().items():
+            ways = keys[name].get("anyOf") or keys[name]["oneOf"]
+            ways[0] = like.described()
+        accuracy, kind = keys["accuracy"], keys["kind"]["const"] if "kind" in keys else ""
+        accuracy["examples"] = usual_examples(kind) or accuracy["oneOf"][0]["examples"]
+        if cls.measures:
+            accuracy["description"] += " `estimate` finds it from the residuals."
+        return described
+
+    def check(self, faults: SectionFaults) -> None:
+        """All quantities like a reading have the dimension of what is read."""
+        read = self.dimension
+        if self.measures and read not in self.measures:
+            return  # the accuracy is refused
+        check_parts(self.accuracy, read, self.kind_name, faults)
+        for key, like in self.like_readings(read).items():
+            given = None if key == "accuracy" else getattr(self, key)
+            if given is None or given.parameter is not None or given.dimension == like.dimension:
+                continue
+            message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says that "
+            message += f"{with_article(read)} is read"
+            hint = "Use 'drift_per_stage'."
+            if like.dimension:
+                hint = f"Its units: {unit_list(like.dimension)}."
+            faults.add((key,), "unit", message, hint)
 
     @model_serializer(mode="wrap")
     def _as_written(self, dump: SerializerFunctionWrapHandler) -> Any:
@@ -126,9 +197,7 @@ class GaugeBase(Section):
     @property
     def dimension(self) -> str:
         """Dimension of what the gauge reads."""
-        if self.plain_accuracy is not None:
-            return self.plain_accuracy.dimension
-        return dimension_read(type(self)) or "length"
+        return self.measures[0]
 
     @property
     def reads(self) -> Reads:
@@ -160,25 +229,21 @@ class GaugeBase(Section):
         """The channels of a gauge of this name; none, with a fault, where they cannot be."""
 
     def make_channel(
-        self,
-        channel: str,
-        gauge: str,
-        motion: Motion,
-        key: KeyPath,
-        terms: tuple[MovingPoint, ...] = (),
+        self, channel: str, gauge: str, motion: Motion, key: KeyPath, **given: Any
     ) -> Channel:
-        """One channel.
+        """One channel. Its attributes are the keys of the gauge that have their names.
 
         Args:
             channel: its name.
             gauge: name of the gauge.
             motion: what is read.
             key: where the channel is written.
-            terms: points and vectors whose motions add up to the reading, where it is not the
-                motion of one point against another along one direction.
+            given: attributes that are no keys of the gauge, or that keys do not give as they are.
         """
         parts = self.stated_errors
-        return Channel(
+        given = {"along": 0.0, "fibre": None, "towards": None, **given}
+        return self.to_model(
+            Channel,
             name=channel,
             gauge=gauge,
             kind=self.kind_name,
@@ -188,60 +253,54 @@ class GaugeBase(Section):
             accuracy=parts.total(),
             zero=self.zero_stage,
             key=key,
-            offset=scalar_of(self.offset),
-            drift=scalar_of(self.drift),
-            drift_per_stage=scalar_of(self.drift_per_stage),
             dimension=self.dimension,
             unit=unit_shown(self.accuracy, self.kind_name, self.dimension),
             errors=parts if self.plain_accuracy is None else None,
-            terms=terms,
+            reads=self.reads,
+            **given,
         )
 
 
 Reference = Annotated[
     Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
-    Discriminator(shape_of),
+    TEXT_OR_LIST,
 ]
 """What a motion is relative to: fixed ground, or a point."""
 
 
-def point_of(given: list[CaseNumber], place: Context) -> Vector | None:
-    """A point (dim,), m; None, with a fault, where it has another number of coordinates.
-
-    Args:
-        given: the coordinates as written.
-        place: where they stand.
-    """
-    return place.vector(given, "the point")
-
-
-def distance(first: Vector | None, second: Vector | None, place: Context) -> Motion | None:
-    """Change of distance between two points (dim,), m; None, with a fault, where they are one.
+def distance(first: Vector, second: Vector, place: Context) -> Motion:
+    """Change of distance between two points (dim,), m; a fault where they are one.
 
     Args:
         first: the reference point.
         second: the other one.
         place: where they stand.
     """
-    if first is None or second is None:
-        return None
-    direction = unit_vector(tuple(b - a for a, b in zip(first, second, strict=True)))
-    if direction is None:
-        refuse_one_point(place)
-        return None
-    return Motion(first, second, direction)
+    refuse_one_point(first, second, place)
+    return Motion(first, second, unit_vector(subtract(second, first)))
 
 
-def refuse_one_point(place: Context) -> None:
+def refuse_one_point(first: Vector | None, second: Vector, place: Context) -> None:
     """Note that the two points of a gauge are one."""
-    message = "the two points coincide"
-    place.refuse("zero-length", message, "Correct the coordinates of one.")
+    if first == second:
+        message = "the two points coincide"
+        place.refuse("zero-length", message, "Correct the coordinates of one.")
 
 
-def unit_vector(components: Vector) -> Vector | None:
-    """The vector (dim,) of length one along another; None along one of length zero."""
-    length = math.hypot(*components)
-    return tuple(x / length for x in components) if length > 0 else None
+def point_or_ground(given: list[CaseNumber] | str, place: Context) -> Vector | None:
+    """The point to which a motion is relative; None for fixed ground."""
+    return None if isinstance(given, str) else place.vector(given)
+
+
+def subtract(one: Vector, other: Vector) -> Vector:
+    """The vector (dim,) from another point to one."""
+    return tuple(a - b for a, b in zip(one, other, strict=True))
+
+
+def unit_vector(components: Vector) -> Vector:
+    """The vector (dim,) of length one along another; zeros along one of length zero."""
+    length = math.hypot(*components) or 1.0
+    return tuple(x / length for x in components)
 
 
 def axis_vector(axis: int, dim: int, sign: float) -> Vector:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.accuracy import LengthAccuracy, check_parts
 from geoident.io.case.gauges.gauge import (
@@ -16,7 +16,7 @@ from geoident.io.case.gauges.gauge import (
     Motion,
     axis_vector,
     cross_product,
-    point_of,
+    subtract,
     unit_vector,
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
@@ -89,9 +89,9 @@ class InclinometerSection(GaugeBase):
         examples=["1 mm"],
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> InclinometerSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Rings have an accuracy, and no axis and no depth is listed twice."""
+        super().check(faults)
         if (self.ring_accuracy is None) == bool(self.rings):
             message = "found one of rings and ring_accuracy; both or none are expected"
             hint = "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
@@ -106,14 +106,8 @@ class InclinometerSection(GaugeBase):
                     message = f"the depth {depth.text} is listed twice"
                     faults.add((key, n), "duplicate", message, "Remove one.")
                 seen.add(_metres(depth.factor))
-        faults.raise_any()
-        return self
-
-    @model_validator(mode="after")
-    def _sizes_of_ring_errors(self) -> InclinometerSection:
         if self.ring_accuracy is not None:
-            check_parts(self.ring_accuracy, self.dimension, self.kind, "ring_accuracy")
-        return self
+            check_parts(self.ring_accuracy, self.dimension, self.kind, faults, "ring_accuracy")
 
     def sections(self, name: str) -> dict[str, GaugeBase]:
         """Rings have an accuracy of their own."""
@@ -169,14 +163,14 @@ class InclinometerSection(GaugeBase):
                 continue
             reference = end if axis == "S" else self._reference(depth, depths, end)
             motion, terms = casing.motion(reference, depth, vectors)
-            channel_name = f"{name}.{axis}{_metres(depth)}"
-            channel = read_by.make_channel(channel_name, name, motion, place.path, terms)
+            channel = f"{name}.{axis}{_metres(depth)}"
             # cumulated readings share what adds up from the end on; an increment has its own length
             # only, and rings are read one by one
             cumulated = self.reads_as == "cumulated" and axis != "S"
             length = 0.0 if axis == "S" else abs(depth - reference)
             run, probe = f"{name}.{axis}" * cumulated, "rings" * (axis == "S")
-            found.append(replace(channel, run=run, along=length, probe=probe))
+            own = {"terms": terms, "run": run, "along": length, "probe": probe}
+            found.append(read_by.make_channel(channel, name, motion, place.path, **own))
         return found
 
     def _reference(self, depth: float, depths: Sequence[float], end: float) -> float:
@@ -222,14 +216,14 @@ class InclinometerSection(GaugeBase):
         """The casing; None, with a fault, where it cannot be."""
         points: list[Vector] = []
         for n, given in enumerate(self.casing):
-            point = point_of(given, context.at("casing", n))
-            if point is None:
-                return None
+            point = context.at("casing", n).vector(given)
             if points and point == points[-1]:
                 message = "two points of the casing that follow each other are the same"
                 context.at("casing", n).refuse("zero-length", message, "Remove one.")
                 return None
             points.append(point)
+        if math.isnan(sum(map(sum, points))):
+            return None  # a point is wrong
         if points[0][-1] < points[-1][-1]:
             message = "the first point of the casing lies below the last one; its top comes first"
             context.at("casing").refuse("upside-down", message, "Reverse the list of points.")
@@ -251,10 +245,7 @@ class InclinometerSection(GaugeBase):
             return None
         given = axis_vector(0, context.dim, 1.0)
         if self.A is not None:
-            written = context.at("A").vector(self.A, "the direction")
-            if written is None:
-                return None
-            given = written
+            given = context.at("A").vector(self.A, "the direction")
         found = []
         for tangent in casing.tangents:
             across = _across(given, tangent)
@@ -280,10 +271,7 @@ class _Casing:
     @property
     def tangents(self) -> list[Vector]:
         """Directions of its m pieces, downwards."""
-        return [
-            unit_vector(tuple(y - x for x, y in zip(a, b, strict=True))) or a
-            for a, b in pairwise(self.points)
-        ]
+        return [unit_vector(subtract(b, a)) for a, b in pairwise(self.points)]
 
     @property
     def starts(self) -> list[float]:

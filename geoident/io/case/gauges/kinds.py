@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.force import ForceSection
 from geoident.io.case.gauges.gauge import (
@@ -18,9 +18,8 @@ from geoident.io.case.gauges.gauge import (
     Reference,
     axis_vector,
     distance,
-    point_of,
+    point_or_ground,
     refuse_one_point,
-    unit_vector,
 )
 from geoident.io.case.gauges.inclinometer import InclinometerSection
 from geoident.io.case.gauges.motion import MotionSection
@@ -28,6 +27,7 @@ from geoident.io.case.gauges.on_structure import on_structures
 from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
+from geoident.io.case.gauges.value import refuse_no_direction, unit_direction
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector
@@ -53,13 +53,12 @@ class ExtensometerSection(GaugeBase):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every anchor."""
-        head = point_of(self.head, context.at("head"))
+        head = context.at("head").vector(self.head)
         found = []
         for anchor, given in self.anchors.items():
             place = context.at("anchors", anchor)
-            motion = distance(head, point_of(given, place), place)
-            if motion is not None:
-                found.append(self.make_channel(f"{name}.{anchor}", name, motion, place.path))
+            motion = distance(head, place.vector(given), place)
+            found.append(self.make_channel(f"{name}.{anchor}", name, motion, place.path))
         return found
 
 
@@ -72,9 +71,8 @@ class ConvergenceSection(GaugeBase):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
         place = context.at("between")
-        first, second = (point_of(point, place.at(n)) for n, point in enumerate(self.between))
-        motion = distance(first, second, place)
-        return [] if motion is None else [self.make_channel(name, name, motion, context.path)]
+        first, second = (place.at(n).vector(point) for n, point in enumerate(self.between))
+        return [self.make_channel(name, name, distance(first, second, place), context.path)]
 
 
 class DisplacementSection(GaugeBase):
@@ -93,29 +91,22 @@ class DisplacementSection(GaugeBase):
         None, description="Direction vector in place of a component; its length does not matter."
     )
 
-    @model_validator(mode="after")
-    def _one_direction(self) -> DisplacementSection:
-        faults = SectionFaults()
-        if self.direction is not None and not any(x.factor for x in self.direction):
-            faults.add(("direction",), "zero-direction", "the direction has length zero")
-        faults.raise_any()
-        return self
+    def check(self, faults: SectionFaults) -> None:
+        """The direction has a length."""
+        super().check(faults)
+        refuse_no_direction("direction", self.direction, faults)
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
-        motion = _displacement(self, self._unit(context), context)
-        return [] if motion is None else [self.make_channel(name, name, motion, context.path)]
-
-    def _unit(self, context: Context) -> Vector | None:
-        if self.direction is not None:
-            given = context.at("direction").vector(self.direction, "the direction")
-            return None if given is None else unit_vector(given)
-        axis = _AXES.index(self.component or "x")
-        if axis < context.dim:
-            return axis_vector(axis, context.dim, 1.0)
-        message = "a plane model has no displacement along z"
-        context.at("component").refuse("wrong-dimension", message, "Use x or y.")
-        return None
+        direction = unit_direction(self.direction, context.at("direction"))
+        if direction is None:
+            axis = _AXES.index(self.component or "x")
+            direction = axis_vector(axis, context.dim, 1.0)
+            if axis >= context.dim:
+                message = "a plane model has no displacement along z"
+                context.at("component").refuse("wrong-dimension", message, "Use x or y.")
+        motion = _displacement(self, direction, context)
+        return [self.make_channel(name, name, motion, context.path)]
 
 
 class SettlementSection(GaugeBase):
@@ -129,7 +120,7 @@ class SettlementSection(GaugeBase):
         """The one channel."""
         down = axis_vector(context.dim - 1, context.dim, -1.0)
         motion = _displacement(self, down, context)
-        return [] if motion is None else [self.make_channel(name, name, motion, context.path)]
+        return [self.make_channel(name, name, motion, context.path)]
 
 
 GaugeSection = Annotated[
@@ -180,15 +171,11 @@ def build_channels(
 
 
 def _displacement(
-    section: DisplacementSection | SettlementSection, direction: Vector | None, context: Context
-) -> Motion | None:
+    section: DisplacementSection | SettlementSection, direction: Vector, context: Context
+) -> Motion:
     """Motion of a point against another one, or against fixed ground."""
-    point = point_of(section.point, context.at("point"))
-    given = section.relative_to
-    first = None if isinstance(given, str) else point_of(given, context.at("relative_to"))
-    if point is None or direction is None or (first is None and not isinstance(given, str)):
-        return None
-    if first == point:
-        refuse_one_point(context.at("relative_to"))
-        return None
+    point = context.at("point").vector(section.point)
+    place = context.at("relative_to")
+    first = point_or_ground(section.relative_to, place)
+    refuse_one_point(first, point, place)
     return Motion(first, point, direction)

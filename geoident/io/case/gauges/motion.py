@@ -7,57 +7,37 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from geoident.io.case.gauges.accuracy import AngleAccuracy
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
     Motion,
     Reference,
     axis_vector,
-    point_of,
+    point_or_ground,
     refuse_one_point,
+    subtract,
     unit_vector,
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
-    CaseNumber,
     Coordinates,
     DirectionVector,
     FixedAngle,
     Line,
     Name,
-    QuantityType,
 )
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
-
-AngleOffset = Annotated[CaseNumber, QuantityType("angle", tied=True)]
-AngleRate = Annotated[CaseNumber, QuantityType("angle rate", tied=True)]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a distance count as zero."""
 
 
-class _AngleGauge(GaugeBase):
-    """A gauge whose readings are angles."""
-
-    accuracy: AngleAccuracy = Field(
-        description="Standard deviation of one reading.", examples=["0.05 mm/m"]
-    )
-    offset: AngleOffset | None = Field(None, description="Added to all readings after the zero.")
-    drift: AngleRate | None = Field(
-        None, description="Drift of the gauge with time since its zero; needs dates."
-    )
-    drift_per_stage: AngleOffset | None = Field(
-        None, description="Drift of the gauge per stage since its zero."
-    )
-
-
-class TiltSection(_AngleGauge):
+class TiltSection(GaugeBase):
     """Rotation of a point of the ground, of a beam or of a pair of points, in a vertical plane.
 
     Positive where the top leans towards a direction. At a point it is the rotation of the ground
@@ -65,9 +45,11 @@ class TiltSection(_AngleGauge):
     """
 
     one_of = (
-        *_AngleGauge.one_of,
+        *GaugeBase.one_of,
         Alternatives("point on?", "between", hint="Two points have a rotation without a beam."),
     )
+
+    measures = ("angle",)
 
     kind: Literal["tilt"]
     point: Coordinates | None = Field(None, description="The point whose rotation is read.")
@@ -89,70 +71,52 @@ class TiltSection(_AngleGauge):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
         towards = self._towards(context)
-        if towards is None:
-            return []
-        if self.point is not None:
-            point = point_of(self.point, context.at("point"))
-            if point is None:
-                return []
-            motion = Motion(None, point, towards)
-            if self.on is not None:
-                return [
-                    replace(self.make_channel(name, name, motion, context.path), structure=self.on)
-                ]
-            return [
-                replace(
-                    self.make_channel(name, name, motion, context.path), turns=_leaning(towards)
-                )
-            ]
-        return self._pair(name, towards, context)
+        if self.point is None:
+            return self._pair(name, towards, context)
+        motion = Motion(None, context.at("point").vector(self.point), towards)
+        own = {"turns": _leaning(towards)} if self.on is None else {"structure": self.on}
+        return [self.make_channel(name, name, motion, context.path, **own)]
 
     def _pair(self, name: str, towards: Vector, context: Context) -> list[Channel]:
         place = context.at("between")
-        ends = [point_of(given, place.at(n)) for n, given in enumerate(self.between or [])]
-        first, second = ends
-        if first is None or second is None:
-            return []
-        apart = [b - a for a, b in zip(first, second, strict=True)]
-        length = math.hypot(*apart)
-        if length == 0.0:
-            refuse_one_point(place)
-            return []
+        first, second = (place.at(n).vector(given) for n, given in enumerate(self.between or []))
+        refuse_one_point(first, second, place)
+        apart = np.array(subtract(second, first))
         # A rotation by the angle 1 moves the second point against the first by this vector.
-        sweep = 2.0 * np.array(_leaning(towards)) @ np.array(apart)
+        sweep = 2.0 * np.array(_leaning(towards)) @ apart
         size = float(sweep @ sweep)
-        if size <= _ON_LINE * length**2:
-            message = "the line between the two points does not turn when it leans in the direction"
-            hint = "Give points above each other, or beside each other in that direction."
-            context.at("towards" if self.towards is not None else "between").refuse(
-                "zero-direction", message, hint
-            )
+        if 0.0 <= size <= _ON_LINE * float(apart @ apart):
+            if first != second:
+                message = "the line between the two points does not turn when it leans in the "
+                hint = "Give points above each other, or beside each other in that direction."
+                context.at("towards" if self.towards is not None else "between").refuse(
+                    "zero-direction", f"{message}direction", hint
+                )
             return []
         vector = tuple(float(x) for x in sweep / size)
         terms = ((first, tuple(-x for x in vector)), (second, vector))
-        motion = Motion(first, second, unit_vector(vector) or vector)
-        return [self.make_channel(name, name, motion, context.path, terms)]
+        motion = Motion(first, second, unit_vector(vector))
+        return [self.make_channel(name, name, motion, context.path, terms=terms)]
 
-    def _towards(self, context: Context) -> Vector | None:
-        """Horizontal unit vector (dim,); None, with a fault, where there is none."""
+    def _towards(self, context: Context) -> Vector:
+        """Horizontal unit vector (dim,); zeros, with a fault, where there is none."""
         if self.towards is None:
-            if context.dim == 2:
-                return axis_vector(0, 2, 1.0)
-            message = "'towards' is missing: the direction in which the top leans"
-            context.refuse("missing-key", message, "Add 'towards: [1, 0, 0]'.", key=True)
-            return None
-        given = context.at("towards").vector(self.towards, "the direction")
-        if given is None:
-            return None
-        level = unit_vector((*given[:-1], 0.0))
-        if level is None:
+            if context.dim == 3:
+                message = "'towards' is missing: the direction in which the top leans"
+                context.refuse("missing-key", message, "Add 'towards: [1, 0, 0]'.", key=True)
+            return axis_vector(0, context.dim, 1.0)
+        place = context.at("towards")
+        level = unit_vector((*place.vector(self.towards, "the direction")[:-1], 0.0))
+        if not any(level):
             message = "the direction is vertical or has length zero"
-            context.at("towards").refuse("zero-direction", message, "Give a horizontal direction.")
+            place.refuse("zero-direction", message, "Give a horizontal direction.")
         return level
 
 
-class DistortionSection(_AngleGauge):
+class DistortionSection(GaugeBase):
     """Angular distortion of pairs of points: difference of their settlements by their distance."""
+
+    measures = ("angle",)
 
     pairs: list[list[Name]] = Field(
         min_length=1, description="Names of two points each.", examples=[[["P1", "P2"]]]
@@ -183,9 +147,9 @@ class LevellingSection(GaugeBase):
         None, description="Pairs whose angular distortion is read, the second point going down."
     )
 
-    @model_validator(mode="after")
-    def _known_points(self) -> LevellingSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The points that are named are points of the line."""
+        super().check(faults)
         known = ", ".join(self.points)
         if self.relative_to not in {"ground", *self.points}:
             message = f"there is no point '{self.relative_to}' in the line"
@@ -199,8 +163,6 @@ class LevellingSection(GaugeBase):
                 if name not in self.points:
                     message = f"there is no point '{name}' in the line"
                     faults.add(path, "unknown-point", message, f"Its points: {known}.")
-        faults.raise_any()
-        return self
 
     def channel_names(self, name: str) -> list[str]:
         """One name for every point that is read, then one for every pair."""
@@ -220,21 +182,15 @@ class LevellingSection(GaugeBase):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point that is read, then one for every pair."""
         places = {key: context.at("points", key) for key in self.points}
-        at = {key: point_of(given, places[key]) for key, given in self.points.items()}
-        points = {key: point for key, point in at.items() if point is not None}
-        if len(points) < len(at):
-            return []
+        points = {key: places[key].vector(given) for key, given in self.points.items()}
         down = axis_vector(context.dim - 1, context.dim, -1.0)
         base = points.get(self.relative_to)
         found = []
         for key, point in points.items():
-            if key == self.relative_to:
-                continue
-            if point == base:
-                refuse_one_point(places[key])
-                continue
-            motion = Motion(base, point, down)
-            found.append(self.make_channel(f"{name}.{key}", name, motion, places[key].path))
+            if key != self.relative_to:
+                refuse_one_point(base, point, places[key])
+                motion = Motion(base, point, down)
+                found.append(self.make_channel(f"{name}.{key}", name, motion, places[key].path))
         return found + self._distorted(name, points, down, context)
 
     def _distorted(
@@ -254,10 +210,11 @@ class LevellingSection(GaugeBase):
             vector = tuple(x / length for x in down)
             terms = ((points[a], tuple(-x for x in vector)), (points[b], vector))
             motion = Motion(points[a], points[b], down)
-            channel = section.make_channel(f"{name}.{a}-{b}", name, motion, place.path, terms)
-            own_zero = "zero" in section.model_fields_set
-            zero = channel.zero if own_zero else self.zero_stage
-            found.append(replace(channel, kind=self.kind, zero=zero, probe="distortions"))
+            zeroed = section if "zero" in section.model_fields_set else self
+            channel = section.make_channel(f"{name}.{a}-{b}", name, motion, place.path, terms=terms)
+            found.append(
+                replace(channel, kind=self.kind, zero=zeroed.zero_stage, probe="distortions")
+            )
         return found
 
 
@@ -303,57 +260,38 @@ class LineOfSightSection(GaugeBase):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point."""
-        given: dict[str, Any] = {name: (self.point, context.at("point"))}
+        given = {name: (self.point or [], context.at("point"))}
         if self.points is not None:
             given = {
                 f"{name}.{key}": (point, context.at("points", key))
                 for key, point in self.points.items()
             }
-        base = None
-        if not isinstance(self.relative_to, str):
-            base = point_of(self.relative_to, context.at("relative_to"))
-            if base is None:
-                return []
+        base = point_or_ground(self.relative_to, context.at("relative_to"))
+        sign = 1.0 if self.positive == "towards" else -1.0
         found = []
         for channel, (written, place) in given.items():
-            point = point_of(written, place)
-            vector = None if point is None else self._sight(point, context)
-            if point is None or vector is None:
-                continue
-            if point == base:
-                refuse_one_point(place)
-                continue
-            found.append(self.make_channel(channel, name, Motion(base, point, vector), place.path))
+            point = place.vector(written)
+            refuse_one_point(base, point, place)
+            towards = tuple(sign * x for x in self._towards_sensor(point, context))
+            found.append(self.make_channel(channel, name, Motion(base, point, towards), place.path))
         return found
 
-    def _sight(self, point: Vector, context: Context) -> Vector | None:
-        """Unit vector (dim,) in which a motion is positive; None, with a fault, if none."""
-        towards = self._towards_sensor(point, context)
-        if towards is None:
-            return None
-        return towards if self.positive == "towards" else tuple(-x for x in towards)
-
-    def _towards_sensor(self, point: Vector, context: Context) -> Vector | None:
+    def _towards_sensor(self, point: Vector, context: Context) -> Vector:
+        """Unit vector (dim,) from a point to the sensor; zeros, with a fault, if there is none."""
         if self.direction is not None:
-            place, given = context.at("direction"), self.direction
-            vector = place.vector(given, "the direction")
+            place = context.at("direction")
+            vector = unit_vector(place.vector(self.direction, "the direction"))
         elif self.sensor is not None:
             place = context.at("sensor")
-            stands = point_of(self.sensor, place)
-            vector = None
-            if stands is not None:
-                vector = tuple(b - a for a, b in zip(point, stands, strict=True))
+            vector = unit_vector(subtract(place.vector(self.sensor), point))
         else:
             return self._from_angles(context)
-        if vector is None:
-            return None
-        found = unit_vector(vector)
-        if found is None:
+        if not any(vector):
             message = "the direction towards the sensor has length zero"
             place.refuse("zero-direction", message, "Correct it.")
-        return found
+        return vector
 
-    def _from_angles(self, context: Context) -> Vector | None:
+    def _from_angles(self, context: Context) -> Vector:
         assert self.incidence is not None
         sine, cosine = math.sin(self.incidence.factor), math.cos(self.incidence.factor)
         if context.dim == 2:
@@ -361,12 +299,11 @@ class LineOfSightSection(GaugeBase):
                 message = "a plane model has no azimuth"
                 hint = "Remove it; a negative incidence leans against x."
                 context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
-                return None
             return (sine, cosine)
         if self.azimuth is None:
             message = "'azimuth' is missing: the direction towards the sensor, clockwise from y"
             context.refuse("missing-key", message, "Add 'azimuth: 100 deg'.", key=True)
-            return None
+            return (0.0, 0.0, 0.0)
         angle = self.azimuth.factor
         return (sine * math.sin(angle), sine * math.cos(angle), cosine)
 

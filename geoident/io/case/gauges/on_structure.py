@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
-from geoident.io.case.gauges.gauge import GaugeBase, unit_vector
-from geoident.io.case.gauges.value import ValueGauge, optional_point
+from geoident.io.case.gauges.gauge import GaugeBase, subtract, unit_vector
+from geoident.io.case.gauges.value import ValueGauge, optional_vector
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
 from geoident.model.gauges import Channel
@@ -22,7 +23,8 @@ def on_structure(
     bar: int | None,
     towards: list[CaseNumber] | None,
     context: Context,
-) -> list[Channel]:
+    **given: Any,
+) -> Channel:
     """The channel of a gauge on some structure; the place on a bar is found later.
 
     Args:
@@ -32,15 +34,15 @@ def on_structure(
         bar: number of the bar, from 1, if it is given by that.
         towards: the point on the inside, if it is given.
         context: where the gauge is written.
+        given: see `GaugeBase.make_channel`.
     """
-    none = (0.0,) * context.dim
-    place = optional_point(point, context.at("point"))
-    inside = optional_point(towards, context.at("towards"))
-    if point is not None and place is None:
-        return []
-    found = section.at_point(name, "", place or none, none, context)
+    place = optional_vector(point, context.at("point"), "the point")
+    inside = optional_vector(towards, context.at("towards"), "the point")
     member = 0 if bar is None else bar - 1
-    return [replace(found, member=member, towards=inside)]
+    point_or_none = place or (0.0,) * context.dim
+    return section.at_point(
+        name, point_or_none, None, context, member=member, towards=inside, **given
+    )
 
 
 def on_structures(
@@ -101,16 +103,13 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
         place.at("bar").refuse("no-such-bar", message, "They count from 1.")
     else:
         first, second = bars.ends[channel.member]
-        if len(first) != len(second):
-            return None  # ends of too few or too many coordinates are a fault of the structure
-        along = unit_vector(tuple(b - a for a, b in zip(first, second, strict=True)))
         counts = getattr(section, "sign", None)
         pushed = isinstance(bars, Struts) if counts is None else counts == "compression"
         return replace(
             channel,
             first=first,
             second=second,
-            direction=along or channel.direction,
+            direction=unit_vector(subtract(second, first)),
             compression=pushed and channel.kind == "load-cell",
         )
     return None

@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import accumulate, pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from geoident.io.case.gauges.accuracy import StrainAccuracy
-from geoident.io.case.gauges.gauge import Motion, distance, point_of, unit_vector
+from geoident.io.case.gauges.gauge import Motion, distance, subtract, unit_vector
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
 from geoident.io.case.gauges.value import (
-    DRIFT,
     StressComponent,
     ValueGauge,
-    has_component,
+    check_component,
     refuse_no_direction,
     unit_direction,
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
-    CaseNumber,
     Coordinates,
     Count,
     DirectionVector,
@@ -32,14 +28,11 @@ from geoident.io.schema.values import (
     FixedSize,
     Line,
     Name,
-    QuantityType,
     SharesUnit,
 )
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint, Reads
 
-StrainOffset = Annotated[CaseNumber, QuantityType("strain", tied=True)]
-StrainRate = Annotated[CaseNumber, QuantityType("strain rate", tied=True)]
 Stations = Annotated[list[FixedLength], SharesUnit()]
 
 _MOST_STATIONS = 10_000
@@ -71,13 +64,9 @@ class StrainSection(ValueGauge):
         ),
     )
 
+    measures = ("strain",)
+
     kind: Literal["strain"]
-    accuracy: StrainAccuracy = Field(
-        description="Standard deviation of one reading.", examples=["5 microstrain"]
-    )
-    offset: StrainOffset | None = Field(None, description="Added to all readings.")
-    drift: StrainRate | None = Field(None, description=DRIFT)
-    drift_per_stage: StrainOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates | None = Field(None, description="Where it is read.")
     direction: DirectionVector | None = Field(None, description="Along which it is read.")
     component: StressComponent | None = Field(
@@ -110,12 +99,10 @@ class StrainSection(ValueGauge):
     )
     towards: Coordinates | None = Field(None, description=TOWARDS)
 
-    @model_validator(mode="after")
-    def _one_way(self) -> StrainSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The direction has a length."""
+        super().check(faults)
         refuse_no_direction("direction", self.direction, faults)
-        faults.raise_any()
-        return self
 
     @property
     def reads(self) -> Reads:
@@ -136,49 +123,36 @@ class StrainSection(ValueGauge):
         if self.along is not None:
             return self._along(name, context)
         if self.between is not None:
-            return self._between(name, self.between, context)
-        point = point_of(self.point or [], context.at("point"))
+            place = context.at("between")
+            first, second = (place.at(n).vector(point) for n, point in enumerate(self.between))
+            motion, terms = distance(first, second, place), _mean_strain([first, second])
+            return [self.make_channel(name, name, motion, context.path, terms=terms)]
+        point = context.at("point").vector(self.point or [])
         direction = unit_direction(self.direction, context.at("direction"))
-        if point is None or direction is None:
-            return []
-        if self.component and not has_component(self.component, context.at("component")):
-            return []
-        found = self.at_point(name, "", point, direction, context)
-        return [replace(found, quantity=self.component or "")]
-
-    def _between(
-        self, name: str, between: Sequence[list[CaseNumber]], context: Context
-    ) -> list[Channel]:
-        place = context.at("between")
-        first, second = (point_of(point, place.at(n)) for n, point in enumerate(between))
-        motion = distance(first, second, place)
-        if motion is None or first is None or second is None:
-            return []
-        return [self.make_channel(name, name, motion, context.path, _mean_strain([first, second]))]
+        if self.component:
+            check_component(self.component, context.at("component"))
+        return [self.at_point(name, point, direction, context, quantity=self.component or "")]
 
     def _along(self, name: str, context: Context) -> list[Channel]:
         place = context.at("along")
-        given = [point_of(point, place.at(n)) for n, point in enumerate(self.along or ())]
-        line = [point for point in given if point is not None]
-        if len(line) < len(given):
-            return []
+        line = [place.at(n).vector(point) for n, point in enumerate(self.along or ())]
         for n, (a, b) in enumerate(pairwise(line), start=1):
             if a == b:
                 message = "the point is the same as the one before"
                 place.at(n).refuse("zero-length", message, "Remove one of them.")
                 return []
         length = sum(math.dist(a, b) for a, b in pairwise(line))
+        if math.isnan(length):
+            return []  # a point is wrong
         half, stations = self._base / 2, self._stations(length)
         if not self._fits(stations, half, length, context):
             return []
         found = []
         for station in stations:
             part = _part_of(line, station - half, station + half)
-            terms = _mean_strain(part)
-            direction = unit_vector(tuple(b - a for a, b in zip(part[0], part[-1], strict=True)))
-            motion = Motion(part[0], part[-1], direction or (0.0,) * context.dim)
-            channel = self.make_channel(f"{name}.{station:.6g}", name, motion, context.path, terms)
-            found.append(channel)
+            motion = Motion(part[0], part[-1], unit_vector(subtract(part[-1], part[0])))
+            channel, terms = f"{name}.{station:.6g}", _mean_strain(part)
+            found.append(self.make_channel(channel, name, motion, context.path, terms=terms))
         return found
 
     def _fits(
@@ -218,18 +192,18 @@ class StrainSection(ValueGauge):
         return [base / 2 + n * step for n in range(max(0, min(count, _MOST_STATIONS + 1)))]
 
     def _of_structure(self, name: str, context: Context) -> list[Channel]:
-        found = on_structure(self, name, self.point, self.bar, self.towards, context)
         depth = None if self.depth is None else self.depth.factor
-        on, fibre = self.structure or "", self.fibre or ""
-        return [replace(c, structure=on, quantity=fibre, fibre=depth) for c in found]
+        places = self.point, self.bar, self.towards
+        fibre = self.fibre or ""
+        return [on_structure(self, name, *places, context, quantity=fibre, fibre=depth)]
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:
     """Points and vectors, 1/m, whose motions add up to the mean strain along a line."""
-    length = sum(math.dist(a, b) for a, b in pairwise(line))
+    length = sum(math.dist(a, b) for a, b in pairwise(line)) or 1.0
     terms: list[MovingPoint] = []
     for a, b in pairwise(line):
-        along = tuple((y - x) / math.dist(a, b) / length for x, y in zip(a, b, strict=True))
+        along = tuple(x / length for x in unit_vector(subtract(b, a)))
         terms += [(a, tuple(-x for x in along)), (b, along)]
     return tuple(terms)
 

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
@@ -14,8 +14,9 @@ from geoident.io.case.gauges.gauge import (
     Reference,
     axis_vector,
     cross_product,
-    point_of,
+    point_or_ground,
     refuse_one_point,
+    subtract,
     unit_vector,
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
@@ -80,16 +81,14 @@ class TargetSection(GaugeBase):
     )
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> TargetSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """No component is listed twice."""
+        super().check(faults)
         chosen = self.components or []
         for n, component in enumerate(chosen):
             if component in chosen[:n]:
                 message = f"the component {component} is listed twice"
                 faults.add(("components", n), "duplicate", message, "Remove one.")
-        faults.raise_any()
-        return self
 
     def chosen(self) -> list[str]:
         """Components that are read."""
@@ -104,104 +103,76 @@ class TargetSection(GaugeBase):
         """One name for every component."""
         return [f"{name}.{component}" for component in self.chosen()]
 
-    def directions(self, context: Context) -> dict[str, Vector] | None:
-        """Unit vectors (dim,) of the components that are read; None, with a fault, if not all are.
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """One channel for every component."""
+        if self.point is not None:
+            place = context.at("point")
+            point, along = place.vector(self.point), self._level(context)
+        else:
+            place, piece = context.at("chainage"), self._piece(context)
+            if piece is None:
+                return []
+            point, along = piece
+        relative = context.at("relative_to")
+        first = point_or_ground(self.relative_to, relative)
+        refuse_one_point(first, point, relative)
+        return [
+            self.make_channel(f"{name}.{component}", name, Motion(first, point, vector), place.path)
+            for component, vector in self._directions(along, context).items()
+        ]
+
+    def _directions(self, along: Vector | None, context: Context) -> dict[str, Vector]:
+        """Unit vectors (dim,) of the components that are read; none, with a fault, if not all are.
 
         Args:
+            along: (3,) horizontal unit vector of growing chainage, if it is known.
             context: of the gauge.
         """
-        known: dict[str, Vector]
-        if context.dim == 2:
-            known = {"across": (1.0, 0.0), "up": (0.0, 1.0), "x": (1.0, 0.0), "y": (0.0, 1.0)}
-        else:
-            known = dict(zip("xyz", (axis_vector(n, 3, 1.0) for n in range(3)), strict=True))
-            known["up"] = axis_vector(2, 3, 1.0)
-            along = self._along(context)
-            if along is not None:
-                known.update(along=along, across=cross_product(along, known["up"]))
-        found = {}
+        dim = context.dim
+        known = {axis: axis_vector(n, dim, 1.0) for n, axis in enumerate("xyz"[:dim])}
+        known["up"] = axis_vector(dim - 1, dim, 1.0)
+        if dim == 2:
+            known["across"] = known["x"]
+        elif along is not None:
+            known.update(along=along, across=cross_product(along, known["up"]))
         for n, component in enumerate(self.chosen()):
             if component in known:
-                found[component] = known[component]
                 continue
             place = context if self.components is None else context.at("components", n)
-            if context.dim == 2:
+            if dim == 2:
                 message = f"a plane model has no motion along '{component}'"
                 place.refuse("wrong-dimension", message, "Use across and up, or x and y.")
             else:
                 message = f"the component '{component}' needs the direction of the axis"
                 place.refuse("missing-key", message, "Add 'along: [0, 1, 0]' or an alignment.")
-            return None
-        return found
+            return {}
+        return {component: known[component] for component in self.chosen()}
 
-    def channels(self, name: str, context: Context) -> list[Channel]:
-        """One channel for every component."""
-        if self.alignment is not None and self._piece(context) is None:
-            return []
-        directions = self.directions(context)
-        point, place = self._place(context)
-        first = None
-        if not isinstance(self.relative_to, str):
-            first = point_of(self.relative_to, context.at("relative_to"))
-            if first is None:
-                return []
-        if directions is None or point is None:
-            return []
-        if first == point:
-            refuse_one_point(context.at("relative_to"))
-            return []
-        return [
-            self.make_channel(f"{name}.{component}", name, Motion(first, point, vector), place.path)
-            for component, vector in directions.items()
-        ]
-
-    def _along(self, context: Context) -> Vector | None:
-        """Horizontal unit vector of growing chainage; None where none is given."""
-        if self.alignment is not None:
-            piece = self._piece(context)
-            return None if piece is None else unit_vector((*piece[1][:2], 0.0))
-        if self.along is None:
+    def _level(self, context: Context) -> Vector | None:
+        """Horizontal unit vector (3,) of the key `along`; None where it is not given."""
+        if self.along is None or context.dim == 2:
             return None
-        given = context.at("along").vector(self.along, "the direction")
-        if given is None:
-            return None
-        level = unit_vector((*given[:2], 0.0))
-        if level is None:
+        place = context.at("along")
+        level = unit_vector((*place.vector(self.along, "the direction")[:2], 0.0))
+        if not any(level):
             message = "the direction along the axis is vertical or has length zero"
-            context.at("along").refuse("zero-direction", message, "Give a horizontal direction.")
+            place.refuse("zero-direction", message, "Give a horizontal direction.")
         return level
 
-    def _place(self, context: Context) -> tuple[Vector | None, Context]:
-        """The point, and where it is written."""
-        if self.point is not None:
-            return point_of(self.point, context.at("point")), context.at("point")
-        place = context.at("chainage")
-        piece = self._piece(context)
-        if piece is None or self.beside is None:
-            return None, place
-        on, tangent = piece
-        level = unit_vector((*tangent[:2], 0.0))
-        if level is None:
-            return None, place
-        right, up = cross_product(level, (0.0, 0.0, 1.0)), self.beside[1].factor
-        moved = [x + self.beside[0].factor * r for x, r in zip(on, right, strict=True)]
-        return (moved[0], moved[1], moved[2] + up), place
-
     def _piece(self, context: Context) -> tuple[Vector, Vector] | None:
-        """The point of the alignment at the chainage, and its direction there."""
+        """The target (3,) beside the alignment at the chainage, and the level direction there."""
         if context.dim == 2:
             message = "an alignment in a plane model"
             context.at("alignment").refuse("wrong-dimension", message, "Give 'point'.", key=True)
             return None
-        points = []
-        for n, given in enumerate(self.alignment or []):
-            point = point_of(given, context.at("alignment", n))
-            if point is None:
-                return None
-            points.append(point)
         assert self.chainage is not None
+        assert self.beside is not None
+        given = enumerate(self.alignment or [])
+        points = [context.at("alignment", n).vector(point) for n, point in given]
         # chainage is measured in plan
         plan = [math.dist(a[:2], b[:2]) for a, b in pairwise(points)]
+        if math.isnan(sum(plan)):
+            return None  # a point is wrong
         ahead = self.chainage.factor - self.start_chainage.factor
         if not 0.0 <= ahead <= sum(plan) * (1 + _ON_LINE) or not all(plan):
             start = self.start_chainage.factor
@@ -209,11 +180,16 @@ class TargetSection(GaugeBase):
             message += f"from {start:.6g} m to {start + sum(plan):.6g} m in plan"
             context.at("chainage").refuse("outside-alignment", message, "Correct one of them.")
             return None
-        for a, b, length in zip(points, points[1:], plan, strict=False):
-            if ahead <= length * (1 + _ON_LINE) or b is points[-1]:
-                tangent = tuple(y - x for x, y in zip(a, b, strict=True))
-                return tuple(
-                    x + ahead / length * t for x, t in zip(a, tangent, strict=True)
-                ), tangent
-            ahead -= length
-        return None
+        n = 0
+        while ahead > plan[n] * (1 + _ON_LINE) and n < len(plan) - 1:
+            ahead -= plan[n]
+            n += 1
+        tangent = subtract(points[n + 1], points[n])
+        level = unit_vector((*tangent[:2], 0.0))
+        right = cross_product(level, (0.0, 0.0, 1.0))
+        beside, above = (length.factor for length in self.beside)
+        x, y, z = (
+            p + ahead / plan[n] * t + beside * r
+            for p, t, r in zip(points[n], tangent, right, strict=True)
+        )
+        return (x, y, z + above), level

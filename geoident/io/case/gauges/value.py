@@ -6,23 +6,16 @@ a force), with `zero` its change since that stage. Strains of the ground are cha
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
-from geoident.io.case.gauges.gauge import GaugeBase, Motion, point_of, unit_vector
+from geoident.io.case.gauges.gauge import GaugeBase, Motion, unit_vector
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import CaseNumber, Name
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, Reads
-from geoident.units import rate_of, unit_list, with_article
-
-DRIFT = (
-    "Drift of the gauge with time since its zero, without `zero` since the date of 'virgin'; "
-    "needs dates."
-)
 
 StressComponent = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
 
@@ -37,64 +30,50 @@ class ValueGauge(GaugeBase):
 
     zero: Name = Field(VIRGIN, description=_ZERO)
 
-    def note_other_dimensions(self, faults: SectionFaults) -> None:
-        """Note what is added to readings, where it is no quantity like them.
-
-        Args:
-            faults: takes what is wrong.
-        """
-        read = self.dimension
-        for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
-            given: CaseNumber | None = getattr(self, key)
-            if given is None or given.parameter is not None or given.dimension == wanted:
-                continue
-            message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says that "
-            message += f"{with_article(read)} is read"
-            hint = f"Its units: {unit_list(wanted)}." if wanted else "Use 'drift_per_stage'."
-            faults.add((key,), "unit", message, hint)
-
     @property
     def reads(self) -> Reads:
         """Whether a value is read, or a change since a zero that the case gives."""
         return Reads.CHANGE if "zero" in self.model_fields_set else Reads.VALUE
 
     def at_point(
-        self, name: str, part: str, point: Vector, direction: Vector, key: Context
+        self,
+        name: str,
+        point: Vector,
+        direction: Vector | None,
+        place: Context,
+        part: str = "",
+        **given: Any,
     ) -> Channel:
         """One channel at a point.
 
         Args:
             name: of the gauge.
-            part: the quantity that it reads, empty for the only one.
             point: where.
-            direction: of what is read.
-            key: where the gauge is written.
+            direction: of what is read; None where it has none.
+            place: where the gauge is written.
+            part: the quantity that it reads, empty for the only one.
+            given: see `make_channel`.
         """
-        motion = Motion(None, point, direction)
-        found = self.make_channel(f"{name}.{part}" if part else name, name, motion, key.path)
-        return replace(found, reads=self.reads, quantity=part)
+        motion = Motion(None, point, direction or (0.0,) * place.dim)
+        channel = f"{name}.{part}" if part else name
+        return self.make_channel(channel, name, motion, place.path, **{"quantity": part, **given})
 
 
-def optional_point(given: list[CaseNumber] | None, place: Context) -> Vector | None:
-    """A point, if one is given; None, with a fault, for no point."""
-    return None if given is None else point_of(given, place)
+def optional_vector(given: list[CaseNumber] | None, place: Context, what: str) -> Vector | None:
+    """Components (dim,), if they are given."""
+    return None if given is None else place.vector(given, what)
 
 
 def unit_direction(given: list[CaseNumber] | None, place: Context) -> Vector | None:
-    """A unit vector (dim,), zeros where none is given; None, with a fault, for no vector."""
-    if given is None:
-        return (0.0,) * place.dim
-    vector = place.vector(given, "the direction")
-    return None if vector is None else unit_vector(vector)
+    """A unit vector (dim,), if one is given."""
+    return None if given is None else unit_vector(place.vector(given, "the direction"))
 
 
-def has_component(component: str, place: Context) -> bool:
-    """Whether the analysis has a component; a fault where it has not."""
-    if place.dim == 3 or component not in ("yz", "xz"):
-        return True
-    message = f"a plane model has no component {component}"
-    place.refuse("wrong-dimension", message, "Its components: xx, yy, zz, xy.")
-    return False
+def check_component(component: str, place: Context) -> None:
+    """Note a component that the analysis does not have."""
+    if place.dim == 2 and component in ("yz", "xz"):
+        message = f"a plane model has no component {component}"
+        place.refuse("wrong-dimension", message, "Its components: xx, yy, zz, xy.")
 
 
 def refuse_no_direction(key: str, given: list[CaseNumber] | None, faults: SectionFaults) -> None:

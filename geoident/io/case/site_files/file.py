@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag
 
 from geoident.io.case.site_files.sensors import CalibrationSection, TransformationSection
 from geoident.io.case.site_files.values import (
@@ -21,7 +21,7 @@ from geoident.io.readings.file import Format, format_of
 from geoident.io.readings.layout import Layout, Origin
 from geoident.io.readings.survey import SurveyGrid
 from geoident.io.schema.section import Section, SectionFaults
-from geoident.io.schema.values import Count, Flag, Name, Text
+from geoident.io.schema.values import TEXT_OR_LIST, TEXT_OR_MAPPING, Count, Flag, Name, Text
 from geoident.io.text.dates import ISO
 from geoident.units import size_in
 
@@ -44,14 +44,11 @@ class OriginSection(Section):
         None, description="Of the sensor, where the file has what it gives, such as Hz."
     )
 
-    @model_validator(mode="after")
-    def _one_unit(self) -> OriginSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """A calibration says itself which unit it gives."""
         if self.calibration is not None and self.unit is not None:
             message = "found unit and calibration, which says itself what is read"
             faults.add(("unit",), "contradiction", message, "Remove 'unit'.")
-        faults.raise_any()
-        return self
 
     def origin(self) -> Origin:
         """For the readers of files."""
@@ -61,26 +58,16 @@ class OriginSection(Section):
         return Origin(self.name, self.unit or "", self.sign, known, calibration)
 
 
-def _origin_shape(value: object) -> str:
-    return "mapping" if isinstance(value, Mapping | OriginSection) else "text"
-
-
 HeaderRow = Annotated[int, Count(0)]
 HeaderRows = Annotated[int, Count()]
 OriginValue = Annotated[
     Annotated[Text, Tag("text")] | Annotated[OriginSection, Tag("mapping")],
-    Discriminator(_origin_shape),
+    TEXT_OR_MAPPING,
 ]
 Texts = Annotated[list[Text], Field(min_length=1)]
 
 
-def _file_shape(value: object) -> str:
-    return "list" if isinstance(value, list | tuple) else "text"
-
-
-Paths = Annotated[
-    Annotated[Text, Tag("text")] | Annotated[Texts, Tag("list")], Discriminator(_file_shape)
-]
+Paths = Annotated[Annotated[Text, Tag("text")] | Annotated[Texts, Tag("list")], TEXT_OR_LIST]
 
 
 class ReadingsFileSection(Section):
@@ -150,9 +137,8 @@ class ReadingsFileSection(Section):
         description="Subtract from each channel what was read at its zero, which dates must tell.",
     )
 
-    @model_validator(mode="after")
-    def _fits_itself(self) -> ReadingsFileSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The keys fit the format and the layout of the file."""
         formats = [format_of(path) for path in self.paths]
         many = next((known.many for known in formats if known.many), "")
         if self.several and self.repeated_readings:
@@ -174,8 +160,6 @@ class ReadingsFileSection(Section):
         self._check_format(formats, faults)
         self._check_rows(faults)
         self._check_coordinates(faults)
-        faults.raise_any()
-        return self
 
     def _check_sensors(self, many: str, faults: SectionFaults) -> None:
         """Rows of one instrument each have no column with the temperature of their sensor."""
@@ -236,26 +220,16 @@ class ReadingsFileSection(Section):
             dimensions: channel to the dimension of its readings.
             survey: how coordinates become readings; None for other layouts.
         """
-        return Layout(
+        return self.to_model(
+            Layout,
             delimiter=DELIMITERS[self.delimiter],
-            decimal=self.decimal,
-            columns=dict(self.columns),
-            unit=self.unit or "",
-            date_format=self.date_format,
             wide=self.layout == "wide",
-            unit_row=self.unit_row,
             channels={
                 name: Origin(value) if isinstance(value, str) else value.origin()
                 for name, value in self.channels.items()
             },
             dimensions=dimensions,
-            encoding=self.encoding or "",
-            header_row=self.header_row,
-            header_rows=self.header_rows,
-            data_row=self.data_row,
-            blank=tuple(self.blank),
             ignore=tuple(name.strip().lower() for name in self.ignore),
-            sheet=self.sheet,
             cells=self.range or "",
             survey=survey,
         )

@@ -1,9 +1,9 @@
 """Tables of points from CSV files, written into the case before it is validated.
 
-Changes of temperature, and motions of supports:
+Values from tests of a constant that varies, motions of supports, changes of temperature:
 
-    x [m], y [m], change [K]            x [m], y [m], ux [mm], uy [mm]
-    0,     70,    -4.2                  12.5,  3,     -1.2,    0.3
+    x [m], y [m], E [GPa], accuracy [GPa]       x [m], y [m], ux [mm], uy [mm]
+    12.5,  40,    14.2,    1.0                  12.5,  3,     -1.2,    0.3
 
 The resolved case holds the numbers themselves, so a result needs no file beside it, and its hash
 tells when a file has changed.
@@ -11,133 +11,285 @@ tells when a file has changed.
 
 from __future__ import annotations
 
-import csv
-import re
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from geoident.errors import InputError
+from geoident.errors import Fault, InputError, Location
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.text_file import decode, read_bytes
-from geoident.io.text.wording import shorten
+from geoident.io.text.wording import did_you_mean, shorten
 from geoident.io.text.yaml_reader import Node
-from geoident.model.case import KeyPath
-from geoident.units import UnitError, normal_unit
+from geoident.model.case import KeyPath, format_path
+from geoident.units import UnitError, normal_unit, read_quantity, size_in, with_article
 
-_AXES = ("x", "y", "z")
-_CHANGE = "change"
-_MOTIONS = {"ux": "x", "uy": "y", "uz": "z"}
-_COLUMN = re.compile(r"\s*([A-Za-z]+)\s*[\[(]\s*([^\])]+?)\s*[\])]\s*")
 _LIMIT = 10 * 10**6  # bytes
-_HEADERS = {
-    "temperatures": "Begin with a line such as 'x [m], y [m], change [K]'.",
-    "motions": "Begin with a line such as 'x [m], y [m], ux [mm], uy [mm]'.",
-}
+_MOTIONS = {"ux": "x", "uy": "y", "uz": "z"}
+"""Column of a motion to its key."""
 
 
 def with_tables(places: Places, folder: Path, faults: Faults) -> Places:
-    """The case with the points and values of the files that its temperatures and motions name.
+    """The case with what the tables hold that it names.
 
     Args:
         places: the case.
         folder: of the case.
         faults: is told where a file cannot be read, or is no such table.
     """
-    wanted = list(_named(places.data))
-    if not wanted:
+    data: Any = places.data
+    solid = isinstance(data, dict) and data.get("analysis") == "solid"
+    axes = ("x", "y", "z") if solid else ("x", "y")
+    tables = [*_measured(data, axes), *_motions(data, axes), *_temperatures(data, axes)]
+    if not tables:
         return places
-    data = deepcopy(places.data)
-    for path, name, what in wanted:
-        table = _read(str(folder / name), path, what, faults)
-        if table is None:
-            faults.spoils(path)
+    data = deepcopy(data)
+    for table in tables:
+        rows = table.rows(folder, faults)
+        if rows is None:
+            faults.spoils(table.entry)
         else:
-            node: Any = data
-            for key in path:
-                node = node[key]
-            del node["file"]
-            node.update(table)
+            holder = data
+            for key in table.entry[:-1]:
+                holder = holder[key]
+            holder[table.entry[-1]] = table.written(rows)
     return replace(places, data=data)
 
 
-def _named(data: Node) -> list[tuple[KeyPath, str, str]]:
-    """Every table that is given by a file alone, with its path and what it is of."""
-    stages = data.get("stages") if isinstance(data, dict) else None
-    found: list[tuple[KeyPath, str, str]] = []
-    first: list[tuple[KeyPath, Node]] = [((), data)]
-    listed = enumerate(stages if isinstance(stages, list) else ())
-    for path, part in first + [(("stages", n), stage) for n, stage in listed]:
-        supports = part.get("supports") if isinstance(part, dict) else None
-        for name, given in (supports if isinstance(supports, dict) else {}).items():
-            table = given.get("measured") if isinstance(given, dict) else None
-            keys = table if isinstance(table, dict) else {}
-            file = keys.get("file")
-            if isinstance(file, str) and not {"points", "x", "y", "z"} & keys.keys():
-                found.append(((*path, "supports", name, "measured"), file, "motions"))
-    for n, stage in enumerate(stages if isinstance(stages, list) else ()):
-        warmed = stage.get("temperature") if isinstance(stage, dict) else None
-        for group, given in (warmed if isinstance(warmed, dict) else {}).items():
-            keys = given if isinstance(given, dict) else {}
-            file = keys.get("file")
-            if isinstance(file, str) and not {"points", "values"} & keys.keys():
-                found.append((("stages", n, "temperature", group), file, "temperatures"))
-    return found
+_Refuse = Callable[[int, int, str, str, str], None]
+"""Notes a fault: line, column, code, what is wrong, what would be right."""
+_Row = dict[str, str]
+"""Column to what stands in it, with its unit."""
 
 
-def _read(file: str, path: KeyPath, what: str, faults: Faults) -> dict[str, Node] | None:
-    place = (*path, "file")
-    try:
-        text = decode(read_bytes(file, limit=_LIMIT, what=f"table of {what}"), file)
-    except InputError as error:
-        faults.add(place, error.faults[0].code, f"'{shorten(file)}': {error.faults[0].message}")
-        return None
-    lines = text.splitlines()
-    delimiter = ";" if lines and ";" in lines[0] else ","
-    rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    columns = _columns(rows[0], what) if rows else None
-    if columns is None or len(rows) < 2:
-        message = f"'{shorten(file)}' is no table of {what}"
-        faults.add(place, "bad-table", message, _HEADERS[what])
-        return None
-    return _table(file, rows, columns, place, faults)
+@dataclass(frozen=True)
+class _Table:
+    """A file that a case names.
 
+    Args:
+        entry: the key whose value its content becomes.
+        key: the key at which it is named.
+        name: of the file, as the case has it.
+        axes: columns of the coordinates.
+        columns: others to their dimensions, one at least of which is there.
+        what: is in it, for messages.
+        header: the remedy where a column is missing.
+        given: what stands under the entry beside the file.
+    """
 
-def _columns(header: list[str], what: str) -> dict[str, tuple[int, str]] | None:
-    """Name to place and unit of each column; None if a header does not say it."""
-    found: dict[str, tuple[int, str]] = {}
-    values = tuple(_MOTIONS) if what == "motions" else (_CHANGE,)
-    for n, title in enumerate(header):
-        match = _COLUMN.fullmatch(title)
-        if match is None or match[1] in found or match[1] not in (*_AXES, *values):
-            return None
+    entry: KeyPath
+    key: KeyPath
+    name: str
+    axes: tuple[str, ...]
+    columns: Mapping[str, str]
+    what: str
+    header: str
+    given: Mapping[str, Node]
+
+    @property
+    def measured(self) -> bool:
+        """It holds values from tests, with their accuracies."""
+        return "accuracy" in self.columns
+
+    def written(self, rows: list[tuple[int, _Row]]) -> dict[str, Node]:
+        """The rows as they would be written in the case."""
+        points: list[Node] = [[row[axis] for axis in self.axes] for _, row in rows]
+        if not self.measured:
+            found: dict[str, Node] = {**self.given, "points": points}
+            for name in self.columns:
+                if name in rows[0][1]:
+                    found[_MOTIONS.get(name, "values")] = [row[name] for _, row in rows]
+            return found
+        values: list[Node] = []
+        for (line, row), point in zip(rows, points, strict=True):
+            entry = {name: text for name, text in row.items() if name not in self.axes}
+            constant = next(name for name in entry if name != "accuracy")
+            value = entry.pop(constant)
+            values.append({"at": point, "value": value, "line": str(line), **entry})
+        return {"file": self.name, "values": values}
+
+    def rows(self, folder: Path, faults: Faults) -> list[tuple[int, _Row]] | None:
+        """The rows with their lines; None, with faults, where one is wrong."""
+        file = folder / self.name
         try:
-            found[match[1]] = (n, normal_unit(match[2]))
-        except UnitError:
+            content = read_bytes(str(file), limit=_LIMIT, what=f"table of {self.what}")
+            lines = decode(content, str(file)).splitlines()
+        except InputError as error:
+            first = error.faults[0]
+            hint = first.hint
+            if first.code == "unreadable-file":
+                hint = _beside(file) or hint
+            message = f"'{shorten(file.name)}': {first.message}"
+            faults.add(self.key, first.code, message, hint)
             return None
-    good = {"x", "y"} <= found.keys() and not found.keys().isdisjoint(values)
-    return found if good else None
+        found: list[Fault] = []
+
+        def refuse(line: int, column: int, code: str, message: str, hint: str) -> None:
+            place = Location(str(file), line, column)
+            found.append(Fault(code, message, hint, place, format_path(self.key)))
+
+        delimiter = ";" if lines and ";" in lines[0] else ","
+        units = self._units(_cells(lines[0], delimiter) if lines else [], refuse)
+        rows = []
+        for number, line in enumerate(lines[1:] if not found else (), start=2):
+            cells = _cells(line, delimiter)
+            if any(text for text, _ in cells):
+                rows.append((number, self._row(number, cells, units, refuse)))
+        if not found and not rows:
+            refuse(1, 1, "bad-table", "the table has no row", self.header)
+        faults.extend(found)
+        return None if found else rows
+
+    def _units(self, header: list[tuple[str, int]], refuse: _Refuse) -> dict[str, str]:
+        """The columns in their order, each with its unit; what is wrong with them is refused."""
+        dimensions = {**dict.fromkeys(self.axes, "length"), **self.columns}
+        units: dict[str, str] = {}
+        good = True
+        for title, at in header:
+            name, unit = _title(title)
+            if name not in dimensions:
+                message = f"the column '{shorten(title)}' is not known here"
+                refuse(
+                    1, at, "unknown-column", message, did_you_mean(name, dimensions, what="Columns")
+                )
+                good = False
+            elif name in units:
+                refuse(
+                    1, at, "duplicate-column", f"the column '{name}' is there twice", "Remove one."
+                )
+                good = False
+            else:
+                units[name] = unit
+                if name == "accuracy" and unit == "%":
+                    continue
+                try:
+                    units[name] = normal_unit(unit, dimensions[name])
+                except UnitError as error:
+                    refuse(1, at, "unit", error.message, error.hint)
+                    continue
+                if not unit or size_in(units[name], dimensions[name]) is None:
+                    message = f"'{shorten(title)}' has no unit of {with_article(dimensions[name])}"
+                    hint = f"Write it in brackets. {self.header}"
+                    refuse(1, at, "unit", message, hint)
+        values = [name for name in self.columns if name != "accuracy"]
+        missing = [axis for axis in self.axes if axis not in units]
+        missing += [] if any(name in units for name in values) else [values[0]]
+        for name in missing if good else ():
+            refuse(1, 1, "missing-column", f"there is no column '{name}'", self.header)
+        return units
+
+    def _row(
+        self, line: int, cells: list[tuple[str, int]], units: Mapping[str, str], refuse: _Refuse
+    ) -> _Row:
+        """What stands in the cells of a row, with units; what is no number is refused."""
+        row: _Row = {}
+        if len(cells) > len(units):
+            message = f"found {len(cells)} cells; {len(units)} expected"
+            hint = "Remove what is too much; a decimal comma is written as a point."
+            refuse(line, cells[len(units)][1], "bad-row", message, hint)
+        for n, (name, unit) in enumerate(units.items()):
+            text, at = cells[n] if n < len(cells) else ("", 1)
+            if name == "accuracy" and not text:
+                continue
+            try:
+                read_quantity(f"{text} {unit}")
+                row[name] = f"{text} {unit}"
+            except UnitError:
+                what = f"'{shorten(text)}' is no number" if text else "the cell is empty"
+                hint = f"Write the {name} in {unit} as a number, or remove the row."
+                refuse(line, at, "bad-number", f"{what} ({name})", hint)
+        return row
 
 
-def _table(
-    file: str,
-    rows: list[list[str]],
-    columns: dict[str, tuple[int, str]],
-    place: KeyPath,
-    faults: Faults,
-) -> dict[str, Node] | None:
-    points: list[Node] = []
-    values: dict[str, list[Node]] = {}
-    for number, row in enumerate(rows[1:], start=2):
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(columns):
-            message = f"'{shorten(file)}', line {number}: found {len(row)} cells; "
-            faults.add(place, "bad-table", f"{message}{len(columns)} expected")
-            return None
-        written = {name: f"{row[n].strip()} {unit}" for name, (n, unit) in columns.items()}
-        points.append([written[axis] for axis in _AXES if axis in written])
-        for name in written.keys() - set(_AXES):
-            values.setdefault(_MOTIONS.get(name, "values"), []).append(written[name])
-    return {"points": points, **values}
+def _measured(data: Node, axes: tuple[str, ...]) -> Iterator[_Table]:
+    """Files of measured values that are given by their names alone."""
+
+    def visit(node: Node, path: KeyPath) -> Iterator[_Table]:
+        for key, part in _items(node):
+            field = part if key == "field" and isinstance(part, dict) else {}
+            for n, entry in _items(field.get("measured")) if field else ():
+                name = entry.get("file") if isinstance(entry, dict) else entry
+                if isinstance(name, str) and not (isinstance(entry, dict) and "values" in entry):
+                    at, constant = (*path, key, "measured", n), str(path[-1])
+                    unit = "angle" if constant == "friction" else "pressure"
+                    columns = dict.fromkeys(("value", constant, "accuracy"), unit)
+                    header = "Begin with a line such as 'x [m], y [m], value [GPa]' "
+                    header += "('accuracy [GPa]' may follow)."
+                    yield _Table(at, at, name, axes, columns, "measured values", header, {})
+            yield from visit(part, (*path, key))
+
+    if isinstance(data, dict):
+        yield from visit(data.get("materials"), ("materials",))
+
+
+def _motions(data: Node, axes: tuple[str, ...]) -> Iterator[_Table]:
+    """Files of measured motions of supports, from the beginning or a stage on."""
+    columns = {name: "length" for name, axis in _MOTIONS.items() if axis in axes}
+    header = "Begin with a line such as 'x [m], y [m], ux [mm], uy [mm]'."
+    stages = [] if not isinstance(data, dict) else _items(data.get("stages"))
+    for path, part in [((), data), *((("stages", n), stage) for n, stage in stages)]:
+        for name, given in _items(part.get("supports") if isinstance(part, dict) else None):
+            at: KeyPath = (*path, "supports", name, "measured")
+            table = given.get("measured") if isinstance(given, dict) else None
+            yield from _with_points(at, table, axes, columns, "motions", header)
+
+
+def _temperatures(data: Node, axes: tuple[str, ...]) -> Iterator[_Table]:
+    """Files of changes of temperature in a stage."""
+    header = "Begin with a line such as 'x [m], y [m], change [K]'."
+    for n, stage in _items(data.get("stages") if isinstance(data, dict) else None):
+        for group, given in _items(stage.get("temperature") if isinstance(stage, dict) else None):
+            at: KeyPath = ("stages", n, "temperature", group)
+            columns = {"change": "temperature"}
+            yield from _with_points(at, given, axes, columns, "temperatures", header)
+
+
+def _with_points(
+    at: KeyPath,
+    given: Node,
+    axes: tuple[str, ...],
+    columns: Mapping[str, str],
+    what: str,
+    header: str,
+) -> Iterator[_Table]:
+    """The table of a mapping that has a file in place of points."""
+    if isinstance(given, dict) and isinstance(name := given.get("file"), str):
+        rest = {key: node for key, node in given.items() if key != "file"}
+        if rest.keys().isdisjoint(("points", "values", "x", "y", "z")):
+            yield _Table(at, (*at, "file"), name, axes, columns, what, header, rest)
+
+
+def _items(node: Node) -> list[tuple[Any, Node]]:
+    """Keys and values of a mapping, numbers and entries of a list; nothing of anything else."""
+    if isinstance(node, dict):
+        return list(node.items())
+    return list(enumerate(node)) if isinstance(node, list) else []
+
+
+def _beside(file: Path) -> str:
+    """The remedy where a file is not there."""
+    try:
+        names = [p.name for p in file.parent.iterdir() if p.suffix == file.suffix]
+    except OSError:
+        return ""
+    return did_you_mean(file.name, names, what="Files there")
+
+
+def _cells(line: str, delimiter: str) -> list[tuple[str, int]]:
+    """The cells of a line without blanks around, each with its column in the line, from 1."""
+    cells, at = [], 0
+    for raw in line.split(delimiter):
+        start = at + len(raw) - len(raw.lstrip()) + 1
+        cells.append((raw.strip().strip('"').strip(), start))
+        at += len(raw) + 1
+    return cells
+
+
+def _title(text: str) -> tuple[str, str]:
+    """Name and unit of a column: ``E [GPa]`` or ``E (GPa)``."""
+    for opening, closing in ("[]", "()"):
+        if text.endswith(closing) and opening in text:
+            name, _, unit = text[:-1].partition(opening)
+            return name.strip(), unit.strip()
+    return text.strip(), ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
@@ -63,9 +63,8 @@ class CalibrationSection(Section):
         None, description="thermal: the temperature at its zero."
     )
 
-    @model_validator(mode="after")
-    def _complete(self) -> CalibrationSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """All constants that belong together are given."""
         if (self.factor is None) == (self.polynomial is None):
             found = "neither" if self.factor is None else "both"
             message = f"found {found}; either factor or polynomial is expected"
@@ -88,8 +87,6 @@ class CalibrationSection(Section):
             )
             faults.add(("zero_temperature",), "unit", message, "Write it like 20 degC.")
         self._one_dimension(faults)
-        faults.raise_any()
-        return self
 
     def _one_dimension(self, faults: SectionFaults) -> None:
         given = [("factor", self.factor), ("thermal", self.thermal)]
@@ -115,14 +112,7 @@ class CalibrationSection(Section):
             coefficients: tuple[float, ...] = (0.0, sign * self.factor.factor)
         else:
             coefficients = tuple(entry.factor for entry in self.polynomial or ())
-        return Calibration(
-            reads=self.reads,
-            coefficients=coefficients,
-            zero=None if self.zero is None else self.zero.factor,
-            thermal=self.thermal.factor if self.thermal else 0.0,
-            zero_temperature=self.zero_temperature.factor if self.zero_temperature else 0.0,
-            temperature=self.temperature or "",
-        )
+        return self.to_model(Calibration, coefficients=coefficients)
 
 
 class TransformationSection(Section):
@@ -149,16 +139,13 @@ class TransformationSection(Section):
         "stand.",
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> TransformationSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The axes are given once, at right angles."""
         if (self.azimuth is None) == (self.axes is None):
             found = "neither" if self.azimuth is None else "both"
             message = f"found {found}; either azimuth or axes is expected"
             faults.add((), "wrong-pair", message, "Give exactly one of them.")
         self._check_axes(faults)
-        faults.raise_any()
-        return self
 
     def _check_axes(self, faults: SectionFaults) -> None:
         given = self.axes or {}

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from typing import Annotated, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from geoident.io.case.gauges.accuracy import FORCES, dimension_read
 from geoident.io.case.gauges.kinds import GaugeSection
 from geoident.io.readings.layout import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
-from geoident.io.schema.section import Section
-from geoident.io.schema.values import QuantityType, require_text
+from geoident.io.schema.values import require_text
 from geoident.io.text.dates import format_problem
 from geoident.io.text.text_file import encoding_problem
 from geoident.io.text.wording import Refusal, listing, shorten
@@ -28,21 +25,9 @@ def _date_format(value: object) -> str:
     return text
 
 
-def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
-    """Dimensions of what gauges of some kinds read: those of their accuracies."""
-    found: list[str] = []
-    for kind in kinds:
-        one = dimension_read(kind)
-        found += FORCES if one is None else (one,)
-    return tuple(dict.fromkeys(found))
-
-
-def quantity_read(read: Sequence[str], *, above: float | None = None) -> QuantityType:
-    """What a reading must be that stands in the case: any quantity where gauges read several."""
-    return QuantityType(read[0] if len(read) == 1 else None, above=above)
-
-
-READ = dimensions_of(get_args(get_args(GaugeSection)[0]))
+READ = tuple(
+    dict.fromkeys(one for kind in get_args(get_args(GaugeSection)[0]) for one in kind.measures)
+)
 """Dimensions of what gauges read."""
 _WHAT = " or ".join(READ)
 _UNITS = tuple(dict.fromkeys(unit for name in READ for unit in units_of(name) if unit))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_LIST_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Coordinates,
@@ -16,11 +17,9 @@ from geoident.io.schema.values import (
     Length,
     SharesUnit,
     Text,
-    scalar_of,
 )
 from geoident.model.actions import Contraction, MotionField
 from geoident.model.case import Analysis, Support
-from geoident.model.parameter import Scalar
 
 FIXED, FREE = "fixed", "free"
 _AXES = ("x", "y", "z")
@@ -52,9 +51,8 @@ class MeasuredMotionSection(Section):
     )
     factor: Coefficient | None = Field(None, description="Multiplies all motions; 1 if missing.")
 
-    @model_validator(mode="after")
-    def _as_many(self) -> MeasuredMotionSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Points and motions, as many of both, or a file."""
         columns = {axis: getattr(self, axis) for axis in _AXES if getattr(self, axis) is not None}
         if self.file is not None or not self.points or not columns:
             given = [key for key in ("points", *_AXES, "file") if getattr(self, key) is not None]
@@ -65,8 +63,6 @@ class MeasuredMotionSection(Section):
             if len(values) != len(self.points or ()):
                 message = f"{len(values)} motions for {len(self.points or ())} points"
                 faults.add((axis,), "wrong-number", message, "Write one motion for each point.")
-        faults.raise_any()
-        return self
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -76,12 +72,11 @@ class MeasuredMotionSection(Section):
     def field(self, context: Context) -> MotionField:
         """The motions for the model."""
         points = tuple(
-            context.at("points", n).vector(point, "the point") or ()
-            for n, point in enumerate(self.points or ())
+            context.at("points", n).vector(point) for n, point in enumerate(self.points or ())
         )
         columns = [[value.factor for value in getattr(self, _AXES[c])] for c in self.axes]
-        factor = scalar_of(self.factor) or Scalar(1.0)
-        return MotionField(points, self.axes, tuple(zip(*columns, strict=True)), factor)
+        values = tuple(zip(*columns, strict=True))
+        return self.to_model(MotionField, points=points, components=self.axes, values=values)
 
 
 class SupportSection(Section):
@@ -116,9 +111,8 @@ class SupportSection(Section):
         None, description="Direction of the axis of the contraction, in a solid."
     )
 
-    @model_validator(mode="after")
-    def _something(self) -> SupportSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Something is held or moved, and each direction in one way."""
         along = [axis for axis in _AXES if getattr(self, axis) is not None]
         if not along and self.measured is None and self.contraction is None:
             hint = "Give x, y or z (a motion, or 'fixed'), 'measured', or 'contraction'."
@@ -134,8 +128,6 @@ class SupportSection(Section):
         for axis in (_AXES[c] for c in read if _AXES[c] in along):
             message = f"the motion along {axis} is given here and by 'measured'"
             faults.add((axis,), "wrong-pair", message, "Write one or the other.")
-        faults.raise_any()
-        return self
 
     def support(self, name: str, context: Context) -> Support:
         """The support for the model; what cannot be is noted as a fault."""
@@ -190,21 +182,15 @@ def _refuse_z(context: Context) -> None:
     context.refuse("wrong-dimension", "a plane model has no direction z", "Use x and y.")
 
 
-def _shape(value: object) -> str:
-    if isinstance(value, dict | SupportSection):
-        return "mapping"
-    return "list" if isinstance(value, list | tuple) else "text"
-
-
 _Directions = Annotated[list[Component], Field(min_length=1), Tag("list")]
 _Mapping = Annotated[SupportSection, Tag("mapping")]
 SupportValue = Annotated[
     Annotated[Literal["x", "y", "z", "fixed"], Tag("text")] | _Directions | _Mapping,
-    Discriminator(_shape),
+    TEXT_LIST_OR_MAPPING,
 ]
 StageSupportValue = Annotated[
     Annotated[Literal["x", "y", "z", "fixed", "free"], Tag("text")] | _Directions | _Mapping,
-    Discriminator(_shape),
+    TEXT_LIST_OR_MAPPING,
 ]
 
 

@@ -12,12 +12,12 @@ from pydantic import (
     Discriminator,
     Field,
     Tag,
-    model_validator,
 )
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along
-from geoident.io.schema.section import Alternatives, Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    TEXT_OR_LIST,
     Angle,
     AnyQuantity,
     CaseNumber,
@@ -30,7 +30,6 @@ from geoident.io.schema.values import (
     Modulus,
     SharesUnit,
     Text,
-    shape_of,
 )
 from geoident.model.ground import Attitude, Axes, PointValue, RandomField
 from geoident.units import (
@@ -129,7 +128,7 @@ Lengths = Annotated[
         Field(json_schema_extra={"minItems": 1, "maxItems": 3}),
         Tag("list"),
     ],
-    Discriminator(shape_of),
+    TEXT_OR_LIST,
 ]
 
 
@@ -167,31 +166,31 @@ class FieldBase(Section):
         examples=[["boreholes.csv"]],
     )
 
-    @model_validator(mode="after")
-    def _in_range(self) -> FieldBase:
+    def check(self, faults: SectionFaults) -> None:
+        """Mean, scatter and smoothness are those of a lognormal field."""
         nu = self.smoothness.factor
         if not _ROUGHEST <= nu <= _SMOOTHEST:
             message = f"'{self.smoothness.text}': it must be between {_ROUGHEST:g} and "
             message += f"{_SMOOTHEST:g}"
-            refuse(("smoothness",), "out-of-range", message, "Write 0.5, 1.5 or 2.5.")
+            faults.add(("smoothness",), "out-of-range", message, "Write 0.5, 1.5 or 2.5.")
         mean, sd = self.mean, self.sd
         if mean.parameter is None and mean.factor <= 0:
             message = f"'{mean.text}': the mean of a field must be positive"
-            refuse(("mean",), "out-of-range", message, "A field is lognormal.")
-        if sd.dimension not in (DIMENSIONLESS, mean.dimension):
+            faults.add(("mean",), "out-of-range", message, "A field is lognormal.")
+        elif sd.dimension not in (DIMENSIONLESS, mean.dimension):
             message = f"'{sd.text}' is {with_article(sd.dimension)}; a part of the mean in % or "
             message += f"{with_article(mean.dimension)} is expected"
-            refuse(("sd",), "unit", message, "Write it such as 30 %.")
-        if sd.dimension != DIMENSIONLESS and mean.parameter is not None:
+            faults.add(("sd",), "unit", message, "Write it such as 30 %.")
+        elif sd.dimension != DIMENSIONLESS and mean.parameter is not None:
             message = f"'{sd.text}': where the mean is a parameter, the scatter is a part of it"
-            refuse(("sd",), "unit", message, "Write it in %, such as 30 %.")
-        relative = self.relative_sd
-        if not 0 < relative <= _MOST_SD:
-            message = f"'{sd.text}' is {100 * relative:.4g} % of the mean; it must be above 0 "
+            faults.add(("sd",), "unit", message, "Write it in %, such as 30 %.")
+        elif not 0 < self.relative_sd <= _MOST_SD:
+            message = (
+                f"'{sd.text}' is {100 * self.relative_sd:.4g} % of the mean; it must be above 0 "
+            )
             message += f"and up to {100 * _MOST_SD:g} %"
             hint = f"Did you mean '{sd.text} %'?" if sd.unit == "" and sd.factor > 1 else ""
-            refuse(("sd",), "out-of-range", message, hint or "Correct the number or its unit.")
-        return self
+            faults.add(("sd",), "out-of-range", message, hint or "Correct the number or its unit.")
 
     @property
     def relative_sd(self) -> float:
@@ -222,15 +221,13 @@ class FieldBase(Section):
             if (value := _point_value(entry, mean, *place)) is not None
         ]
         _check_repeated(points, context.at("measured"))
-        return RandomField(
+        return self.to_model(
+            RandomField,
             material=material,
             constant=constant,
-            mean=mean.scalar,
             sd=self.relative_sd,
             lengths=tuple(length.factor for length in given),
             frame=along or _upright(context),
-            smoothness=self.smoothness.factor,
-            modes=self.modes,
             measured=tuple(points),
             surface=surface,
             dimension=mean.dimension,
@@ -307,7 +304,7 @@ def _point_value(
         message = f"'{accuracy.text}': a standard deviation is not negative{whence}"
         context.at("accuracy").refuse("out-of-range", message, "Write 0 for an exact value.")
         wrong = True
-    if wrong or position is None:
+    if wrong:
         return None
     deviation = 0.0
     if accuracy is not None:

@@ -20,6 +20,7 @@ from geoident.io.schema.values import (
     Modulus,
     Stress,
     UnitWeight,
+    scalar_of,
 )
 from geoident.model.ground import Growth, WithDepth, WithStress
 from geoident.model.parameter import Scalar
@@ -85,9 +86,7 @@ class DepthGrowthSection(GrowthBase):
 
     def law(self) -> WithDepth:
         """With depth."""
-        surface = self.surface
-        level = surface if isinstance(surface, str) else surface.scalar
-        return WithDepth(self.gradient.scalar, level)
+        return self.to_model(WithDepth)
 
 
 class StressGrowthSection(GrowthBase):
@@ -122,6 +121,6 @@ class StressGrowthSection(GrowthBase):
 
     def law(self) -> WithStress:
         """With stress."""
-        least, pressure = self.least, self.pressure.scalar
+        pressure = self.pressure
         small = Scalar(LEAST_PRESSURE * pressure.factor, pressure.parameter)
-        return WithStress(self.exponent.scalar, pressure, small if least is None else least.scalar)
+        return self.to_model(WithStress, least=scalar_of(self.least) or small)

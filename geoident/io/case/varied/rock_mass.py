@@ -11,7 +11,7 @@ from math import nan
 from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Section
-from geoident.io.schema.values import CaseNumber, Coefficient, Modulus, Multiple, scalar_of
+from geoident.io.schema.values import CaseNumber, Coefficient, Modulus, Multiple
 from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.parameter import Scalar
 
@@ -50,16 +50,6 @@ class HoekDiederichsSection(Section):
         None, description="Disturbance by blasting and relaxation, 0 to 1; 0 if missing."
     )
 
-    def modulus(self) -> RockMassModulus:
-        """For the model."""
-        return RockMassModulus(
-            GSI=self.GSI.scalar,
-            D=scalar_of(self.D) or Scalar(0.0),
-            Ei=scalar_of(self.Ei),
-            MR=scalar_of(self.MR),
-            sigci=scalar_of(self.sigci),
-        )
-
 
 class RockMassModulusSection(Section):
     """A modulus that follows from what is known of the rock mass."""
@@ -76,7 +66,7 @@ class DerivedModulus(CaseNumber):
     @classmethod
     def of(cls, section: RockMassModulusSection) -> DerivedModulus:
         """The number that stands for a section."""
-        return cls(KEY, nan, None, "pressure", varied_by=section)
+        return cls(KEY, nan, None, "pressure", varied_by=section, may_be_tied=True)
 
     @property
     def inner(self) -> HoekDiederichsSection:
@@ -87,7 +77,7 @@ class DerivedModulus(CaseNumber):
     @property
     def scalar(self) -> Scalar:
         """For the model."""
-        return self.inner.modulus()
+        return self.inner.to_model(RockMassModulus)
 
     @property
     def parts(self) -> list[CaseNumber]:

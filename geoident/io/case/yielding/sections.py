@@ -135,7 +135,7 @@ class PlanesSection(SurfaceBase):
             for n, plane in enumerate(self.planes)
         ]
         _check_different(planes, context.at("planes"))
-        return GivenPlanes(tuple(planes), scalar_of(self.hardening) or Scalar(0.0))
+        return self.to_model(GivenPlanes, planes=tuple(planes))
 
 
 class _CoulombBase(SurfaceBase):
@@ -149,14 +149,13 @@ class _CoulombBase(SurfaceBase):
     )
     fit: Fit | None = Field(None, description=_FIT)
 
-    def _fit(self, context: Context) -> Fit:
+    def _check_planes(self, context: Context) -> None:
         if self.planes is not None:
             _check_count(self.planes, 4 if context.dim == 2 else 48, context, even=context.dim == 2)
         elif self.fit is not None:
             message = "'fit' says how planes lie to the exact surface; there are none"
             hint = "Add 'planes: 16', or leave out 'fit'."
             context.at("fit").refuse("no-planes", message, hint)
-        return self.fit or "best"
 
 
 class TrescaSection(_CoulombBase):
@@ -174,8 +173,8 @@ class TrescaSection(_CoulombBase):
         """Mohr-Coulomb without friction."""
         strength = self.strength or self.cohesion
         assert strength is not None
-        tension, fit = scalar_of(self.tension), self._fit(context)
-        return MohrCoulomb(strength.scalar, Scalar(0.0), None, tension, self.planes, fit)
+        self._check_planes(context)
+        return self.to_model(MohrCoulomb, cohesion=strength.scalar, friction=Scalar(0.0))
 
     def key_of(self, strength: str) -> str:
         """The shear strength has two names."""
@@ -202,14 +201,8 @@ class MohrCoulombSection(_CoulombBase):
             )
             hint = "Leave out 'dilation', or 'planes' for the exact surface."
             context.at("dilation").refuse("dilation", message, hint)
-        return MohrCoulomb(
-            self.cohesion.scalar,
-            self.friction.scalar,
-            scalar_of(self.dilation),
-            scalar_of(self.tension),
-            self.planes,
-            self._fit(context),
-        )
+        self._check_planes(context)
+        return self.to_model(MohrCoulomb)
 
 
 class DruckerPragerSection(SurfaceBase):
@@ -232,9 +225,7 @@ class DruckerPragerSection(SurfaceBase):
     def surface(self, context: Context) -> DruckerPrager:
         """The cone by planes."""
         _check_count(self.planes, 6 if context.dim == 2 else 10, context, even=False)
-        strengths = self.cohesion.scalar, self.friction.scalar
-        tension, fit = scalar_of(self.tension), self.fit or "best"
-        return DruckerPrager(*strengths, self.match, tension, self.planes, fit)
+        return self.to_model(DruckerPrager)
 
 
 class WeakPlaneSection(SurfaceBase):
@@ -275,8 +266,7 @@ class WeakPlaneSection(SurfaceBase):
         if context.dim == 3:
             _check_count(self.planes, 4, context, even=True)
         frame = strata(context, self.dip, self.dip_direction, self.normal)
-        strengths = self.cohesion.scalar, self.friction.scalar, scalar_of(self.tension)
-        return WeakPlane(frame, *strengths, self.planes)
+        return self.to_model(WeakPlane, frame=frame)
 
 
 class HoekBrownSection(SurfaceBase):
@@ -337,11 +327,8 @@ class HoekBrownSection(SurfaceBase):
 
     def surface(self, context: Context) -> HoekBrown:
         """The surface; a tie has its own number for each constant."""
-        names = ("mi", "GSI", "D", "mb", "s", "a", "dilation", "tension")
-        given = {name: scalar_of(getattr(self, name)) for name in names}
-        if self.flow == "none":
-            given["dilation"] = Scalar(0.0)
-        return HoekBrown(self.sigci.scalar, **given)
+        dilation = Scalar(0.0) if self.flow == "none" else scalar_of(self.dilation)
+        return self.to_model(HoekBrown, dilation=dilation)
 
 
 YieldSection = Annotated[
