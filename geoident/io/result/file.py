@@ -121,15 +121,10 @@ def _drop_sidecar(sidecar: Path | None, name: str) -> None:
 
 
 def _write(file: h5py.File, result: Result) -> None:
-    names, gauges = result.parameters.names, result.gauges
-    labels: dict[str, Sequence[str]] = {
-        "parameter": names, "other": names, "gauge": gauges.channels, "stage": gauges.stages,
-    }  # fmt: skip
-    if result.backtest is not None:
-        labels["fit"] = [gauges.stages[step.last] for step in result.backtest.steps]
     file.attrs["format"] = FORMAT
-    units = {"gauge": reading_unit(gauges)}
-    write_record(file, result, labels=labels, units=units, more=[*_wide_diagnostics(result)])
+    units = {"gauge": _reading_unit(result.gauges)}
+    more = [*_wide_diagnostics(result)]
+    write_record(file, result, labels=result.labels, units=units, more=more)
     if result.grid is not None:
         _write_grid(file, result.grid)
     if result.varied:
@@ -145,7 +140,7 @@ def _write(file: h5py.File, result: Result) -> None:
     file.attrs["contents"] = " ".join(sorted(file))
 
 
-def reading_unit(table: GaugeTable) -> str:
+def _reading_unit(table: GaugeTable) -> str:
     """The SI unit of all readings; where they have several, where to find it."""
     units = {si_unit(name) for name in table.dimensions} or {"m"}
     return units.pop() if len(units) == 1 else "SI, see /gauges/unit"

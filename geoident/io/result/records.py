@@ -203,7 +203,7 @@ class RecordReader:
             return table.text(name)
         if not axes:
             return _attribute(table, column, name)
-        if not (column.optional and name not in table):
+        if not column.optional or name in table or name == group:  # then it is all of the group
             return table.column(name, column.kind, self._shape(table, group, axes))
         if column.required and column.kind == "float":
             return np.full(self._shape(table, group, axes), np.nan)

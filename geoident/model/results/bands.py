@@ -30,7 +30,9 @@ class Prediction:
             "gauge", "stage", dimension="gauge", known="known", sheet="predicted", array="predicted"
         )
     )
-    sd: Floats = field(metadata=column("gauge", "stage", dimension="gauge", array="predicted_sd"))
+    sd: Floats = field(
+        metadata=column("gauge", "stage", dimension="gauge", array="predicted_sd", hidden=("diff",))
+    )
     lower95: Floats = field(
         metadata=column("gauge", "stage", dimension="gauge", array="predicted_lower95")
     )

@@ -100,6 +100,15 @@ class ParameterTable:
             array="estimate_upper95",
         )
     )
+    units: tuple[str, ...] = field(
+        metadata=column(
+            "parameter",
+            name="display_unit",
+            title="unit",
+            dimension="parameter",
+            hidden=("xarray", "diff"),
+        )
+    )
     start: Floats = field(metadata=column("parameter", dimension="parameter", hidden=GIVEN))
     lower: Floats = field(
         metadata=column("parameter", dimension="parameter", hidden=GIVEN, array="lower_bound")
@@ -110,7 +119,6 @@ class ParameterTable:
     at_bound: Bools = field(metadata=column("parameter"))
     determined: Bools = field(metadata=column("parameter"))
     priors: tuple[Prior | None, ...] = field(metadata=column("parameter", prefix="prior_"))
-    units: tuple[str, ...] = field(metadata=column("parameter", name="display_unit", hidden=VIEWS))
     dimensions: tuple[str, ...] = field(
         metadata=column("parameter", name="dimension", hidden=VIEWS)
     )
@@ -621,10 +629,16 @@ class SupportReactions:
             "axis",
             dimension="force",
             unit="N, or N/m in plane strain",
-            sheet="R",
+            sheet="R_{axis}",
             shown="kN",
         )
     )
+
+    @property
+    def holding(self) -> list[list[int]]:
+        """Numbers of each support and state where it holds."""
+        places: list[list[int]] = np.argwhere(np.isfinite(self.force).any(axis=2)).tolist()
+        return places
 
 
 @dataclass(frozen=True)
@@ -650,7 +664,16 @@ class MemberForces:
     numbers: Ints = field(metadata=column("member", name="number"))
     stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
     ends: Floats = field(
-        metadata=column("member", "end", "axis", name="points", title="ends", dimension="length")
+        metadata=column(
+            "member",
+            "end",
+            "axis",
+            name="points",
+            title="ends",
+            sheet="{axis}_{end}",
+            dimension="length",
+            shown="m",
+        )
     )
     axial: Floats = field(
         metadata=column(
@@ -664,7 +687,14 @@ class MemberForces:
     )
     moment: Floats = field(
         metadata=column(
-            "member", "end", "stage", name="M", dimension="moment", unit="N m/m", shown="kNm"
+            "member",
+            "end",
+            "stage",
+            name="M",
+            sheet="M_{end}",
+            dimension="moment",
+            unit="N m/m",
+            shown="kNm",
         )
     )
     shear: Floats = field(
@@ -864,6 +894,28 @@ class Result:
     def fingerprint(self) -> str:
         """Tells this outcome from others, also of the same input: one that was cut short."""
         return fingerprint(self.provenance.identity, self.status, self.objective)
+
+    @property
+    def labels(self) -> dict[str, Sequence[str]]:
+        """What stands along the axes that all tables share, and along the fits of a backtest."""
+        names, gauges = self.parameters.names, self.gauges
+        steps = () if self.backtest is None else self.backtest.steps
+        return {
+            "parameter": names,
+            "other": names,
+            "gauge": gauges.channels,
+            "stage": gauges.stages,
+            "fit": [gauges.stages[step.last] for step in steps],
+        }
+
+    @property
+    def quantities(self) -> dict[str, Sequence[tuple[str, str]]]:
+        """Unit and dimension of each parameter and of each channel."""
+        table, gauges = self.parameters, self.gauges
+        return {
+            "parameter": list(zip(table.units, table.dimensions, strict=True)),
+            "gauge": list(zip(gauges.units, gauges.dimensions, strict=True)),
+        }
 
     @cached_property
     def for_people(self) -> Result:

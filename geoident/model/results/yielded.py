@@ -41,10 +41,10 @@ class YieldedGround:
         metadata=column("state", title="from_centre", dimension="length", shown="m")
     )
     lower: Floats = field(
-        metadata=column("state", "axis", sheet="min", dimension="length", shown="m")
+        metadata=column("state", "axis", sheet="{axis}_min", dimension="length", shown="m")
     )
     upper: Floats = field(
-        metadata=column("state", "axis", sheet="max", dimension="length", shown="m")
+        metadata=column("state", "axis", sheet="{axis}_max", dimension="length", shown="m")
     )
     unit: str = "m3"
 

@@ -342,7 +342,8 @@ WIDE = tuple(f"gauges/{name}" for name in ("measured", "residual", "sd", "used",
 WIDE += tuple(f"diagnostics/{name}" for name in (*DIAGNOSTIC_COLUMNS, "influence", "parameter"))
 UNUSED += (*WIDE, *(f"readings/{name}" for name in ("residual", "unit", "dimension", "reading")))
 UNUSED += ("parameters/prior", "parameters/prior_kind", "diagnostics/gauge", "diagnostics/stage")
-UNUSED += ("readings/parameter",)
+UNUSED += ("readings/parameter", "parameters/name")
+UNUSED += tuple(f"mechanism/{axis}" for axis in ("node", "element", "component"))
 
 
 def read_by_us(name: str) -> bool:
