@@ -86,7 +86,7 @@ def objects(
     quantities: Quantities = NO_QUANTITIES,
     only: Sequence[str] = (),
 ) -> list[dict[str, Any]]:
-    """The rows of a table for programs, SI.
+    """The rows of a table for programs, SI; None for what is no finite number.
 
     Args:
         record: with the columns.
@@ -99,6 +99,8 @@ def objects(
     found: list[dict[str, Any]] = [{} for _ in places]
     for one in _chosen(record, axes, only, "json"):
         values, _ = _values(record, one, axes, places, quantities, si=True)
+        if one.kind == "float":
+            values = np.where(np.isfinite(values), values, None)
         for entry, value in zip(found, values.tolist(), strict=True):
             entry[one.title] = value
     return found
