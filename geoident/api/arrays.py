@@ -115,9 +115,9 @@ def _columns(record: Any) -> Iterator[tuple[str, Variable]]:
     """The arrays of a record that are not the labels of an axis."""
     for one in columns(type(record)):
         labels = one.axes in ((), (one.name,))
-        if labels or one.of is not None or "xarray" in one.hidden:
-            continue
         values = getattr(record, one.field)
+        if labels or values is None or one.of is not None or "xarray" in one.hidden:
+            continue
         if one.known:
             values = np.where(getattr(record, one.known), values, np.nan)
         dims = tuple(_DIMENSIONS.get(axis, axis) for axis in one.axes)

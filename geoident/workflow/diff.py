@@ -100,7 +100,10 @@ def _amounts(
     compared = [
         one
         for one in columns(type(record))
-        if {*one.axes} == {*axes} and one.kind == "float" and "diff" not in one.hidden
+        if {*one.axes} == {*axes}
+        and one.kind == "float"
+        and "diff" not in one.hidden
+        and getattr(record, one.field) is not None
     ]
     if only:
         compared = [one for name in only for one in compared if one.field == name]

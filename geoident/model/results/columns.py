@@ -134,9 +134,14 @@ def derived(*axes: str, **declared: Any) -> Callable[[_Function], _Function]:
     return declare
 
 
-@cache
 def columns(record: type[Any]) -> tuple[Column, ...]:
     """The columns of a type of record, as declared: its fields, then what is derived."""
+    kind: Any = record
+    return _declared(kind)
+
+
+@cache
+def _declared(record: Any) -> tuple[Column, ...]:
     hints = get_type_hints(record)
     found = [
         _resolved(
@@ -151,9 +156,7 @@ def columns(record: type[Any]) -> tuple[Column, ...]:
         or get_origin(hints[entry.name]) is Literal
     ]
     for name in dir(record):
-        function = getattr(getattr(record, name), "fget", None) or getattr(
-            getattr(record, name), "func", None
-        )
+        function: Any = getattr(getattr(record, name), "fget", None)
         if hasattr(function, "column"):
             hint = get_type_hints(function)["return"]
             found.append(_resolved(function.column, name, hint, required=False))
@@ -331,7 +334,7 @@ def _at_label(source: Source, one: Column) -> Source:
 
 def _restored_rows(one: Column, source: Source, group: str) -> tuple[Any, ...] | None:
     """The records along an axis; None where their table is missing."""
-    assert one.of is not None
+    of: Any = one.of
     stored: dict[str, Any] = {}
 
     def whole(column: Column, group: str, name: str, axes: tuple[str, ...]) -> Any:
@@ -345,10 +348,10 @@ def _restored_rows(one: Column, source: Source, group: str) -> tuple[Any, ...] |
             values = whole(column, group, name, axes)
             return None if values is None else values[k] if axes else _python(values[k])
 
-        known = restored(one.of, at_row, group, one.prefix)
+        known = restored(of, at_row, group, one.prefix)
         return None if one.gaps and _is_blank(known) else known
 
-    first = next(slots(one.of, group, one.prefix))
+    first = next(slots(of, group, one.prefix))
     labelled = whole(first.column, first.group, first.name, first.dataset_axes)
     return None if labelled is None else tuple(row(k) for k in range(len(labelled)))
 
@@ -372,8 +375,9 @@ def select(record: _Record, axes: Sequence[str], order: Ints) -> _Record:
         order: numbers of the entries.
     """
     changes: dict[str, Any] = {}
+    declared = {one.field: one for one in columns(type(record))}
     for entry in fields(record):  # type: ignore[arg-type]  # a record is a dataclass
-        one = _by_field(type(record)).get(entry.name)
+        one = declared.get(entry.name)
         value = getattr(record, entry.name)
         if one is None or (is_empty(value) and not isinstance(value, np.ndarray)):
             continue
@@ -391,8 +395,3 @@ def select(record: _Record, axes: Sequence[str], order: Ints) -> _Record:
         elif own:
             changes[entry.name] = tuple(value[k] for k in order)
     return replace(record, **changes)  # type: ignore[type-var]  # likewise
-
-
-@cache
-def _by_field(record: type[Any]) -> Mapping[str, Column]:
-    return {one.field: one for one in columns(record)}

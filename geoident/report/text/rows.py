@@ -134,7 +134,8 @@ def _chosen(record: Any, axes: Sequence[str], only: Sequence[str], view: str) ->
     for one in columns(type(record)):
         along = {*one.axes} - LABELS.keys()
         asked = view not in one.hidden and (not only or one.field in only)
-        if asked and one.of is None and along and along <= {*axes}:
+        there = one.of is None and getattr(record, one.field) is not None
+        if asked and there and along and along <= {*axes}:
             yield one
 
 
@@ -169,4 +170,5 @@ def _within(values: Any, labels: Sequence[int]) -> bool:
 def _cell(value: Any, unit: tuple[str, str]) -> CsvCell:
     if isinstance(value, float | np.floating):
         return in_unit(float(value), *unit) + 0.0  # no -0
-    return value.item() if isinstance(value, np.generic) else value
+    cell: CsvCell = value.item() if isinstance(value, np.generic) else value
+    return cell
