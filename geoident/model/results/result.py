@@ -34,9 +34,6 @@ from geoident.units import shown_unit, si_unit, size_in
 VIEWS = ("json", "csv", "xarray", "diff")
 """All views of a table but the result file."""
 
-TABLES = ("json", "csv", "diff")
-"""Views that list the parameters."""
-
 GIVEN = ("json", "diff")
 """Views without what the case says of the parameters."""
 
@@ -122,8 +119,8 @@ class ParameterTable:
     dimensions: tuple[str, ...] = field(
         metadata=column("parameter", name="dimension", hidden=VIEWS)
     )
-    covariance: Floats = field(metadata=column("parameter", "other", hidden=TABLES))
-    correlation: Floats = field(metadata=column("parameter", "other", hidden=TABLES))
+    covariance: Floats = field(metadata=column("parameter", "other"))
+    correlation: Floats = field(metadata=column("parameter", "other"))
     fields: tuple[str, ...] = field(
         default=(), metadata=column("parameter", name="field", optional=True, hidden=VIEWS)
     )
@@ -140,7 +137,7 @@ class ParameterTable:
         return self.names
 
     @property
-    @derived("other", name="other", hidden=VIEWS)
+    @derived("other", name="other")
     def other_names(self) -> tuple[str, ...]:
         """N names, of the columns of covariance and correlation."""
         return self.names

@@ -257,14 +257,6 @@ def test_xarray_selects_by_name(kept: Path) -> None:
         assert root.attrs["status"] == "converged"
 
 
-def test_parameters_stand_in_si_beside_the_unit_of_the_user(kept: Path) -> None:
-    with h5py.File(kept) as file:
-        table = file["parameters"]
-        assert table["value"][0] == 1.5e10
-        assert table["unit"].asstr()[0] == "Pa"
-        assert table["display_unit"].asstr()[0] == "GPa"
-
-
 def test_only_plain_types_in_contiguous_layout(kept: Path) -> None:
     kinds = set()
 

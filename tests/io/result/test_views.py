@@ -33,6 +33,8 @@ from geoident.report.text.json import dumps, result_object
 from geoident.report.text.result import result_text
 from geoident.workflow.diff import numbers
 from tests.io.result.conftest import make_result
+from tests.io.result.test_certificate import proof
+from tests.io.result.test_result_file import assert_same
 
 NAN = math.nan
 GPA, MPA, MM, KILO = 1e9, 1e6, 1e-3, 1e3
@@ -51,6 +53,7 @@ def whole_result() -> Result:
     bent = np.where(np.arange(3) < 2, 1.0, NAN)
     return replace(
         result,
+        certificate=proof(result.parameters.names, bound=3.5, gap=0.02),
         members=MemberForces(
             ("wall", "wall", "bolt"), np.array([1, 2, 1]), result.gauges.stages,
             rng.normal(size=(3, 2, 2)), forces, rng.normal(size=(3, 2, 2)) * bent[:, None, None],
@@ -272,6 +275,10 @@ def cell(text: str) -> Any:
         return float(text or "nan")
     except ValueError:
         return text
+
+
+def test_the_whole_result_comes_back(path: str) -> None:
+    assert_same(whole_result(), result_of(path))
 
 
 @pytest.mark.parametrize("table", SHEETS)
