@@ -9,6 +9,7 @@ import numpy as np
 
 from geoident.api.calling import needed
 from geoident.api.tables import dates_of
+from geoident.model.results.columns import columns
 from geoident.model.results.result import Result
 from geoident.units import si_unit
 
@@ -97,39 +98,30 @@ def _readings(result: Result) -> Iterator[tuple[str, Variable]]:
         yield "sensitivity", ((*both, "parameter"), result.sensitivity)
 
 
+_DIMENSIONS = {"gauge": "channel", "other": "parameter_2"}
+"""Axis of the result file to the dimension here, where they differ."""
+
+
 def _parameters(result: Result) -> Iterator[tuple[str, Variable]]:
-    table = result.parameters
-    known = table.determined | np.isfinite(table.sd)
-    columns = {
-        "estimate": np.where(known, table.values, np.nan),
-        "estimate_sd": table.sd,
-        "estimate_lower95": table.lower95,
-        "estimate_upper95": table.upper95,
-        "lower_bound": table.lower,
-        "upper_bound": table.upper,
-        "start": table.start,
-        "at_bound": table.at_bound,
-        "determined": table.determined,
-    }
-    for name, column in columns.items():
-        yield name, (("parameter",), column)
-    yield "covariance", (("parameter", "parameter_2"), table.covariance)
-    yield "correlation", (("parameter", "parameter_2"), table.correlation)
+    yield from _columns(result.parameters)
 
 
 def _predictions(result: Result) -> Iterator[tuple[str, Variable]]:
-    found = result.prediction
-    if found is None:
-        return
-    mean = np.where(np.isfinite(found.sd), found.mean, np.nan)
-    columns = {
-        "predicted": mean,
-        "predicted_sd": found.sd,
-        "predicted_lower95": found.lower95,
-        "predicted_upper95": found.upper95,
-    }
-    for name, column in columns.items():
-        yield name, (("channel", "stage"), column)
+    if result.prediction is not None:
+        yield from _columns(result.prediction)
+
+
+def _columns(record: Any) -> Iterator[tuple[str, Variable]]:
+    """The arrays of a record that are not the labels of an axis."""
+    for one in columns(type(record)):
+        labels = one.axes in ((), (one.name,))
+        values = getattr(record, one.field)
+        if labels or values is None or one.of is not None or "xarray" in one.hidden:
+            continue
+        if one.known:
+            values = np.where(getattr(record, one.known), values, np.nan)
+        dims = tuple(_DIMENSIONS.get(axis, axis) for axis in one.axes)
+        yield one.array or one.title, (dims, values)
 
 
 def _fields(result: Result) -> Iterator[tuple[str, Variable]]:

@@ -16,15 +16,11 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, ParameterTable, Result
 from geoident.report.page.html import table as html_table
 from geoident.report.text.case import stage_dates
-from geoident.report.text.csv_tables import CsvCell, CsvTable, csv_tables
+from geoident.report.text.csv_tables import csv_tables, parameters_sheet
 from geoident.report.text.layout import TextTable, number
-from geoident.report.text.parameters import (
-    parameter_table,
-    parameters_text,
-    prior_in_unit,
-    value_cells,
-)
-from geoident.units import in_unit, shown_unit, si_unit
+from geoident.report.text.parameters import parameter_table, parameters_text, value_cells
+from geoident.report.text.rows import CsvCell, CsvTable
+from geoident.units import shown_unit, si_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,7 +145,7 @@ class Parameters(Mapping[str, ParameterEstimate]):
         table = self._table
         i = table.names.index(_known(name, table.names, "parameter"))
         return ParameterEstimate(
-            value=float(table.values[i]) if self._known[i] else math.nan,
+            value=float(table.values[i]) if table.known[i] else math.nan,
             sd=float(table.sd[i]),
             lower95=float(table.lower95[i]),
             upper95=float(table.upper95[i]),
@@ -166,11 +162,6 @@ class Parameters(Mapping[str, ParameterEstimate]):
         return len(self._table.names)
 
     @property
-    def _known(self) -> Bools:
-        """(n,) by readings, or at least by a prior."""
-        return np.asarray(self._table.determined | np.isfinite(self._table.sd), dtype=np.bool_)
-
-    @property
     def values_si(self) -> dict[str, float]:
         """Name to value, SI; NaN where it is not determined."""
         return {name: estimate.value for name, estimate in self.items()}
@@ -178,8 +169,8 @@ class Parameters(Mapping[str, ParameterEstimate]):
     def to_frame(self, *, si: bool = False) -> pd.DataFrame:
         """The parameters as a ``pandas.DataFrame``, one row each, their names as the index.
 
-        Columns: value, sd, lower95, upper95, unit, start, lower, upper, at_bound, determined,
-        prior. What is not determined is NaN.
+        Columns: those of the table ``parameters`` of ``geoident export``. What is not determined is
+        NaN.
 
         Args:
             si: SI units in place of those of the case.
@@ -187,31 +178,9 @@ class Parameters(Mapping[str, ParameterEstimate]):
         Raises:
             MissingExtra: pandas is not installed.
         """
-        table = self._table
-        units = [
-            si_unit(d) if si else u for u, d in zip(table.units, table.dimensions, strict=True)
-        ]
-        kinds = list(zip(units, table.dimensions, strict=True))
-
-        def column(values: Floats) -> list[float]:
-            return [in_unit(float(v), *kind) for v, kind in zip(values, kinds, strict=True)]
-
-        frame = _frame(
-            {
-                "parameter": table.names,
-                "value": column(np.where(self._known, table.values, np.nan)),
-                "sd": column(table.sd),
-                "lower95": column(table.lower95),
-                "upper95": column(table.upper95),
-                "unit": [shown_unit(*kind) for kind in kinds],
-                "start": column(table.start),
-                "lower": column(table.lower),
-                "upper": column(table.upper),
-                "at_bound": table.at_bound.tolist(),
-                "determined": table.determined.tolist(),
-                "prior": [prior_in_unit(p, *k) for p, k in zip(table.priors, kinds, strict=True)],
-            }
-        )
+        table = parameters_sheet(self._result, si=si)
+        columns = zip(*table.rows, strict=True) if table.rows else ((),) * len(table.header)
+        frame = _frame(dict(zip(table.header, columns, strict=True)))
         return frame.set_index("parameter")
 
     def __repr__(self) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
+from geoident.model.results.columns import column, derived
 
 MovingPoint = tuple[tuple[float, ...], tuple[float, ...]]
 """A point (dim,), m, and the vector (dim,) whose product with its displacement adds to a reading.
@@ -70,11 +71,25 @@ class ErrorParts:
             the gauge's accuracy.
     """
 
-    reading: float
-    zero: float = 0.0
-    head: float = 0.0
-    epoch: float = 0.0
-    along: float = 0.0
+    reading: float = field(
+        metadata=column(name="error_sd", part=("error_part", "reading"), dimension="gauge")
+    )
+    zero: float = field(
+        default=0.0,
+        metadata=column(name="error_sd", part=("error_part", "zero"), dimension="gauge"),
+    )
+    head: float = field(
+        default=0.0,
+        metadata=column(name="error_sd", part=("error_part", "head"), dimension="gauge"),
+    )
+    epoch: float = field(
+        default=0.0,
+        metadata=column(name="error_sd", part=("error_part", "epoch"), dimension="gauge"),
+    )
+    along: float = field(
+        default=0.0,
+        metadata=column(name="error_sd", part=("error_part", "along"), dimension="gauge"),
+    )
     survey: str = ""
     zero_surveyed: float = 0.0
     estimated: tuple[tuple[str, str], ...] = ()
@@ -343,23 +358,31 @@ class ReadingTable:
         note: k remarks of the field sheets, empty for none; or nothing if there are none at all.
     """
 
-    channel: tuple[str, ...]
-    gauge: tuple[str, ...]
-    stage: tuple[str, ...]
-    time: Floats
-    value: Floats
-    sd: Floats
-    used: Bools
-    bad: Bools
-    reason: tuple[str, ...]
-    computed: Floats
-    sensitivity: Floats | None = None
-    own_sd: Floats | None = None
-    epochs: Ints | None = None
-    note: tuple[str, ...] = ()
+    channel: tuple[str, ...] = field(metadata=column("reading"))
+    gauge: tuple[str, ...] = field(metadata=column("reading"))
+    stage: tuple[str, ...] = field(metadata=column("reading"))
+    time: Floats = field(metadata=column("reading", unit="s since 1970-01-01"))
+    value: Floats = field(metadata=column("reading"))
+    sd: Floats = field(metadata=column("reading"))
+    used: Bools = field(metadata=column("reading"))
+    bad: Bools = field(metadata=column("reading"))
+    reason: tuple[str, ...] = field(metadata=column("reading"))
+    computed: Floats = field(metadata=column("reading"))
+    sensitivity: Floats | None = field(
+        default=None, metadata=column("reading", "parameter", optional=True)
+    )
+    own_sd: Floats | None = field(default=None, metadata=column("reading", optional=True))
+    epochs: Ints | None = field(default=None, metadata=column("reading", optional=True))
+    note: tuple[str, ...] = field(default=(), metadata=column("reading", optional=True))
 
     def __len__(self) -> int:
         return len(self.channel)
+
+    @property
+    @derived("reading")
+    def residual(self) -> Floats:
+        """(k,) measured minus computed, SI."""
+        return self.value - self.computed
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:

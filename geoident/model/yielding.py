@@ -9,7 +9,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import degrees, pi, tan
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
+
+import numpy as np
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.bounds import Breach, Numbers, beyond, negative, not_positive
@@ -17,6 +19,7 @@ from geoident.model.dual import Dual
 from geoident.model.empirical.rock_mass import LARGEST_GSI, strength_constants
 from geoident.model.ground import Frame, angles_of
 from geoident.model.parameter import Scalar, Values, scalars_of
+from geoident.model.results.columns import column, derived
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the exact surface: inside, around, or of the same size on average."""
@@ -337,13 +340,15 @@ class Activity:
         slopes: (r, n) dk/dp: on which parameters the distance depends.
     """
 
-    planes: tuple[str, ...]
-    stages: tuple[str, ...]
-    points: Ints
-    biactive: Ints
-    distances: Floats
-    reached: Floats
-    slopes: Floats
+    planes: tuple[str, ...] = field(metadata=column("plane", name="plane"))
+    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
+    points: Ints = field(metadata=column("plane", "stage"))
+    biactive: Ints = field(metadata=column("plane", "stage"))
+    distances: Floats = field(metadata=column("plane", name="distance", dimension="pressure"))
+    reached: Floats = field(metadata=column("plane", dimension="pressure"))
+    slopes: Floats = field(
+        metadata=column("plane", "parameter", name="slope", unit="Pa per SI unit of the parameter")
+    )
 
 
 @dataclass(frozen=True)
@@ -367,9 +372,34 @@ class Certificate:
 
     kind: str
     gradient: float
-    activity: Activity
+    activity: Activity = field(metadata=column())
     lower_bounds: dict[str, float] = field(default_factory=dict)
     bound: float = float("nan")
     gap: float = float("nan")
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = field(default=(), metadata=column("remark", name="remark"))
     open_above: tuple[str, ...] = ()
+
+    @classmethod
+    def from_columns(
+        cls, *, bounded: tuple[str, ...], at_least: Floats, **columns: Any
+    ) -> Certificate:
+        """The certificate from its columns.
+
+        Args:
+            bounded: names of the parameters with lower bounds.
+            at_least: these, SI.
+            **columns: all others.
+        """
+        return cls(**columns, lower_bounds=dict(zip(bounded, at_least.tolist(), strict=True)))
+
+    @property
+    @derived("bounded", stored=True)
+    def bounded(self) -> tuple[str, ...]:
+        """Names of the parameters with `lower_bounds`."""
+        return tuple(self.lower_bounds)
+
+    @property
+    @derived("bounded", unit="SI unit of the parameter", stored=True)
+    def at_least(self) -> Floats:
+        """These bounds, SI."""
+        return np.array([*self.lower_bounds.values()], dtype=np.float64)

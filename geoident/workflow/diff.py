@@ -7,17 +7,17 @@ one of them has (a gauge that is new, a parameter that is not determined) is a d
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
 from geoident.io.result.file import read_result
-from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest
-from geoident.model.results.bands import Prediction
+from geoident.model.results.columns import columns
 from geoident.model.results.comparison import Amount, Comparison, Difference, Place, Tolerance
-from geoident.model.results.result import GaugeTable, ParameterTable, Result
+from geoident.model.results.result import Result
 from geoident.units import DIMENSIONLESS
 
 NamedAmounts = Iterator[tuple[Place, Amount]]
@@ -74,45 +74,58 @@ def numbers(result: Result) -> NamedAmounts:
     result = result.for_people
     if math.isfinite(result.objective):
         yield Place("objective", "", "objective"), _pure(result.objective)
-    yield from _parameters(result.parameters)
-    yield from _readings(result.gauges)
+    yield from _of_parameters("parameters", result.parameters, result)
+    read = ("measured", "sd", "computed")
+    yield from _amounts("readings", result.gauges, ("stage", "gauge"), result, read)
     if result.prediction is not None:
-        yield from _predictions(result.gauges, result.prediction)
+        yield from _amounts("predictions", result.prediction, ("stage", "gauge"), result)
     if result.grid is not None:
         yield from _grid(result)
     if result.kind == "backtest" and result.backtest is not None:
         yield from _backtest(result, result.backtest)
 
 
-def _parameters(table: ParameterTable) -> NamedAmounts:
-    value = np.where(table.determined, table.values, np.nan)
-    columns = {"value": value, "sd": table.sd, "lower95": table.lower95, "upper95": table.upper95}
-    for i, name in enumerate(table.names):
-        for quantity, column in columns.items():
-            if math.isfinite(column[i]):
-                amount = Amount(float(column[i]), table.dimensions[i], table.units[i])
-                yield Place("parameters", name, quantity), amount
+def _amounts(
+    table: str, record: Any, axes: tuple[str, ...], result: Result, only: Sequence[str] = ()
+) -> NamedAmounts:
+    """The numbers of the columns of a record along axes, row by row, each column after the other.
+
+    Args:
+        table: name of it.
+        record: with the columns, such as `geoident.model.results.result.ParameterTable`.
+        axes: that it has; the item of a number is named along them, the last one first.
+        result: that it belongs to.
+        only: fields that are compared; in this order; all if empty.
+    """
+    compared = [
+        one
+        for one in columns(type(record))
+        if {*one.axes} == {*axes}
+        and one.kind == "float"
+        and "diff" not in one.hidden
+        and getattr(record, one.field) is not None
+    ]
+    if only:
+        compared = [one for name in only for one in compared if one.field == name]
+    labels, quantities = result.labels, result.quantities
+    for one in compared:
+        values = getattr(record, one.field)
+        if one.known:
+            values = np.where(getattr(record, one.known), values, np.nan)
+        order = [one.axes.index(axis) for axis in axes]
+        for place in np.argwhere(np.isfinite(np.transpose(values, order))).tolist():
+            at = dict(zip(axes, place, strict=True))
+            item = ", ".join(labels[axis][at[axis]] for axis in reversed(axes))
+            unit, dimension = quantities[one.dimension][at[one.dimension]]
+            value = float(values[tuple(at[axis] for axis in one.axes)])
+            yield Place(table, item, one.title), Amount(value, dimension, unit)
 
 
-def _readings(table: GaugeTable) -> NamedAmounts:
-    columns = {"measured": table.measured, "sd": table.sd, "computed": table.computed}
-    for quantity, column in columns.items():
-        yield from _of_channels("readings", quantity, table, column)
-
-
-def _predictions(gauges: GaugeTable, table: Prediction) -> NamedAmounts:
-    mean = np.where(np.isfinite(table.sd), table.mean, np.nan)  # else it is not determined
-    columns = {"mean": mean, "lower95": table.lower95, "upper95": table.upper95}
-    for quantity, column in columns.items():
-        yield from _of_channels("predictions", quantity, gauges, column)
-
-
-def _of_channels(table: str, quantity: str, gauges: GaugeTable, column: Floats) -> NamedAmounts:
-    """What a column (n_channels, n_stages), SI, holds, stage by stage."""
-    for j, i in np.argwhere(np.isfinite(column).T):
-        item = f"{gauges.channels[i]}, {gauges.stages[j]}"
-        amount = Amount(float(column[i, j]), gauges.dimensions[i], gauges.units[i])
-        yield Place(table, item, quantity), amount
+def _of_parameters(table: str, record: Any, result: Result) -> NamedAmounts:
+    """The numbers of the columns of each parameter, one parameter after the other."""
+    names = {name: k for k, name in enumerate(result.parameters.names)}
+    found = _amounts(table, record, ("parameter",), result)
+    yield from sorted(found, key=lambda one: names[one[0].item])
 
 
 def _grid(result: Result) -> NamedAmounts:
@@ -129,24 +142,11 @@ def _grid(result: Result) -> NamedAmounts:
 
 def _backtest(result: Result, found: Backtest) -> NamedAmounts:
     """Parameters and predictions of every fit, and the scores."""
-    gauges, table = result.gauges, result.parameters
     for step in found.steps:
-        stage = gauges.stages[step.last]
-        at_step = replace(
-            table,
-            values=step.values,
-            sd=step.sd,
-            lower95=step.lower95,
-            upper95=step.upper95,
-            determined=step.determined,
-        )
-        for place, amount in _parameters(at_step):
-            yield Place(f"fit up to {stage}", place.item, place.quantity), amount
-        for place, amount in _predictions(gauges, step.prediction):
-            yield (
-                Place(f"predicted from readings up to {stage}", place.item, place.quantity),
-                amount,
-            )
+        stage = result.gauges.stages[step.last]
+        yield from _of_parameters(f"fit up to {stage}", step, result)
+        ahead = f"predicted from readings up to {stage}"
+        yield from _amounts(ahead, step.prediction, ("stage", "gauge"), result)
     for horizon, scores in (("next stage", found.next), ("further ahead", found.further)):
         for quantity, value in asdict(scores).items():
             if math.isfinite(value):

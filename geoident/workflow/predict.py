@@ -178,7 +178,6 @@ def plan_prediction(request: PredictRequest) -> Task:
     """
     fit = _read_fit(request.result)
     origin = inputs_of_result(fit, case_path(request.result, fit.provenance.case_file))
-    _require_times(fit, origin.case, request.result)
     inputs = _inputs(request, origin, fit)
     _require_stages(request.stages, inputs.case)
     require_identified(fit, inputs)
@@ -257,16 +256,6 @@ def _read_fit(path: str) -> Result:
         return result
     message = f"A {result.kind} cannot be predicted from; the result of a fit is expected."
     raise InputError([Fault("not-a-fit", message, location=Location(path))])
-
-
-def _require_times(fit: Result, case: Case, path: str) -> None:
-    """Refuse a result of an older format whose gauges drift: it has lost when they were read."""
-    drifting = [channel.gauge for channel in case.channels if channel.drift is not None]
-    if fit.provenance.format and drifting:
-        message = f"the gauge {drifting[0]!r} drifts in time, but this file, of the format "
-        message += f"{fit.provenance.format!r}, does not say when readings were taken"
-        hint = "Run the fit again, which writes them."
-        raise InputError([Fault("no-times", message, hint, Location(path))])
 
 
 def _inputs(request: PredictRequest, origin: Inputs, fit: Result) -> Inputs:

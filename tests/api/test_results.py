@@ -30,18 +30,6 @@ def test_a_parameter_says_itself_in_the_unit_of_the_case(fitted):
     assert fitted.parameters.values_si == {n: p.value for n, p in fitted.parameters.items()}
 
 
-def test_parameters_as_a_frame(fitted):
-    frame, si = fitted.parameters.to_frame(), fitted.parameters.to_frame(si=True)
-    assert list(frame.index) == list(si.index) == ["E", "K0"]
-    assert frame.loc["E", "unit"] == "GPa"
-    assert si.loc["E", "unit"] == "Pa"
-    for column in ("value", "sd", "lower95", "upper95", "start", "lower", "upper"):
-        assert si.loc["E", column] == pytest.approx(1e9 * frame.loc["E", column])
-        assert si.loc["K0", column] == frame.loc["K0", column]
-    assert si.loc["E", "value"] == fitted.parameters["E"].value
-    assert frame["determined"].tolist() == [True, True]
-
-
 def test_what_is_not_determined_has_no_number(case):
     gauges = ("CV", "S", "X")
     found = fit(case.with_values({f"gauges.{name}.accuracy": "1 m" for name in gauges}))

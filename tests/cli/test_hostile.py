@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from geoident.io.result.file import read_result
-from geoident.report.text.csv_tables import CsvTable, csv_text
+from geoident.report.text.csv_tables import csv_text
+from geoident.report.text.rows import CsvTable
 from geoident.workflow import fit as workflow_fit
 from tests.support.trench import write_case
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.io.result.reading_tables import long_table
+from geoident.model.gauges import ReadingTable
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.bands import Prediction
@@ -93,6 +93,31 @@ def parameters() -> ParameterTable:
         dimensions=("pressure", "pressure", "dimensionless"),
         covariance=np.diag([1.6e17, nan, 1e-2]),
         correlation=np.array([[1.0, nan, -0.8], [nan, nan, nan], [-0.8, nan, 1.0]]),
+    )
+
+
+def long_table(
+    channels, stages, measured, *, sd, used, bad, computed, sensitivity=None
+) -> ReadingTable:
+    """The k readings of a wide table, stage by stage: one a channel and stage, times unknown."""
+    places = np.argwhere(np.isfinite(measured).T)[:, ::-1]
+    at = tuple(places.T)
+    names = tuple(channels[i] for i in places[:, 0])
+    return ReadingTable(
+        channel=names,
+        gauge=tuple(name.partition(".")[0] for name in names),
+        stage=tuple(stages[j] for j in places[:, 1]),
+        time=np.full(len(places), np.nan),
+        value=measured[at],
+        sd=sd[at],
+        used=used[at],
+        bad=bad[at],
+        reason=tuple(
+            "" if u else "flagged as bad: see the notes" if b else "see the notes"
+            for u, b in zip(used[at], bad[at], strict=True)
+        ),
+        computed=computed[at],
+        sensitivity=None if sensitivity is None else sensitivity[at],
     )
 
 

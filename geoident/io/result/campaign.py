@@ -21,11 +21,10 @@ import numpy as np
 
 from geoident.errors import OutputError
 from geoident.io.result.hdf5 import TableWriter, hdf5_output, plain_text, visible
-from geoident.io.result.tables import COUNTS
 from geoident.io.text.atomic import atomic_output, make_folder, output_error, refuse_link
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.arrays import Floats
-from geoident.model.results.costs import Counts
+from geoident.model.results.costs import COUNTS, Counts
 from geoident.model.results.many.campaign import CampaignTable, RunParameter, RunReading, RunRecord
 
 FORMAT = "geoident-campaign-result/1"

@@ -6,60 +6,38 @@ its name only when it is complete (`geoident.io.text.atomic`).
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 
 from geoident.errors import InputError
-from geoident.io.result import (
-    backtest,
-    opening,
-    posterior,
-    reading_tables,
-    reduced,
-    rivals,
-    surface,
-    tables,
-    vtkhdf,
-)
+from geoident.io.result import posterior, reduced, vtkhdf
 from geoident.io.result.hdf5 import (
     TableReader,
+    TableWriter,
     hdf5_input,
     hdf5_output,
-    plain_text,
     refusal,
     texts,
-    visible,
 )
-from geoident.io.result.varied import GROUP as VARIED
-from geoident.io.result.varied import read_varied, write_varied
+from geoident.io.result.records import read_record, write_record
 from geoident.io.text.atomic import atomic_output
-from geoident.model.arrays import Floats
-from geoident.model.results.costs import Counts
-from geoident.model.results.result import Diagnostics, GaugeTable, Provenance, Result, fingerprint
+from geoident.model.results.columns import Slot, column, slots
+from geoident.model.results.result import Diagnostics, GaugeTable, Grid, Result, fingerprint
+from geoident.model.results.varied import FieldEstimate
+from geoident.model.results.yielded import Mechanism
+from geoident.units import DIMENSIONS, si_unit
 
 FORMAT = "geoident-result/2"
-WIDE_FORMAT = "geoident-result/1"
-"""The format before: no long table of readings."""
 PROJECT_FORMAT = "geoident-project-result/1"
 """The format of results of several sections, see `geoident.io.result.project`."""
-_RESULT_TEXTS = ("kind", "status", "method", "reason")
-_RESULT_LISTS = ("findings", "notes")
-_PROVENANCE_TEXTS = tuple(
-    entry.name
-    for entry in fields(Provenance)
-    if entry.name not in ("versions", "seed", "format", "seconds")
-    and not entry.name.startswith(("stamp", "fit_"))
-)
-_MAY_MISS = ("stamp", "fit_file", "fit_fingerprint")
-"""Texts of the provenance that not every result has."""
+
+_MECHANISM, _VARIED, _GRID = "mechanism", "fields", "grid"
 
 
 @dataclass(frozen=True)
@@ -84,11 +62,11 @@ class ResultIdentity:
     status: str
     exit_code: int
     case_file: str
-    seconds: float
-    objective: float = math.nan
-    stamp: str = ""
-    fit_file: str = ""
-    fit_fingerprint: str = ""
+    seconds: float = field(default=math.inf, metadata=column(optional=True))
+    objective: float = field(default=math.nan, metadata=column(optional=True))
+    stamp: str = field(default="", metadata=column(optional=True))
+    fit_file: str = field(default="", metadata=column(optional=True))
+    fit_fingerprint: str = field(default="", metadata=column(optional=True))
 
     @property
     def fingerprint(self) -> str:
@@ -143,92 +121,74 @@ def _drop_sidecar(sidecar: Path | None, name: str) -> None:
 
 
 def _write(file: h5py.File, result: Result) -> None:
-    _write_attributes(file, result)
-    case = file.create_group("case")
-    case["verbatim"] = plain_text(result.case_text)
-    case["resolved"] = plain_text(result.case_resolved)
-    names, gauges = result.parameters.names, result.gauges
-    tables.write_parameters(file, result.parameters, result.singular_values)
-    reading_tables.write_gauges(file, gauges)
-    reading_tables.write_readings(file, gauges, result.diagnostics, names)
-    tables.write_history(file, result.history, names)
-    if result.sensitivity is not None:
-        tables.write_sensitivity(file, result.sensitivity, gauges, names)
-    if result.prediction is not None:
-        tables.write_prediction(file, result.prediction, gauges)
-    if result.diagnostics is not None:
-        reading_tables.write_diagnostics(file, result.diagnostics, gauges, names)
-    _write_errors(file, result)
-    _write_findings(file, result)
+    file.attrs["format"] = FORMAT
+    units = {"gauge": _reading_unit(result.gauges)}
+    more = [*_wide_diagnostics(result)]
+    write_record(file, result, labels=result.labels, units=units, more=more)
     if result.grid is not None:
-        tables.write_grid(file, result.grid)
-    write_varied(file, result.varied)
-    _write_states(file, result)
-    if result.certificate is not None:
-        tables.write_certificate(file, result.certificate, names)
-    rivals.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
-    if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields, result.varied, result.mechanism)
-        if result.mechanism is not None:
-            tables.write_mechanism(file, result.mechanism)
-    file.attrs["contents"] = " ".join(sorted(file))
-
-
-def _write_states(file: h5py.File, result: Result) -> None:
-    """What the states hold beside their fields: forces, reactions, what yields."""
-    if result.members is not None:
-        tables.write_members(file, result.members)
-    if result.reactions is not None and result.reactions.supports:
-        tables.write_reactions(file, result.reactions)
-    if result.yielded is not None:
-        tables.write_yielded(file, result.yielded)
-    if result.reaction is not None:
-        opening.write_reaction(file, result.reaction)
-    if result.advance is not None:
-        opening.write_advance(file, result.advance)
-
-
-def _write_errors(file: h5py.File, result: Result) -> None:
-    """What was estimated of the errors of gauges and model."""
-    if result.accuracies is not None:
-        reading_tables.write_accuracies(file, result.accuracies)
-    if result.model_error is not None:
-        tables.write_model_error(file, result.model_error)
-    if result.surface is not None:
-        surface.write_surface(file, result.surface)
-
-
-def _write_findings(file: h5py.File, result: Result) -> None:
-    """Groups of single commands and options."""
-    if result.backtest is not None:
-        backtest.write_backtest(file, result.backtest, result.gauges, result.parameters.names)
+        _write_grid(file, result.grid)
+    if result.varied:
+        _write_varied(file, result.varied)
     if result.posterior is not None:
         posterior.write_posterior(file, result.posterior, result.parameters)
     if result.reduced is not None:
         reduced.write_reduced(file, result.reduced)
+    if result.fields is not None:
+        vtkhdf.write_fields(file, result.fields, result.varied, result.mechanism)
+        if result.mechanism is not None:
+            write_record(file, result.mechanism, _MECHANISM, labels={}, units={})
+    file.attrs["contents"] = " ".join(sorted(file))
 
 
-def _write_attributes(file: h5py.File, result: Result) -> None:
-    attributes = file.attrs
-    attributes["format"] = FORMAT
-    for name in _RESULT_TEXTS:
-        attributes[name] = plain_text(getattr(result, name))
-    for name in _RESULT_LISTS:
-        if getattr(result, name):
-            attributes.create(name, texts(getattr(result, name)), dtype=h5py.string_dtype())
-    for name in _PROVENANCE_TEXTS:
-        attributes[name] = plain_text(getattr(result.provenance, name))
-    for name in tables.COUNTS:
-        attributes[name] = np.int64(getattr(result.counts, name))
-    attributes["versions"] = plain_text(json.dumps(dict(result.provenance.versions)))
-    attributes["seed"] = np.int64(result.provenance.seed)
-    if math.isfinite(result.provenance.seconds):
-        attributes["seconds"] = np.float64(result.provenance.seconds)
-    for name in _MAY_MISS:
-        if getattr(result.provenance, name):
-            attributes[name] = plain_text(getattr(result.provenance, name))
-    attributes["exit_code"] = np.int64(result.exit_code)
-    attributes["objective"] = np.float64(result.objective)
+def _reading_unit(table: GaugeTable) -> str:
+    """The SI unit of all readings; where they have several, where to find it."""
+    units = {si_unit(name) for name in table.dimensions} or {"m"}
+    return units.pop() if len(units) == 1 else "SI, see /gauges/unit"
+
+
+def _wide_diagnostics(result: Result) -> Iterator[tuple[Slot, Any]]:
+    """The columns of the diagnostics by channel and stage, for who wants tables; not read."""
+    if result.diagnostics is not None:
+        wide = result.diagnostics.wide(result.gauges)
+        for slot in slots(Diagnostics):
+            if slot.axes:
+                axes = ("gauge", "stage", *slot.axes[1:])
+                yield replace(slot, group="diagnostics", axes=axes), slot.get(wide)
+
+
+def _write_grid(file: h5py.File, grid: Grid) -> None:
+    """Writes ``/grid``: the axes under the names of their parameters, and ``objective``."""
+    names = [_axis_name(name) for name in grid.names]
+    out = TableWriter(file, _GRID, dict(zip(names, grid.axes, strict=True)))
+    out.group.attrs.create("parameters", texts(grid.names), dtype=h5py.string_dtype())
+    out.add("objective", grid.objective, *names)
+
+
+def _read_grid(file: h5py.File) -> Grid:
+    group = TableReader(file, _GRID)
+    names = group.attribute_texts("parameters")
+    axes = tuple(group.array(_axis_name(name), "f") for name in names)
+    return Grid(names, axes, group.floats("objective", *(len(axis) for axis in axes)))
+
+
+def _axis_name(parameter: str) -> str:
+    """Name of the dataset of an axis, which must not be that of the discrepancy."""
+    return f"{parameter}_" if parameter == "objective" else parameter
+
+
+def _write_varied(file: h5py.File, estimates: Sequence[FieldEstimate]) -> None:
+    """Writes ``/fields``, a group for each; ``sd`` and ``prior_sd`` are of the logarithm."""
+    group = file.create_group(_VARIED)
+    group.attrs.create("names", texts([one.name for one in estimates]), dtype=h5py.string_dtype())
+    for number, one in enumerate(estimates):
+        units = {"field": DIMENSIONS.get(one.dimension, "")}
+        write_record(group, one, str(number), labels={}, units=units)
+
+
+def _read_varied(file: h5py.File) -> tuple[FieldEstimate, ...]:
+    group = TableReader(file, _VARIED)
+    count = len(group.attribute_texts("names"))
+    return tuple(read_record(group.group, FieldEstimate, str(k)) for k in range(count))
 
 
 def read_identity(path: str | Path) -> ResultIdentity | None:
@@ -237,17 +197,7 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
         with hdf5_input(path) as file:
             if file.attrs.get("format") != PROJECT_FORMAT:
                 _refuse_unknown_format(file, path)
-            root = _Attributes(file, path)
-            return ResultIdentity(
-                root.text("identity"),
-                root.text("kind"),
-                root.text("status"),
-                root.int("exit_code"),
-                root.text("case_file"),
-                root.float("seconds", math.inf),
-                root.float("objective", math.nan),
-                *(root.text(name, "") for name in _MAY_MISS),
-            )
+            return read_record(file, ResultIdentity)
     except InputError:
         return None
 
@@ -261,12 +211,12 @@ def read_result(path: str | Path) -> Result:
     """
     with hdf5_input(path) as file:
         _refuse_unknown_format(file, path)
-        return _read(file, _Attributes(file, path))
+        return _read(file)
 
 
 def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
     found = file.attrs.get("format")
-    if found in (FORMAT, WIDE_FORMAT):
+    if found == FORMAT:
         return
     target = vtkhdf.sidecar_target(path)
     if target is not None:
@@ -283,109 +233,49 @@ def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
     raise refusal(path, "unknown-format", message, hint)
 
 
-class _Attributes:
-    """The attributes of the root group; a missing one is named."""
-
-    def __init__(self, file: h5py.File, path: str | Path) -> None:
-        self._attributes = file.attrs
-        self._path = path
-
-    def text(self, name: str, missing: str | None = None) -> str:
-        if missing is not None and name not in self._attributes:
-            return missing
-        return visible(str(self._get(name)))
-
-    def int(self, name: str, missing: int | None = None) -> int:
-        if missing is not None and name not in self._attributes:
-            return missing
-        return int(self._get(name))
-
-    def float(self, name: str, missing: float | None = None) -> float:
-        if missing is not None and name not in self._attributes:
-            return missing
-        return float(self._get(name))
-
-    def list(self, name: str) -> tuple[str, ...]:
-        return tuple(visible(str(text)) for text in self._attributes.get(name, ()))
-
-    def _get(self, name: str) -> Any:
-        if name not in self._attributes:
-            raise refusal(self._path, "damaged-result", f"the attribute {name!r} is missing")
-        return self._attributes[name]
-
-
-def _read(file: h5py.File, root: _Attributes) -> Result:
-    contents = root.text("contents").split()
-    parameters, singular = tables.read_parameters(file)
-    n = len(parameters.names)
-    sensitivity = tables.read_sensitivity(file, n) if "sensitivity" in contents else None
-    gauges, diagnostics = _read_readings(file, root, sensitivity, n)
-    case = TableReader(file, "case")
-    said: dict[str, Any] = {name: root.text(name) for name in _RESULT_TEXTS}
-    said |= {name: root.list(name) for name in _RESULT_LISTS}
+def _read(file: h5py.File) -> Result:
+    contents = TableReader(file, "").attribute("contents", str).split()
+    names, gauges = TableReader(file, "parameters"), TableReader(file, "gauges")
+    sizes = {"parameter": names.size("parameter"), "other": names.size("other")}
+    sizes |= {axis: gauges.size(axis) for axis in ("gauge", "stage")}
     fields = vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None
-    moving = fields is not None and tables.MECHANISM in contents
-    return Result(
-        **said,
-        exit_code=root.int("exit_code"),
-        objective=root.float("objective"),
-        case_text=case.text("verbatim"),
-        case_resolved=case.text("resolved"),
-        provenance=_read_provenance(root),
-        parameters=parameters,
-        gauges=gauges,
-        counts=Counts(
-            **{name: root.int(name, tables.NEWER_COUNTS.get(name)) for name in tables.COUNTS}
-        ),
-        history=tables.read_history(file, n),
-        singular_values=singular,
-        sensitivity=sensitivity,
-        prediction=tables.read_prediction(file, gauges) if "prediction" in contents else None,
-        diagnostics=diagnostics,
-        grid=tables.read_grid(file) if "grid" in contents else None,
-        members=tables.read_members(file) if "structures" in contents else None,
-        reactions=tables.read_reactions(file) if tables.REACTIONS in contents else None,
-        yielded=tables.read_yielded(file) if tables.YIELDED in contents else None,
-        reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
-        advance=opening.read_advance(file) if opening.FACE in contents else None,
-        certificate=(tables.read_certificate(file) if "certificate" in contents else None),
-        rivals=rivals.read_rivals(file) if rivals.RIVALS in contents else None,
-        comparison=rivals.read_models(file) if rivals.MODELS in contents else None,
-        evidence=rivals.read_evidence(file) if rivals.EVIDENCE in contents else None,
+    mechanism = None
+    if fields is not None and _MECHANISM in contents:
+        mesh = fields.mesh
+        of_mesh = {"node": mesh.n_nodes, "element": mesh.n_elements, "component": mesh.dim}
+        mechanism = read_record(file, Mechanism, _MECHANISM, sizes=of_mesh, mesh=mesh)
+    result = read_record(
+        file,
+        Result,
+        sizes=sizes,
         fields=fields,
-        mechanism=tables.read_mechanism(file, fields.mesh) if fields and moving else None,
-        model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
-        surface=surface.read_surface(file) if surface.GROUP in contents else None,
+        mechanism=mechanism,
+        grid=_read_grid(file) if _GRID in contents else None,
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
-        varied=read_varied(file) if VARIED in contents else (),
         reduced=reduced.read_reduced(file) if reduced.GROUP in contents else None,
-        accuracies=(
-            reading_tables.read_accuracies(file) if reading_tables.ACCURACIES in contents else None
-        ),
-        backtest=(backtest.read_backtest(file, gauges, n) if backtest.GROUP in contents else None),
+        varied=_read_varied(file) if _VARIED in contents else (),
     )
+    _refuse_contradictions(result, file.filename)
+    return result
 
 
-def _read_readings(
-    file: h5py.File, root: _Attributes, sensitivity: Floats | None, n: int
-) -> tuple[GaugeTable, Diagnostics | None]:
-    """The readings, and the influence of each; of both formats."""
-    diagnosed = "diagnostics" in root.text("contents").split()
-    if root.text("format") == WIDE_FORMAT:
-        gauges = reading_tables.gauges_of_wide(file, sensitivity)
-        found = reading_tables.diagnostics_of_wide(file, gauges, n) if diagnosed else None
-        return gauges, found
-    gauges = reading_tables.read_gauges(file, n)
-    return gauges, reading_tables.read_diagnostics(file, n) if diagnosed else None
+def _refuse_contradictions(result: Result, path: str) -> None:
+    """Refuse a file whose tables do not go together.
 
-
-def _read_provenance(root: _Attributes) -> Provenance:
-    texts_ = {name: root.text(name) for name in _PROVENANCE_TEXTS}
-    return Provenance(
-        versions=json.loads(root.text("versions")),
-        seed=root.int("seed"),
-        format=root.text("format").replace(FORMAT, ""),
-        seconds=root.float("seconds", math.nan),
-        **{name: root.text(name, "") for name in _MAY_MISS},
-        **texts_,
-    )
+    Raises:
+        InputError: a value is no number, or a table names what another does not have.
+    """
+    table, gauges = result.parameters, result.gauges
+    message = ""
+    for name, value in zip(table.names, table.values, strict=True):
+        if not math.isfinite(value):
+            message = f"damaged: the value of the parameter {name!r} is not a finite number"
+    unknown = {*gauges.readings.channel} - {*gauges.channels}
+    unknown = unknown or {*gauges.readings.stage} - {*gauges.stages}
+    if unknown:
+        message = f"/readings speaks of '{min(unknown)}', which /gauges does not have"
+    steps = () if result.backtest is None else result.backtest.steps
+    if not {step.last for step in steps} <= {*range(len(gauges.stages))}:
+        message = "/backtest/last names a stage that is not there"
+    if message:
+        raise refusal(path, "damaged-result", message)

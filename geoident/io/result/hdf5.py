@@ -41,6 +41,7 @@ _READ_ERRORS = (
 """What h5py raises of damaged files, and what parts of a wrong shape or kind lead to."""
 
 _T = TypeVar("_T", str, float)
+_NUMPY_KINDS = {"float": "f", "int": "iu", "bool": "iu", "text": "O"}
 _AGAIN = "run the command that wrote it again"
 
 
@@ -325,14 +326,14 @@ class TableWriter:
 
     Args:
         parent: where the group is made.
-        name: name of the group.
+        name: name of the group; empty for the parent itself.
         axes: name of every dimension to its coordinates (k,), texts or numbers.
     """
 
     def __init__(
         self, parent: h5py.Group, name: str, axes: Mapping[str, Sequence[str] | Floats | Ints]
     ) -> None:
-        self.group = parent.create_group(name)
+        self.group = parent.create_group(name) if name else parent
         self._scales: dict[str, Any] = {}
         for axis, values in axes.items():
             data = values if isinstance(values, np.ndarray) else texts(values)
@@ -378,6 +379,10 @@ def _is_here(group: h5py.Group, name: str) -> bool:
 class TableReader:
     """Reads one group of a result, and says which piece of it is missing.
 
+    Args:
+        parent: of the group.
+        name: of the group; empty for the parent itself.
+
     Raises:
         InputError: the group or one of its datasets is missing, or has another shape or type.
     """
@@ -385,9 +390,9 @@ class TableReader:
     def __init__(self, parent: h5py.Group, name: str) -> None:
         self._path = parent.file.filename
         self.name = f"{parent.name.rstrip('/')}/{name}"
-        if not (_is_here(parent, name) and isinstance(parent.get(name), h5py.Group)):
+        if name and not (_is_here(parent, name) and isinstance(parent.get(name), h5py.Group)):
             raise self._damage(self.name, "is missing")
-        self.group = parent[name]
+        self.group = parent[name] if name else parent
 
     def __contains__(self, name: str) -> bool:
         return name in self.group
@@ -407,22 +412,49 @@ class TableReader:
             raise self._damage(f"{self.name}/{name}", f"holds {dataset.dtype}")
         return np.asarray(dataset[()])
 
+    def column(self, name: str, kind: str, shape: tuple[int, ...]) -> Any:
+        """An array of the given shape; texts as a tuple.
+
+        Args:
+            name: of the dataset.
+            kind: ``float``, ``int``, ``bool`` or ``text``.
+            shape: that it must have.
+        """
+        array = self.array(name, _NUMPY_KINDS[kind])
+        if array.shape != shape:
+            raise self._damage(f"{self.name}/{name}", f"has the shape {array.shape}, not {shape}")
+        match kind:
+            case "float":
+                return array.astype(np.float64, copy=False)
+            case "int":
+                return array.astype(np.int64, copy=False)
+            case "bool":
+                return np.asarray(array != 0)
+        return tuple(visible(value.decode()) for value in array)
+
+    def size(self, axis: str) -> int:
+        """How many entries stand along an axis."""
+        return len(self.array(axis, "fiuO"))
+
     def floats(self, name: str, *shape: int) -> Floats:
         """Numbers (...) of the given shape."""
-        return self._shaped(name, "f", shape).astype(np.float64, copy=False)
+        found: Floats = self.column(name, "float", shape)
+        return found
 
     def ints(self, name: str, *shape: int) -> Ints:
         """Whole numbers (...) of the given shape."""
-        return self._shaped(name, "iu", shape).astype(np.int64, copy=False)
+        found: Ints = self.column(name, "int", shape)
+        return found
 
     def bools(self, name: str, *shape: int) -> Bools:
         """Truth values (...) of the given shape."""
-        return np.asarray(self._shaped(name, "iu", shape) != 0)
+        found: Bools = self.column(name, "bool", shape)
+        return found
 
     def texts(self, name: str, *shape: int) -> tuple[str, ...]:
         """A list of texts; without a shape, of any length."""
-        array = self._shaped(name, "O", shape) if shape else self.array(name, "O")
-        return tuple(visible(value.decode()) for value in array)
+        found: tuple[str, ...] = self.column(name, "text", shape or (self.size(name),))
+        return found
 
     def text(self, name: str) -> str:
         """A single text."""
@@ -438,6 +470,8 @@ class TableReader:
             found = kind(self.group.attrs[name])
             return visible(found) if isinstance(found, str) else found
         except (KeyError, TypeError, ValueError):
+            if self.name == "/" and name not in self.group.attrs:
+                raise self._damage("the attribute", f"{name!r} is missing") from None
             raise self._damage(
                 f"{self.name}, attribute {name},", "is missing or no value"
             ) from None
@@ -445,12 +479,6 @@ class TableReader:
     def attribute_texts(self, name: str) -> tuple[str, ...]:
         """An attribute of the group that is a list of texts; none if it is not there."""
         return tuple(visible(str(text)) for text in self.group.attrs.get(name, ()))
-
-    def _shaped(self, name: str, kinds: str, shape: tuple[int, ...]) -> npt.NDArray[Any]:
-        array = self.array(name, kinds)
-        if array.shape != shape:
-            raise self._damage(f"{self.name}/{name}", f"has the shape {array.shape}, not {shape}")
-        return array
 
     def _damage(self, name: str, what: str) -> InputError:
         return refusal(self._path, "damaged-result", f"{name} {what}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import Bands, Prediction, next_read
+from geoident.model.results.columns import column
 from geoident.model.results.costs import Counts
 
 _COLUMNS = ("mean", "sd", "lower95", "upper95")
@@ -30,7 +31,7 @@ class Scores:
             the larger the better.
     """
 
-    readings: int
+    readings: int = field(metadata=column(name="predicted", title="readings"))
     open: int
     inside: int
     rms: float
@@ -69,15 +70,33 @@ class BacktestStep:
     readings: int
     status: str
     reason: str
-    values: Floats
-    sd: Floats
-    lower95: Floats
-    upper95: Floats
-    determined: Bools
-    prediction: Prediction
-    log_density: Floats
-    excess: Floats
-    counts: Counts
+    values: Floats = field(
+        metadata=column(
+            "parameter",
+            name="parameter_value",
+            title="value",
+            dimension="parameter",
+            known="determined",
+        )
+    )
+    sd: Floats = field(
+        metadata=column("parameter", name="parameter_sd", title="sd", dimension="parameter")
+    )
+    lower95: Floats = field(
+        metadata=column(
+            "parameter", name="parameter_lower95", title="lower95", dimension="parameter"
+        )
+    )
+    upper95: Floats = field(
+        metadata=column(
+            "parameter", name="parameter_upper95", title="upper95", dimension="parameter"
+        )
+    )
+    determined: Bools = field(metadata=column("parameter"))
+    prediction: Prediction = field(metadata=column())
+    log_density: Floats = field(metadata=column("gauge", "stage"))
+    excess: Floats = field(metadata=column("stage", name="stress_excess"))
+    counts: Counts = field(metadata=column())
 
 
 @dataclass(frozen=True)
@@ -89,8 +108,8 @@ class Skipped:
         why: a clause.
     """
 
-    stage: str
-    why: str
+    stage: str = field(metadata=column(name="skipped", title="stage"))
+    why: str = field(metadata=column(name="why_skipped", title="why"))
 
 
 @dataclass(frozen=True)
@@ -107,22 +126,13 @@ class Backtest:
         measured: (n_channels, n_stages) readings that predictions are compared with, SI.
     """
 
-    steps: tuple[BacktestStep, ...]
-    skipped: tuple[Skipped, ...]
-    next: Scores
-    further: Scores
+    steps: tuple[BacktestStep, ...] = field(metadata=column("fit"))
+    skipped: tuple[Skipped, ...] = field(metadata=column("skipped"))
+    next: Scores = field(metadata=column(part=("horizon", "next")))
+    further: Scores = field(metadata=column(part=("horizon", "further")))
     few: float
     far: float
-    measured: Floats
-
-    def picked(self, order: Ints) -> Backtest:
-        """The same with some of the parameters, by their numbers (k,)."""
-        columns = ("values", "sd", "lower95", "upper95", "determined")
-        steps = (
-            replace(step, **{name: getattr(step, name)[order] for name in columns})
-            for step in self.steps
-        )
-        return replace(self, steps=tuple(steps))
+    measured: Floats = field(metadata=column("gauge", "stage", dimension="gauge"))
 
 
 def bands_of(backtest: Backtest, step: BacktestStep) -> Bands:

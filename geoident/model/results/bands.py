@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
+from geoident.model.results.columns import column
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -24,10 +25,25 @@ class Prediction:
     ``sd`` know what these tell of them (theory 7).
     """
 
-    mean: Floats
-    sd: Floats
-    lower95: Floats
-    upper95: Floats
+    mean: Floats = field(
+        metadata=column(
+            "gauge", "stage", dimension="gauge", known="known", sheet="predicted", array="predicted"
+        )
+    )
+    sd: Floats = field(
+        metadata=column("gauge", "stage", dimension="gauge", array="predicted_sd", hidden=("diff",))
+    )
+    lower95: Floats = field(
+        metadata=column("gauge", "stage", dimension="gauge", array="predicted_lower95")
+    )
+    upper95: Floats = field(
+        metadata=column("gauge", "stage", dimension="gauge", array="predicted_upper95")
+    )
+
+    @property
+    def known(self) -> Bools:
+        """(n_channels, n_stages) where the prediction is determined."""
+        return np.asarray(np.isfinite(self.sd))
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,13 @@ class Counts:
 
     def __add__(self, other: Counts) -> Counts:
         """Both together."""
-        return Counts(*(getattr(self, name) + getattr(other, name) for name in _COSTS))
+        return Counts(*(getattr(self, name) + getattr(other, name) for name in COUNTS))
 
     def __sub__(self, other: Counts) -> Counts:
         """What came since the other."""
-        return Counts(*(getattr(self, name) - getattr(other, name) for name in _COSTS))
+        return Counts(*(getattr(self, name) - getattr(other, name) for name in COUNTS))
 
 
-_COSTS = ("evaluations", "analyses", "factorizations", "solves", "iterations")
+COUNTS = ("evaluations", "analyses", "factorizations", "solves", "iterations")
 
 NO_COST = Counts()

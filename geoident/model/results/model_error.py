@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from geoident.model.arrays import Floats
+from geoident.model.results.columns import column
 
 
 @dataclass(frozen=True)
@@ -41,16 +42,16 @@ class ModelErrorTable:
     lower95: float
     upper95: float
     length: float
-    sizes: Floats
-    weights: Floats
-    states: tuple[str, ...]
-    steps: Floats
-    floors: Floats
+    sizes: Floats = field(metadata=column("eta", name="eta"))
+    weights: Floats = field(metadata=column("eta"))
+    states: tuple[str, ...] = field(metadata=column("state", name="state"))
+    steps: Floats = field(metadata=column("reading", "state"))
+    floors: Floats = field(metadata=column("reading", "state"))
     sentence: str = ""
-    findings: tuple[str, ...] = ()
-    factor: float = 1.0
-    factor_lower95: float = 1.0
-    factor_upper95: float = 1.0
+    findings: tuple[str, ...] = field(default=(), metadata=column())
+    factor: float = field(default=1.0, metadata=column(title="scatter"))
+    factor_lower95: float = field(default=1.0, metadata=column(title="scatter_lower95"))
+    factor_upper95: float = field(default=1.0, metadata=column(title="scatter_upper95"))
     zero: float = 0.0
     zero_lower95: float = 0.0
     zero_upper95: float = 0.0

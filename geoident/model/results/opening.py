@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from geoident.model.arrays import Bools, Floats
+from geoident.model.results.columns import column, derived
 
 
 @dataclass(frozen=True)
@@ -31,20 +32,44 @@ class GroundReaction:
         hoop: (s, m) stress around the opening there, Pa.
     """
 
-    centre: Floats
+    centre: Floats = field(metadata=column("axis", dimension="length"))
     radius: float
-    in_situ: Floats
+    in_situ: Floats = field(metadata=column("component", dimension="pressure"))
     critical: float
-    pressure: Floats
-    displacement: Floats
-    plastic_radius: Floats
-    stages: tuple[str, ...]
-    stage_pressure: Floats
-    stage_displacement: Floats
-    stage_plastic_radius: Floats
-    radii: Floats
-    radial: Floats
-    hoop: Floats
+    pressure: Floats = field(metadata=column("pressure", dimension="pressure", shown="MPa"))
+    displacement: Floats = field(
+        metadata=column("pressure", dimension="length", sheet="wall_inwards", shown="mm")
+    )
+    plastic_radius: Floats = field(metadata=column("pressure", dimension="length", shown="m"))
+    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
+    stage_pressure: Floats = field(
+        metadata=column("stage", title="pressure", dimension="pressure", shown="MPa")
+    )
+    stage_displacement: Floats = field(
+        metadata=column(
+            "stage", title="displacement", dimension="length", sheet="wall_inwards", shown="mm"
+        )
+    )
+    stage_plastic_radius: Floats = field(
+        metadata=column("stage", title="plastic_radius", dimension="length", shown="m")
+    )
+    radii: Floats = field(metadata=column("radii", dimension="length", sheet="distance", shown="m"))
+    radial: Floats = field(
+        metadata=column(
+            "stage", "radii", dimension="pressure", sheet="radial_compression", shown="MPa"
+        )
+    )
+    hoop: Floats = field(
+        metadata=column(
+            "stage", "radii", dimension="pressure", sheet="hoop_compression", shown="MPa"
+        )
+    )
+
+    @property
+    @derived("component", name="component")
+    def components(self) -> tuple[str, ...]:
+        """Names of the components of the in-situ stress."""
+        return ("xx", "yy", "zz", "xy")
 
 
 @dataclass(frozen=True)
@@ -63,15 +88,19 @@ class FaceAdvance:
         stage_zero: (s,) whether gauges read zero at its end.
     """
 
-    law: str
+    law: str = field(metadata=column(name="profile"))
     radius: float
-    distance: Floats
-    share: Floats
-    stages: tuple[str, ...]
-    stage_distance: Floats
-    stage_share: Floats
-    stage_released: Floats
-    stage_zero: Bools
+    distance: Floats = field(metadata=column("distance", dimension="length", shown="m"))
+    share: Floats = field(metadata=column("distance", sheet="share_of_motion"))
+    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
+    stage_distance: Floats = field(
+        metadata=column("stage", title="distance", dimension="length", shown="m")
+    )
+    stage_share: Floats = field(metadata=column("stage", title="share", sheet="share_of_motion"))
+    stage_released: Floats = field(
+        metadata=column("stage", title="released", sheet="released_stress")
+    )
+    stage_zero: Bools = field(metadata=column("stage", title="zero", sheet="zero_of_gauges"))
 
     @property
     def lost(self) -> float | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.results.columns import column
 
 LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 """Quantiles that are told of parameters."""
@@ -36,20 +37,20 @@ class PosteriorDraws:
         taken: (k,) the draws of each chain of which these are.
     """
 
-    names: tuple[str, ...]
-    fields: tuple[str, ...]
-    values: Floats
-    log_density: Floats
+    names: tuple[str, ...] = field(metadata=column("parameter", name="parameter"))
+    fields: tuple[str, ...] = field(metadata=column("parameter"))
+    values: Floats = field(metadata=column("chain", "draw", "parameter", dimension="parameter"))
+    log_density: Floats = field(metadata=column("chain", "draw"))
     sampler: str
     pareto_k: float
-    effective: Floats
-    r_hat: Floats
+    effective: Floats = field(metadata=column("parameter", title="effective_size"))
+    r_hat: Floats = field(metadata=column("parameter"))
     acceptance: float
     evaluations: int
-    channels: tuple[str, ...]
-    stages: tuple[str, ...]
-    predicted: Floats
-    taken: Ints
+    channels: tuple[str, ...] = field(metadata=column("reading"))
+    stages: tuple[str, ...] = field(metadata=column("reading"))
+    predicted: Floats = field(metadata=column("chain", "taken", "reading"))
+    taken: Ints = field(metadata=column("taken"))
 
     @property
     def n_draws(self) -> int:
@@ -60,17 +61,6 @@ class PosteriorDraws:
     def flat(self) -> Floats:
         """(c d, n) draws of all chains, SI."""
         return np.asarray(self.values.reshape(-1, len(self.names)))
-
-    def picked(self, order: Ints) -> PosteriorDraws:
-        """The same of some parameters (k,)."""
-        return replace(
-            self,
-            names=tuple(self.names[i] for i in order),
-            fields=tuple(self.fields[i] for i in order),
-            values=self.values[:, :, order],
-            effective=self.effective[order],
-            r_hat=self.r_hat[order],
-        )
 
     @cached_property
     def mean(self) -> Floats:

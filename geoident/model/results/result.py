@@ -18,6 +18,7 @@ from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.bands import Prediction
+from geoident.model.results.columns import column, derived, select
 from geoident.model.results.costs import Counts
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
@@ -28,7 +29,16 @@ from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
-from geoident.units import shown_unit, size_in
+from geoident.units import shown_unit, si_unit, size_in
+
+VIEWS = ("json", "csv", "xarray", "diff")
+"""All views of a table but the result file."""
+
+GIVEN = ("json", "diff")
+"""Views without what the case says of the parameters."""
+
+PARAMETERS = ("parameter", "other")
+"""Axes along which all parameters of a result stand."""
 
 STOPPED = "out-of-budget"
 """Status of an outcome that was cut short as its time was used up."""
@@ -62,22 +72,87 @@ class ParameterTable:
             empty where there are no fields.
     """
 
-    names: tuple[str, ...]
-    values: Floats
-    sd: Floats
-    lower95: Floats
-    upper95: Floats
-    lower: Floats
-    upper: Floats
-    start: Floats
-    at_bound: Bools
-    determined: Bools
-    priors: tuple[Prior | None, ...]
-    units: tuple[str, ...]
-    dimensions: tuple[str, ...]
-    covariance: Floats
-    correlation: Floats
-    fields: tuple[str, ...] = ()
+    names: tuple[str, ...] = field(metadata=column("parameter", name="parameter"))
+    values: Floats = field(
+        metadata=column(
+            "parameter", name="value", dimension="parameter", known="known", array="estimate"
+        )
+    )
+    sd: Floats = field(metadata=column("parameter", dimension="parameter", array="estimate_sd"))
+    lower95: Floats = field(
+        metadata=column(
+            "parameter",
+            name="ci95",
+            part=("bound", "lower"),
+            dimension="parameter",
+            array="estimate_lower95",
+        )
+    )
+    upper95: Floats = field(
+        metadata=column(
+            "parameter",
+            name="ci95",
+            part=("bound", "upper"),
+            dimension="parameter",
+            array="estimate_upper95",
+        )
+    )
+    units: tuple[str, ...] = field(
+        metadata=column(
+            "parameter",
+            name="display_unit",
+            title="unit",
+            dimension="parameter",
+            hidden=("xarray", "diff"),
+        )
+    )
+    start: Floats = field(metadata=column("parameter", dimension="parameter", hidden=GIVEN))
+    lower: Floats = field(
+        metadata=column("parameter", dimension="parameter", hidden=GIVEN, array="lower_bound")
+    )
+    upper: Floats = field(
+        metadata=column("parameter", dimension="parameter", hidden=GIVEN, array="upper_bound")
+    )
+    at_bound: Bools = field(metadata=column("parameter"))
+    determined: Bools = field(metadata=column("parameter"))
+    priors: tuple[Prior | None, ...] = field(metadata=column("parameter", prefix="prior_"))
+    dimensions: tuple[str, ...] = field(
+        metadata=column("parameter", name="dimension", hidden=VIEWS)
+    )
+    covariance: Floats = field(metadata=column("parameter", "other"))
+    correlation: Floats = field(metadata=column("parameter", "other"))
+    fields: tuple[str, ...] = field(
+        default=(), metadata=column("parameter", name="field", optional=True, hidden=VIEWS)
+    )
+
+    @property
+    def known(self) -> Bools:
+        """(n,) by readings, or at least by a prior: the value is one for people."""
+        return np.asarray(self.determined | np.isfinite(self.sd))
+
+    @property
+    @derived("parameter", name="name", hidden=VIEWS)
+    def own_names(self) -> tuple[str, ...]:
+        """N names, as plain texts beside the labels of the axis."""
+        return self.names
+
+    @property
+    @derived("other", name="other")
+    def other_names(self) -> tuple[str, ...]:
+        """N names, of the columns of covariance and correlation."""
+        return self.names
+
+    @property
+    @derived("parameter", name="unit", hidden=VIEWS)
+    def si_units(self) -> tuple[str, ...]:
+        """N SI units."""
+        return tuple(map(si_unit, self.dimensions))
+
+    @property
+    @derived("parameter", name="prior", hidden=VIEWS)
+    def prior_texts(self) -> tuple[str, ...]:
+        """N priors as texts; empty for none."""
+        return tuple("" if prior is None else str(prior) for prior in self.priors)
 
     @property
     def named(self) -> Ints:
@@ -87,18 +162,7 @@ class ParameterTable:
 
     def picked(self, order: Ints) -> ParameterTable:
         """Some rows (k,) of the table."""
-        columns = ("values", "sd", "lower95", "upper95", "lower", "upper", "start")
-        flags = ("at_bound", "determined")
-        words = ("names", "priors", "units", "dimensions", *(("fields",) if self.fields else ()))
-        square = np.ix_(order, order)
-        selected: dict[str, Any] = {name: getattr(self, name)[order] for name in (*columns, *flags)}
-        selected |= {name: tuple(getattr(self, name)[i] for i in order) for name in words}
-        return replace(
-            self,
-            covariance=self.covariance[square],
-            correlation=self.correlation[square],
-            **selected,
-        )
+        return select(self, PARAMETERS, order)
 
 
 @dataclass(frozen=True)
@@ -124,34 +188,138 @@ class GaugeTable:
             estimated where they are. Empty where no channel shares any.
     """
 
-    channels: tuple[str, ...]
-    stages: tuple[str, ...]
-    computed: Floats
-    first: Floats
-    second: Floats
-    readings: ReadingTable
-    gauges: tuple[str, ...]
-    dimensions: tuple[str, ...]
-    units: tuple[str, ...]
-    accuracy: Floats
-    errors: tuple[ErrorParts | None, ...] = ()
+    channels: tuple[str, ...] = field(metadata=column("gauge", name="gauge"))
+    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
+    computed: Floats = field(metadata=column("gauge", "stage", dimension="gauge"))
+    first: Floats = field(
+        metadata=column("gauge", "axis", name="points", part=("end", "first"), dimension="length")
+    )
+    second: Floats = field(
+        metadata=column("gauge", "axis", name="points", part=("end", "second"), dimension="length")
+    )
+    readings: ReadingTable = field(metadata=column(group="readings"))
+    gauges: tuple[str, ...] = field(metadata=column("gauge", name="instrument"))
+    dimensions: tuple[str, ...] = field(metadata=column("gauge", name="dimension"))
+    units: tuple[str, ...] = field(metadata=column("gauge", name="display_unit"))
+    accuracy: Floats = field(metadata=column("gauge", dimension="gauge"))
+    errors: tuple[ErrorParts | None, ...] = field(
+        default=(), metadata=column("gauge", optional=True)
+    )
+
+    @classmethod
+    def from_columns(
+        cls, *, mesh_errors: Floats | None = None, mesh_doubts: Floats | None = None,
+        surface_errors: Floats | None = None, **columns: Any,
+    ) -> GaugeTable:  # fmt: skip
+        """The table from its columns, with the errors of channels stage by stage.
+
+        Args:
+            mesh_errors: (n_channels, n_stages), see there.
+            mesh_doubts: likewise.
+            surface_errors: (n_channels, n_stages, k), see there.
+            **columns: all others.
+        """
+        table = cls(**columns)
+        errors: list[ErrorParts | None] = []
+        for i, parts in enumerate(table.errors):
+            mesh = [] if mesh_errors is None or mesh_doubts is None else list(
+                zip(table.stages, mesh_errors[i].tolist(), mesh_doubts[i].tolist(), strict=True)
+            )  # fmt: skip
+            surface = [] if surface_errors is None else list(
+                zip(table.stages, map(tuple, surface_errors[i].tolist()), strict=True)
+            )  # fmt: skip
+            errors.append(
+                parts
+                and replace(
+                    parts,
+                    mesh=tuple(row for row in mesh if row[1] or row[2]),
+                    surface=tuple(row for row in surface if any(row[1])),
+                )
+            )
+        return replace(table, errors=tuple(errors))
 
     @property
+    @derived("gauge", "stage", name="mesh_error", dimension="gauge", stored=True, optional=True)
+    def mesh_errors(self) -> Floats | None:
+        """(n_channels, n_stages) errors of the mesh that count in the covariance, SI."""
+        return self._by_stage([() if e is None else e.mesh for e in self.errors], 1)
+
+    @property
+    @derived("gauge", "stage", name="mesh_doubt", dimension="gauge", stored=True, optional=True)
+    def mesh_doubts(self) -> Floats | None:
+        """(n_channels, n_stages) by how much these are uncertain, SI."""
+        return self._by_stage([() if e is None else e.mesh for e in self.errors], 2)
+
+    @property
+    @derived(
+        "gauge", "stage", "surface_error_source",
+        name="surface_error", dimension="gauge", stored=True, optional=True,
+    )  # fmt: skip
+    def surface_errors(self) -> Floats | None:
+        """(n_channels, n_stages, k) standard deviations of the k shared errors of surfaces, SI."""
+        return self._by_stage([() if e is None else e.surface for e in self.errors], 1)
+
+    def _by_stage(self, rows: Sequence[Sequence[tuple[Any, ...]]], place: int) -> Floats | None:
+        """Numbers (n_channels, n_stages, ...) at a place of rows that begin with their stage."""
+        known = [
+            (i, self.stages.index(row[0]), row[place])
+            for i, own in enumerate(rows)
+            for row in own
+            if row[0] in self.stages
+        ]
+        if not known:
+            return None
+        most = max(np.size(value) for *_, value in known)
+        table = np.zeros((len(self.channels), len(self.stages), most))
+        for i, j, value in known:
+            table[i, j, : np.size(value)] = value
+        return table if np.ndim(known[0][2]) else table[:, :, 0]
+
+    @property
+    @derived("gauge", name="unit")
+    def si_units(self) -> tuple[str, ...]:
+        """SI unit of each channel."""
+        return tuple(map(si_unit, self.dimensions))
+
+    @property
+    @derived("reading", name="dimension", group="readings")
+    def reading_dimensions(self) -> tuple[str, ...]:
+        """Dimension of each reading."""
+        known = dict(zip(self.channels, self.dimensions, strict=True))
+        return tuple(known.get(channel, "") for channel in self.readings.channel)
+
+    @property
+    @derived("reading", name="unit", group="readings")
+    def reading_units(self) -> tuple[str, ...]:
+        """SI unit of each reading."""
+        return tuple(map(si_unit, self.reading_dimensions))
+
+    @property
+    @derived("gauge", "stage", dimension="gauge")
+    def residual(self) -> Floats:
+        """(n_channels, n_stages) measured minus computed, SI."""
+        return self.measured - self.computed
+
+    @property
+    @derived("gauge", "stage", dimension="gauge")
     def measured(self) -> Floats:
         """(n_channels, n_stages) readings, SI."""
         return self._wide[0]
 
     @property
+    @derived("gauge", "stage", dimension="gauge")
     def sd(self) -> Floats:
         """(n_channels, n_stages) standard deviation of each reading, SI."""
         return self._wide[1]
 
     @property
+    @derived("gauge", "stage")
     def used(self) -> Bools:
         """(n_channels, n_stages) the reading took part in the identification."""
         return self._wide[2]
 
     @property
+    @derived("gauge", "stage")
     def bad(self) -> Bools:
         """(n_channels, n_stages) the reading is known to be wrong."""
         return self._wide[3]
@@ -251,17 +419,27 @@ class AccuracyTable:
         flat: (K,) logarithms of their weights before any reading.
     """
 
-    names: tuple[str, ...]
-    values: Floats
-    lower95: Floats
-    upper95: Floats
-    parts: tuple[str, ...]
-    dimensions: tuple[str, ...]
-    units: tuple[str, ...]
-    of_reading: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    points: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    odds: Floats = field(default_factory=lambda: np.zeros(0))
-    flat: Floats = field(default_factory=lambda: np.zeros(0))
+    names: tuple[str, ...] = field(metadata=column("component", name="component"))
+    values: Floats = field(metadata=column("component"))
+    lower95: Floats = field(metadata=column("component"))
+    upper95: Floats = field(metadata=column("component"))
+    parts: tuple[str, ...] = field(metadata=column("component"))
+    dimensions: tuple[str, ...] = field(metadata=column("component"))
+    units: tuple[str, ...] = field(metadata=column("component"))
+    of_reading: Ints = field(
+        default_factory=lambda: np.zeros(0, dtype=np.int64),
+        metadata=column("reading", optional=True),
+    )
+    points: Floats = field(
+        default_factory=lambda: np.zeros((0, 0)),
+        metadata=column("point", "component", optional=True),
+    )
+    odds: Floats = field(
+        default_factory=lambda: np.zeros(0), metadata=column("point", optional=True)
+    )
+    flat: Floats = field(
+        default_factory=lambda: np.zeros(0), metadata=column("point", optional=True)
+    )
 
     @property
     def determined(self) -> Bools:
@@ -295,14 +473,14 @@ class Diagnostics:
     """
 
     loss: str
-    squares: float
+    squares: float = field(metadata=column(name="weighted_squares"))
     scale: float
-    standardized: Floats
-    studentized: Floats
-    weight: Floats
-    leverage: Floats
-    distance: Floats
-    influence: Floats
+    standardized: Floats = field(metadata=column("reading", group="readings"))
+    studentized: Floats = field(metadata=column("reading", group="readings"))
+    weight: Floats = field(metadata=column("reading", group="readings"))
+    leverage: Floats = field(metadata=column("reading", group="readings"))
+    distance: Floats = field(metadata=column("reading", group="readings"))
+    influence: Floats = field(metadata=column("reading", "parameter", group="readings"))
     misfit: float = np.nan
     above: float = 1.0
     below: float = 1.0
@@ -354,11 +532,11 @@ class Iteration:
     """
 
     method: str
-    number: int
+    number: int = field(metadata=column(title="iteration"))
     objective: float
-    values: Floats
+    values: Floats = field(metadata=column("parameter", dimension="parameter"))
     step: float
-    counts: Counts
+    counts: Counts = field(metadata=column())
     note: str = ""
 
 
@@ -439,9 +617,25 @@ class SupportReactions:
             strain, of the whole circumference about an axis. NaN where a support does not hold.
     """
 
-    supports: tuple[str, ...]
-    states: tuple[str, ...]
-    force: Floats
+    supports: tuple[str, ...] = field(metadata=column("support", name="support"))
+    states: tuple[str, ...] = field(metadata=column("state", name="state", title="stage"))
+    force: Floats = field(
+        metadata=column(
+            "support",
+            "state",
+            "axis",
+            dimension="force",
+            unit="N, or N/m in plane strain",
+            sheet="R_{axis}",
+            shown="kN",
+        )
+    )
+
+    @property
+    def holding(self) -> list[list[int]]:
+        """Numbers of each support and state where it holds."""
+        places: list[list[int]] = np.argwhere(np.isfinite(self.force).any(axis=2)).tolist()
+        return places
 
 
 @dataclass(frozen=True)
@@ -463,16 +657,70 @@ class MemberForces:
             stage and at which it is locked off; NaN where none does.
     """
 
-    structures: tuple[str, ...]
-    numbers: Ints
-    stages: tuple[str, ...]
-    ends: Floats
-    axial: Floats
-    moment: Floats
-    shear: Floats
-    per_metre: Bools
-    hoop: Floats
-    prestress: Floats
+    structures: tuple[str, ...] = field(metadata=column("member", name="structure"))
+    numbers: Ints = field(metadata=column("member", name="number"))
+    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
+    ends: Floats = field(
+        metadata=column(
+            "member",
+            "end",
+            "axis",
+            name="points",
+            title="ends",
+            sheet="{axis}_{end}",
+            dimension="length",
+            shown="m",
+        )
+    )
+    axial: Floats = field(
+        metadata=column(
+            "member",
+            "stage",
+            name="N",
+            dimension="force",
+            unit="N, or N/m where per_metre",
+            shown="kN",
+        )
+    )
+    moment: Floats = field(
+        metadata=column(
+            "member",
+            "end",
+            "stage",
+            name="M",
+            sheet="M_{end}",
+            dimension="moment",
+            unit="N m/m",
+            shown="kNm",
+        )
+    )
+    shear: Floats = field(
+        metadata=column("member", "stage", name="Q", dimension="force", unit="N/m", shown="kN")
+    )
+    per_metre: Bools = field(metadata=column("member", hidden=("csv",)))
+    hoop: Floats = field(
+        metadata=column(
+            "member",
+            "stage",
+            name="N_hoop",
+            dimension="force",
+            unit="N/m",
+            shown="kN",
+            optional=True,
+        )
+    )
+    prestress: Floats = field(
+        metadata=column(
+            "member", "stage", sheet="stressed_to", dimension="force", shown="kN", optional=True
+        )
+    )
+
+    @property
+    @derived("member", name="member", hidden=VIEWS)
+    def members(self) -> tuple[str, ...]:
+        """Name of each piece, such as ``lining:12``."""
+        pairs = zip(self.structures, self.numbers, strict=True)
+        return tuple(f"{name}:{number}" for name, number in pairs)
 
 
 def fingerprint(identity: str, status: str, objective: float) -> str:
@@ -498,7 +746,6 @@ class Provenance:
         case_sha256, mesh_sha256, readings_sha256: hashes of what it was made from.
         identity: hash of everything that it depends on.
         created: date and time.
-        format: of the file that it was read from, if that is not the present one.
         seconds: that the computation took, NaN if unknown.
         stamp: checksums of the files that it was made from, by which it is known to be up to date
             without reading them as a case; empty where they are not all files.
@@ -507,7 +754,7 @@ class Provenance:
     """
 
     command: str
-    versions: Mapping[str, str]
+    versions: Mapping[str, str] = field(metadata=column())
     seed: int
     case_file: str
     case_sha256: str
@@ -515,11 +762,10 @@ class Provenance:
     readings_sha256: str
     identity: str
     created: str
-    format: str = ""
-    seconds: float = float("nan")
-    stamp: str = ""
-    fit_file: str = ""
-    fit_fingerprint: str = ""
+    seconds: float = field(default=math.nan, metadata=column(optional=True))
+    stamp: str = field(default="", metadata=column(optional=True))
+    fit_file: str = field(default="", metadata=column(optional=True))
+    fit_fingerprint: str = field(default="", metadata=column(optional=True))
 
 
 @dataclass(frozen=True)
@@ -567,43 +813,106 @@ class Result:
     method: str
     reason: str
     objective: float
-    findings: tuple[str, ...]
-    case_text: str
-    case_resolved: str
-    provenance: Provenance
-    parameters: ParameterTable
-    gauges: GaugeTable
-    counts: Counts
-    sensitivity: Floats | None = None
-    prediction: Prediction | None = None
-    history: tuple[Iteration, ...] = ()
+    findings: tuple[str, ...] = field(metadata=column(optional=True))
+    case_text: str = field(metadata=column(group="case", name="verbatim", dataset=True))
+    case_resolved: str = field(metadata=column(group="case", name="resolved", dataset=True))
+    provenance: Provenance = field(metadata=column())
+    parameters: ParameterTable = field(metadata=column(group="parameters"))
+    gauges: GaugeTable = field(metadata=column(group="gauges"))
+    counts: Counts = field(metadata=column())
+    sensitivity: Floats | None = field(
+        default=None,
+        metadata=column(
+            "gauge",
+            "stage",
+            "parameter",
+            group="sensitivity",
+            optional=True,
+            dimension="gauge",
+            unit="{} per SI unit of the parameter",
+        ),
+    )
+    prediction: Prediction | None = field(
+        default=None, metadata=column(group="prediction", optional=True)
+    )
+    history: tuple[Iteration, ...] = field(
+        default=(), metadata=column("iteration", group="history")
+    )
     grid: Grid | None = None
     fields: FieldSeries | None = None
-    singular_values: Floats | None = None
-    notes: tuple[str, ...] = field(default_factory=tuple)
-    diagnostics: Diagnostics | None = None
-    members: MemberForces | None = None
-    reactions: SupportReactions | None = None
-    yielded: YieldedGround | None = None
+    singular_values: Floats | None = field(
+        default=None, metadata=column("direction", group="parameters", optional=True)
+    )
+    notes: tuple[str, ...] = field(default=(), metadata=column(optional=True))
+    diagnostics: Diagnostics | None = field(
+        default=None, metadata=column(group="diagnostics", optional=True)
+    )
+    members: MemberForces | None = field(
+        default=None, metadata=column(group="structures", optional=True)
+    )
+    reactions: SupportReactions | None = field(
+        default=None, metadata=column(group="reactions", optional=True)
+    )
+    yielded: YieldedGround | None = field(
+        default=None, metadata=column(group="yielded", optional=True)
+    )
     mechanism: Mechanism | None = None
-    reaction: GroundReaction | None = None
-    advance: FaceAdvance | None = None
+    reaction: GroundReaction | None = field(
+        default=None, metadata=column(group="opening", optional=True)
+    )
+    advance: FaceAdvance | None = field(default=None, metadata=column(group="face", optional=True))
     reduced: KeptReducedModel | None = None
-    certificate: Certificate | None = None
-    accuracies: AccuracyTable | None = None
-    model_error: ModelErrorTable | None = None
+    certificate: Certificate | None = field(
+        default=None, metadata=column(group="certificate", optional=True)
+    )
+    accuracies: AccuracyTable | None = field(
+        default=None, metadata=column(group="accuracies", optional=True)
+    )
+    model_error: ModelErrorTable | None = field(
+        default=None, metadata=column(group="model_error", optional=True)
+    )
     posterior: PosteriorDraws | None = None
-    rivals: Rivals | None = None
-    evidence: Evidence | None = None
-    comparison: ModelComparison | None = None
-    backtest: Backtest | None = None
+    rivals: Rivals | None = field(default=None, metadata=column(group="rivals", optional=True))
+    evidence: Evidence | None = field(
+        default=None, metadata=column(group="evidence", optional=True)
+    )
+    comparison: ModelComparison | None = field(
+        default=None, metadata=column(group="models", optional=True)
+    )
+    backtest: Backtest | None = field(
+        default=None, metadata=column(group="backtest", optional=True)
+    )
     varied: tuple[FieldEstimate, ...] = ()
-    surface: SurfaceTable | None = None
+    surface: SurfaceTable | None = field(
+        default=None, metadata=column(group="surface", optional=True)
+    )
 
     @property
     def fingerprint(self) -> str:
         """Tells this outcome from others, also of the same input: one that was cut short."""
         return fingerprint(self.provenance.identity, self.status, self.objective)
+
+    @property
+    def labels(self) -> dict[str, Sequence[str]]:
+        """What stands along the axes that all tables share, and along the fits of a backtest."""
+        names, gauges = self.parameters.names, self.gauges
+        steps = () if self.backtest is None else self.backtest.steps
+        return {
+            "parameter": names,
+            "other": names,
+            "gauge": gauges.channels,
+            "stage": gauges.stages,
+            "fit": [gauges.stages[step.last] for step in steps],
+        }
+
+    @property
+    def quantities(self) -> dict[str, Sequence[tuple[str, str]]]:
+        """Unit and dimension of each parameter and of each channel."""
+        table, gauges = self.parameters, self.gauges
+        return {
+            "parameter": list(zip(table.units, table.dimensions, strict=True)),
+            "gauge": list(zip(gauges.units, gauges.dimensions, strict=True)),
+        }
 
     @cached_property
     def for_people(self) -> Result:
@@ -611,22 +920,11 @@ class Result:
         named = self.parameters.named
         if len(named) == len(self.parameters.names):
             return self
-        readings = self.gauges.readings
-        if readings.sensitivity is not None:
-            readings = replace(readings, sensitivity=readings.sensitivity[:, named])
-        diagnostics = self.diagnostics
-        if diagnostics is not None:
-            diagnostics = replace(diagnostics, influence=diagnostics.influence[..., named])
+        posterior = self.posterior
         return replace(
-            self,
-            parameters=self.parameters.picked(named),
-            gauges=replace(self.gauges, readings=readings),
-            sensitivity=None if self.sensitivity is None else self.sensitivity[..., named],
-            diagnostics=diagnostics,
-            history=tuple(replace(step, values=step.values[named]) for step in self.history),
-            backtest=None if self.backtest is None else self.backtest.picked(named),
-            posterior=None if self.posterior is None else self.posterior.picked(named),
-            rivals=None if self.rivals is None else self.rivals.picked(named),
+            select(self, PARAMETERS, named),
+            posterior=None if posterior is None else select(posterior, PARAMETERS, named),
+            certificate=self.certificate,
         )
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from math import exp
 
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
+from geoident.model.results.columns import column
 
 
 @dataclass(frozen=True)
@@ -23,18 +24,21 @@ class Rivals:
         covariance: (k, n, n) of the parameters around each, SI; wide where nothing determines them.
     """
 
-    values: Floats
-    objectives: Floats
-    odds: Floats
-    covariance: Floats
+    values: Floats = field(
+        metadata=column(
+            "minimum",
+            "parameter",
+            name="value",
+            dimension="parameter",
+            unit="SI unit of the parameter",
+        )
+    )
+    objectives: Floats = field(metadata=column("minimum", name="objective"))
+    odds: Floats = field(metadata=column("minimum"))
+    covariance: Floats = field(metadata=column("minimum", "parameter", "other"))
 
     def __len__(self) -> int:
         return len(self.objectives)
-
-    def picked(self, order: Ints) -> Rivals:
-        """The same of some of the parameters (m,)."""
-        square = self.covariance[:, order[:, None], order[None, :]]
-        return replace(self, values=self.values[:, order], covariance=square)
 
     @property
     def settled(self) -> bool:
@@ -84,7 +88,7 @@ class ModelScore:
         modes: coefficients of fields, which are unknowns beside the parameters.
     """
 
-    name: str
+    name: str = field(metadata=column(name="model", title="name"))
     path: str
     parameters: int
     status: str
@@ -108,11 +112,11 @@ class ModelComparison:
         sentences: what the readings support, in words.
     """
 
-    models: tuple[ModelScore, ...]
+    models: tuple[ModelScore, ...] = field(metadata=column("model"))
     chosen: int
     decided: bool
     readings: int
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...] = field(metadata=column("sentence", name="sentence"))
 
     @property
     def probabilities(self) -> tuple[float, ...]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.model.arrays import Floats
+from geoident.model.results.columns import column
 
 
 @dataclass(frozen=True)
@@ -30,16 +31,18 @@ class SurfaceTable:
 
     file: str
     runs: int
-    channels: tuple[str, ...]
-    stages: tuple[str, ...]
-    words: tuple[str, ...]
-    left_out: Floats
-    own: Floats
-    accuracy: Floats
-    lower: Floats
-    upper: Floats
-    units: tuple[str, ...]
-    dimensions: tuple[str, ...]
+    channels: tuple[str, ...] = field(metadata=column("column", name="gauge"))
+    stages: tuple[str, ...] = field(metadata=column("column", name="stage"))
+    words: tuple[str, ...] = field(metadata=column("column", name="kind", title="surface"))
+    left_out: Floats = field(metadata=column("column"))
+    own: Floats = field(metadata=column("column"))
+    accuracy: Floats = field(metadata=column("column", hidden=("json",)))
+    lower: Floats = field(metadata=column("column"))
+    upper: Floats = field(metadata=column("column"))
+    units: tuple[str, ...] = field(metadata=column("column", name="display_unit", hidden=("json",)))
+    dimensions: tuple[str, ...] = field(
+        metadata=column("column", name="dimension", hidden=("json",))
+    )
 
     def __len__(self) -> int:
         return len(self.channels)

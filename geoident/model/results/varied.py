@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.results.columns import column
 
 
 @dataclass(frozen=True)
@@ -33,12 +34,12 @@ class FieldEstimate:
     constant: str
     dimension: str
     unit: str
-    elements: Ints
-    centres: Floats
-    values: Floats
-    sd: Floats
-    prior_sd: Floats
-    reduction: Floats
+    elements: Ints = field(metadata=column("element", name="element"))
+    centres: Floats = field(metadata=column("element", "axis", name="centre", dimension="length"))
+    values: Floats = field(metadata=column("element", dimension="field"))
+    sd: Floats = field(metadata=column("element"))
+    prior_sd: Floats = field(metadata=column("element"))
+    reduction: Floats = field(metadata=column("element"))
     modes: int
     explained: float
     tests: int = 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.mesh import Mesh
+from geoident.model.results.columns import column
 
 
 @dataclass(frozen=True)
@@ -30,13 +31,21 @@ class YieldedGround:
         unit: of the volume, ``m2`` or ``m3``.
     """
 
-    states: tuple[str, ...]
-    volume: Floats
-    share: Floats
-    reach: Floats
-    radius: Floats
-    lower: Floats
-    upper: Floats
+    states: tuple[str, ...] = field(metadata=column("state", name="state", title="stage"))
+    volume: Floats = field(metadata=column("state", unit="m3, or m2 in plane strain", shown="m3"))
+    share: Floats = field(metadata=column("state", unit="1"))
+    reach: Floats = field(
+        metadata=column("state", title="from_excavation", dimension="length", shown="m")
+    )
+    radius: Floats = field(
+        metadata=column("state", title="from_centre", dimension="length", shown="m")
+    )
+    lower: Floats = field(
+        metadata=column("state", "axis", sheet="{axis}_min", dimension="length", shown="m")
+    )
+    upper: Floats = field(
+        metadata=column("state", "axis", sheet="{axis}_max", dimension="length", shown="m")
+    )
     unit: str = "m3"
 
     @property
@@ -62,11 +71,11 @@ class Mechanism:
 
     stage: str
     state: int
-    fraction: float
+    fraction: float = field(metadata=column(name="carried"))
     mesh: Mesh
-    present: Bools
-    velocity: Floats
-    shear: Floats
+    present: Bools = field(metadata=column("element"))
+    velocity: Floats = field(metadata=column("node", "component", unit="1"))
+    shear: Floats = field(metadata=column("element", unit="1"))
 
     def __repr__(self) -> str:
         carried = f", {100.0 * self.fraction:.3g} % carried" if np.isfinite(self.fraction) else ""

@@ -16,9 +16,10 @@ from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest, BacktestStep, Scores, bands_of
 from geoident.model.results.bands import next_read
 from geoident.model.results.result import Result
-from geoident.report.text.gauges import by_stage, predicted_texts, reading_text
+from geoident.report.text.gauges import predicted_texts, reading_text
 from geoident.report.text.layout import TextTable, decimals, section, sections, with_interval
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
+from geoident.report.text.rows import by_stage, objects
 from geoident.units import in_unit, shown_unit, si_unit
 
 TITLE = "Backtest"
@@ -252,15 +253,10 @@ def backtest_object(result: Result) -> dict[str, Any]:
                 "status": step.status,
                 "reason": step.reason,
                 "parameters": {
-                    name: {
-                        "value": step.values[i] if step.determined[i] else None,
-                        "sd": step.sd[i],
-                        "lower95": step.lower95[i],
-                        "upper95": step.upper95[i],
-                        "determined": bool(step.determined[i]),
-                        "unit": si_unit(table.dimensions[i]),
-                    }
-                    for i, name in enumerate(table.names)
+                    name: {**row, "unit": si_unit(dimension)}
+                    for name, row, dimension in zip(
+                        table.names, objects(step, "parameter"), table.dimensions, strict=True
+                    )
                 },
                 "stress_excess": {
                     stage: step.excess[j]

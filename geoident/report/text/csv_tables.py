@@ -12,7 +12,6 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from geoident.model.results.posterior import LEVELS
 from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import csv_fit_rows, csv_rows
-from geoident.report.text.gauges import by_stage, each_reading
+from geoident.report.text.gauges import each_reading
 from geoident.report.text.parameters import prior_in_unit
 from geoident.report.text.posterior import draw_rows
 from geoident.report.text.residuals import (
@@ -29,24 +28,10 @@ from geoident.report.text.residuals import (
     standardized,
     wide_diagnostics,
 )
+from geoident.report.text.rows import CsvCell, CsvRow, CsvTable, by_stage, sheet
 from geoident.units import in_unit, shown_unit
 
-CsvCell = str | int | float | bool
-CsvRow = tuple[CsvCell, ...]
-_KILO = 1e3
-
-
-@dataclass(frozen=True)
-class CsvTable:
-    """One table.
-
-    Args:
-        header: names of the columns.
-        rows: the cells; NaN is an empty cell.
-    """
-
-    header: tuple[str, ...]
-    rows: tuple[CsvRow, ...]
+NOTHING = CsvTable((), ())
 
 
 def csv_tables(result: Result) -> dict[str, CsvTable]:
@@ -104,27 +89,25 @@ def _is_number(text: str) -> bool:
 
 
 def _parameters(result: Result) -> CsvTable:
+    return parameters_sheet(result)
+
+
+def parameters_sheet(result: Result, *, si: bool = False) -> CsvTable:
+    """All columns of the parameters, and their priors.
+
+    Args:
+        result: with the parameters.
+        si: SI units in place of those of the case.
+    """
     table = result.parameters
-    header = ("parameter", "value", "sd", "lower95", "upper95", "unit", "start", "lower", "upper")
-    rows = [_parameter(table, i) for i in range(len(table.names))]
-    return CsvTable((*header, "at_bound", "determined", "prior"), tuple(rows))
-
-
-def _parameter(table: ParameterTable, i: int) -> CsvRow:
-    known = table.determined[i] or math.isfinite(table.sd[i])  # from readings, or its prior
-    value = float(table.values[i]) if known else math.nan
-    found = (value, *(float(column[i]) for column in (table.sd, table.lower95, table.upper95)))
-    given = (float(column[i]) for column in (table.start, table.lower, table.upper))
-    unit, dimension = table.units[i], table.dimensions[i]
-    return (
-        table.names[i],
-        *(_shown(table, i, number) for number in found),
-        _unit(table, i),
-        *(_shown(table, i, number) for number in given),
-        bool(table.at_bound[i]),
-        bool(table.determined[i]),
-        prior_in_unit(table.priors[i], unit, dimension),
-    )
+    found = sheet(table, "parameter", quantities=result.quantities, si=si)
+    kinds = zip(table.units, table.dimensions, strict=True)
+    priors = [
+        prior_in_unit(prior, "" if si else unit, dimension)
+        for prior, (unit, dimension) in zip(table.priors, kinds, strict=True)
+    ]
+    rows = tuple((*row, prior) for row, prior in zip(found.rows, priors, strict=True))
+    return CsvTable((*found.header, "prior"), rows)
 
 
 def _accuracies(result: Result) -> CsvTable:
@@ -218,23 +201,17 @@ def _diagnostics(result: Result) -> CsvTable:
 
 
 def _prediction(result: Result) -> CsvTable:
-    header = ("gauge", "stage", "predicted", "sd", "lower95", "upper95", "measured", "unit")
-    table, gauges = result.prediction, result.gauges
-    if table is None:
-        return CsvTable(header, ())
-    mean = np.where(np.isfinite(table.sd), table.mean, math.nan)  # else it is not determined
-    read = (mean, table.sd, table.lower95, table.upper95, gauges.measured)
-    columns = [gauges.in_units(column) for column in read]
+    found, gauges = result.prediction, result.gauges
+    if found is None:
+        return NOTHING
+    places = by_stage(np.isfinite(found.mean))
+    table = sheet(found, "gauge", "stage", rows=places, quantities=result.quantities)
+    measured = gauges.in_units(gauges.measured)
     rows: list[CsvRow] = [
-        (
-            gauges.channels[i],
-            gauges.stages[j],
-            *(float(column[i, j]) for column in columns),
-            gauges.shown_units[i],
-        )
-        for i, j in by_stage(np.isfinite(table.mean))
+        (gauges.channels[i], gauges.stages[j], *row, float(measured[i, j]), gauges.shown_units[i])
+        for (i, j), row in zip(places, table.rows, strict=True)
     ]
-    return CsvTable(header, tuple(rows))
+    return CsvTable(("gauge", "stage", *table.header, "measured", "unit"), tuple(rows))
 
 
 def _history(result: Result) -> CsvTable:
@@ -290,38 +267,10 @@ def _per_unit(reading: str, unit: str) -> str:
 
 def _structures(result: Result) -> CsvTable:
     """Forces in kN and kNm, of walls and linings per metre, of bars each; where the pieces end."""
-    forces = ("N", "M_first", "M_second", "Q", "N_hoop", "stressed_to")
-    units = ("kN", "kNm", "kNm", "kN", "kN", "kN")
-    places = tuple(f"{axis}_{end} (m)" for end in ("first", "second") for axis in "xyz")
-    names = (
-        "structure", "number", "stage", *places,
-        *(f"{force} ({unit})" for force, unit in zip(forces, units, strict=True)),
-    )  # fmt: skip
     found = result.members
     if found is None:
-        return CsvTable(names, ())
-    missing = 3 - found.ends.shape[2]
-    ends = np.pad(found.ends, [(0, 0), (0, 0), (0, missing)], constant_values=math.nan)
-    rows: list[CsvRow] = [
-        (
-            found.structures[i],
-            int(found.numbers[i]),
-            found.stages[j],
-            *map(float, ends[i].ravel()),
-            *(
-                float(force) / _KILO
-                for force in (
-                    found.axial[i, j],
-                    *found.moment[i, :, j],
-                    found.shear[i, j],
-                    found.hoop[i, j],
-                    found.prestress[i, j],
-                )
-            ),
-        )
-        for j, i in np.argwhere(np.isfinite(found.axial.T)).tolist()
-    ]
-    return CsvTable(names, tuple(rows))
+        return NOTHING
+    return sheet(found, "stage", "member", rows=np.argwhere(np.isfinite(found.axial.T)).tolist())
 
 
 def _grid(result: Result) -> CsvTable:
@@ -390,96 +339,47 @@ def _fields(result: Result) -> CsvTable:
     return CsvTable(header, tuple(rows))
 
 
-_WALL = ("pressure (MPa)", "wall_inwards (mm)", "plastic_radius (m)")
-
-
-def _wall(pressure: float, displacement: float, plastic_radius: float) -> CsvRow:
-    return float(pressure) / 1e6, 1e3 * float(displacement) + 0.0, float(plastic_radius)  # no -0
-
-
 def _reactions(result: Result) -> CsvTable:
     """Resultants of supports on the ground, kN."""
-    names = ("support", "stage", "R_x (kN)", "R_y (kN)", "R_z (kN)")
     found = result.reactions
-    if found is None:
-        return CsvTable(names, ())
-    missing = 3 - found.force.shape[2]
-    force = np.pad(found.force, [(0, 0), (0, 0), (0, missing)], constant_values=math.nan)
-    rows: list[CsvRow] = [
-        (found.supports[i], found.states[j], *map(float, force[i, j] / _KILO))
-        for i, j in np.argwhere(np.isfinite(force).any(axis=2)).tolist()
-    ]
-    return CsvTable(names, tuple(rows))
+    return NOTHING if found is None else sheet(found, "support", "state", rows=found.holding)
 
 
 def _yielded(result: Result) -> CsvTable:
     """How far ground yields; areas in plane strain."""
-    names = ("stage", "volume (m3)", "share", "from_excavation (m)", "from_centre (m)")
-    places = tuple(f"{axis}_{end} (m)" for end in ("min", "max") for axis in "xyz")
-    found = result.yielded
-    if found is None:
-        return CsvTable((*names, *places), ())
-    missing = [(0, 0), (0, 3 - found.lower.shape[1])]
-    ends = [np.pad(x, missing, constant_values=math.nan) for x in (found.lower, found.upper)]
-    columns = [found.volume, found.share, found.reach, found.radius]
-    numbers = np.column_stack([*columns, *ends]).tolist()
-    rows = tuple((name, *row) for name, row in zip(found.states, numbers, strict=True))
-    return CsvTable((*names, *places), rows)
+    return NOTHING if result.yielded is None else sheet(result.yielded, "state")
 
 
 def _opening(result: Result) -> CsvTable:
     """The stages of a closed form; compression and motions inwards are positive."""
     found = result.reaction
-    stages = () if found is None else zip(
-        found.stages, found.stage_pressure, found.stage_displacement, found.stage_plastic_radius,
-        strict=True,
-    )  # fmt: skip
-    radius = math.nan if found is None else found.radius
-    rows = tuple((stage, radius, *_wall(*numbers)) for stage, *numbers in stages)
-    return CsvTable(("stage", "radius (m)", *_WALL), rows)
+    if found is None:
+        return NOTHING
+    table = sheet(found, "stage")
+    rows = tuple((row[0], found.radius, *row[1:]) for row in table.rows)
+    return CsvTable((table.header[0], "radius (m)", *table.header[1:]), rows)
 
 
 def _ground_reaction(result: Result) -> CsvTable:
     """The wall under ever less pressure inside."""
-    found = result.reaction
-    curve = () if found is None else zip(
-        found.pressure, found.displacement, found.plastic_radius, strict=True
-    )  # fmt: skip
-    return CsvTable(_WALL, tuple(_wall(*numbers) for numbers in curve))
+    return NOTHING if result.reaction is None else sheet(result.reaction, "pressure")
 
 
 def _opening_stresses(result: Result) -> CsvTable:
     """Stresses around the opening, positive in compression."""
+    fields = ("stages", "radii", "radial", "hoop")
     found = result.reaction
-    header = ("stage", "distance (m)", "radial_compression (MPa)", "hoop_compression (MPa)")
-    rows: list[CsvRow] = []
-    for j, stage in enumerate(() if found is None else found.stages):
-        assert found is not None
-        rows += [
-            (stage, float(r), float(radial) / 1e6, float(hoop) / 1e6)
-            for r, radial, hoop in zip(found.radii, found.radial[j], found.hoop[j], strict=True)
-        ]
-    return CsvTable(header, tuple(rows))
+    return NOTHING if found is None else sheet(found, "stage", "radii", only=fields)
 
 
 def _face(result: Result) -> CsvTable:
     """What distances to the face say of the stages; parts of one."""
-    found = result.advance
-    header = ("stage", "distance (m)", "share_of_motion", "released_stress", "zero_of_gauges")
-    rows = () if found is None else zip(
-        found.stages, map(float, found.stage_distance), map(float, found.stage_share),
-        map(float, found.stage_released), map(bool, found.stage_zero), strict=True,
-    )  # fmt: skip
-    return CsvTable(header, tuple(rows))
+    return NOTHING if result.advance is None else sheet(result.advance, "stage")
 
 
 def _face_profile(result: Result) -> CsvTable:
     """The part of its final motion that the wall has made, by the distance behind the face."""
-    found = result.advance
-    curve = () if found is None else zip(
-        map(float, found.distance), map(float, found.share), strict=True
-    )  # fmt: skip
-    return CsvTable(("distance (m)", "share_of_motion"), tuple(curve))
+    return NOTHING if result.advance is None else sheet(result.advance, "distance")
 
 
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {

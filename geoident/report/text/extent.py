@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from geoident.model.results.yielded import YieldedGround
 from geoident.report.text.layout import TextTable, number
@@ -50,25 +49,5 @@ def extent_sentence(found: YieldedGround | None) -> str:
     return text + "."
 
 
-def yielded_list(found: YieldedGround) -> list[dict[str, Any]]:
-    """The same for JSON, SI; null where a number has no meaning."""
-    return [
-        {
-            "stage": name,
-            "volume": _or_null(found.volume[j]),
-            "share": _or_null(found.share[j]),
-            "from_excavation": _or_null(found.reach[j]),
-            "from_centre": _or_null(found.radius[j]),
-            "lower": [_or_null(x) for x in found.lower[j]],
-            "upper": [_or_null(x) for x in found.upper[j]],
-        }
-        for j, name in enumerate(found.states)
-    ]
-
-
 def _per_cent(share: float) -> str:
     return f"{number(100.0 * float(share), 2)} %"
-
-
-def _or_null(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -26,6 +26,7 @@ from geoident.report.text.residuals import (
     has_prediction,
     standardized,
 )
+from geoident.report.text.rows import by_stage
 from geoident.units import in_unit, shown_unit
 
 _FINER = 1e5
@@ -135,11 +136,6 @@ def _reading_table(
     if gauges.common_unit is None:
         header, right = [*header[:2], "unit", *header[2:]], f"{right[:2]}l{right[2:]}"
     return TextTable(header, rows, right=right)
-
-
-def by_stage(shown: Bools) -> list[tuple[int, int]]:
-    """Channel and stage of the entries (n_channels, n_stages) that are shown, stage by stage."""
-    return [(i, j) for j, i in np.argwhere(shown.T).tolist()]
 
 
 MOST_SHOWN = 300

@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError, worded
 from geoident.model.gauges import Channel, Reading
-from geoident.model.results.bands import Prediction
+from geoident.model.parameter import Prior
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.model.results.rivals import Evidence
@@ -25,12 +25,12 @@ from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.model_error import model_error_object
 from geoident.report.text.errors.surface import surface_object
-from geoident.report.text.extent import yielded_list
-from geoident.report.text.gauges import by_stage, each_reading, moment_text
+from geoident.report.text.gauges import each_reading, moment_text
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.residuals import compared_with, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
-from geoident.report.text.structures import reactions_list, structures_list
+from geoident.report.text.rows import attributes, by_stage, objects
+from geoident.report.text.structures import structures_list
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -101,8 +101,16 @@ def result_object(
         **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
-        **({"reactions": reactions_list(result.reactions)} if result.reactions is not None else {}),
-        **({"yielded": yielded_list(result.yielded)} if result.yielded is not None else {}),
+        **(
+            {
+                "reactions": objects(
+                    result.reactions, "support", "state", rows=result.reactions.holding
+                )
+            }
+            if result.reactions is not None
+            else {}
+        ),
+        **({"yielded": objects(result.yielded, "state")} if result.yielded is not None else {}),
         **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"opening": opening_object(result.reaction)} if result.reaction is not None else {}),
         **({"face": face_object(result.advance)} if result.advance is not None else {}),
@@ -118,15 +126,11 @@ def opening_object(found: GroundReaction) -> dict[str, Any]:
     """
     curve = ("pressure", "displacement", "plastic_radius")
     return {
+        **attributes(found),
         "centre": found.centre,
-        "radius": found.radius,
-        "in_situ": dict(zip(("xx", "yy", "zz", "xy"), found.in_situ, strict=True)),
-        "critical": found.critical,
+        "in_situ": dict(zip(found.components, found.in_situ, strict=True)),
         "curve": {name: getattr(found, name) for name in curve},
-        "stages": [
-            {"stage": stage, **{name: getattr(found, f"stage_{name}")[j] for name in curve}}
-            for j, stage in enumerate(found.stages)
-        ],
+        "stages": objects(found, "stage"),
         "stresses": {
             "distance": found.radii,
             "radial": dict(zip(found.stages, found.radial, strict=True)),
@@ -137,20 +141,10 @@ def opening_object(found: GroundReaction) -> dict[str, Any]:
 
 def face_object(found: FaceAdvance) -> dict[str, Any]:
     """An advancing tunnel face, SI: its profile, and what distances to it say of the stages."""
-    columns = {
-        "stage": found.stages,
-        "distance": found.stage_distance,
-        "share": found.stage_share,
-        "released": found.stage_released,
-        "zero": found.stage_zero,
-    }
     return {
-        "profile": found.law,
-        "radius": found.radius,
+        **attributes(found),
         "curve": {"distance": found.distance, "share": found.share},
-        "stages": [
-            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
-        ],
+        "stages": objects(found, "stage"),
         "lost": found.lost,
     }
 
@@ -168,20 +162,16 @@ def plan_object(case: str, plan: Identifiability) -> dict[str, Any]:
 
 def parameters_object(parameters: ParameterTable) -> dict[str, Any]:
     """Name to value, interval and what else is known."""
-    return {name: _parameter(parameters, i) for i, name in enumerate(parameters.names)}
-
-
-def _parameter(parameters: ParameterTable, i: int) -> dict[str, Any]:
-    determined, prior = bool(parameters.determined[i]), parameters.priors[i]
-    known = determined or bool(np.isfinite(parameters.sd[i]))  # by its prior at least
+    quantities = {"parameter": list(zip(parameters.units, parameters.dimensions, strict=True))}
+    rows = objects(parameters, "parameter", quantities=quantities)
     return {
-        "value": parameters.values[i] if known else None,
-        "unit": si_unit(parameters.dimensions[i]),
-        "sd": parameters.sd[i],
-        "lower95": parameters.lower95[i],
-        "upper95": parameters.upper95[i],
-        "at_bound": bool(parameters.at_bound[i]),
-        "determined": determined,
+        row.pop("parameter"): {**row, **_prior_object(prior)}
+        for row, prior in zip(rows, parameters.priors, strict=True)
+    }
+
+
+def _prior_object(prior: Prior | None) -> dict[str, Any]:
+    return {
         "prior": None if prior is None else str(prior),
         "prior_kind": None if prior is None else prior.kind,
         "prior_mean": None if prior is None else prior.mean,
@@ -220,32 +210,26 @@ def readings_list(result: Result) -> list[dict[str, Any]]:
 
 def predictions_list(result: Result) -> list[dict[str, Any]]:
     """One object for every predicted reading, stage by stage; sd null where not determined."""
-    prediction = result.prediction
-    if prediction is None:
+    found, gauges = result.prediction, result.gauges
+    if found is None:
         return []
+    places = by_stage(np.isfinite(found.mean))
     return [
-        _prediction(result, prediction, i, j) for i, j in by_stage(np.isfinite(prediction.mean))
+        {
+            "gauge": gauges.channels[i],
+            "stage": gauges.stages[j],
+            **row,
+            "measured": gauges.measured[i, j],
+            "determined": bool(found.known[i, j]),
+            "unit": si_unit(gauges.dimensions[i]),
+        }
+        for (i, j), row in zip(places, objects(found, "gauge", "stage", rows=places), strict=True)
     ]
-
-
-def _prediction(result: Result, prediction: Prediction, i: int, j: int) -> dict[str, Any]:
-    determined = bool(np.isfinite(prediction.sd[i, j]))
-    return {
-        "gauge": result.gauges.channels[i],
-        "stage": result.gauges.stages[j],
-        "mean": prediction.mean[i, j] if determined else None,
-        "sd": prediction.sd[i, j],
-        "lower95": prediction.lower95[i, j],
-        "upper95": prediction.upper95[i, j],
-        "measured": result.gauges.measured[i, j],
-        "determined": determined,
-        "unit": si_unit(result.gauges.dimensions[i]),
-    }
 
 
 def evidence_object(evidence: Evidence) -> dict[str, Any]:
     """How well the model explains the readings."""
-    return {**asdict(evidence), "log_occam": evidence.log_occam}
+    return {**attributes(evidence), "log_occam": evidence.log_occam}
 
 
 def grid_object(grid: Grid) -> dict[str, Any]:

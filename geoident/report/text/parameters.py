@@ -12,9 +12,11 @@ import numpy as np
 
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.columns import columns
 from geoident.model.results.result import Grid, Iteration, Labelled, ParameterTable, Result
 from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, number, with_interval
+from geoident.report.text.rows import sheet
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
 
@@ -33,12 +35,30 @@ def unit_of(parameters: ParameterTable, name: str) -> Unit:
 
 def parameters_text(parameters: ParameterTable, proof: Certificate | None = None) -> str:
     """One line for each parameter: value, 95 % interval, unit, and what else is to be known."""
+    further = _further(parameters)
     rows = []
     for i, name in enumerate(parameters.names):
         value, interval = value_cells(parameters, i, between=" .. ")
         unit = shown_unit(*unit_of(parameters, name))
-        rows.append([name, value, interval, unit, _remarks(parameters, i, proof)])
-    return TextTable(("name", "value", "95 % interval", "unit", "remarks"), rows, right="lrl").text
+        more = [cells[i] for cells in further.values()]
+        rows.append([name, value, interval, unit, *more, _remarks(parameters, i, proof)])
+    header = ("name", "value", "95 % interval", "unit", *further, "remarks")
+    return TextTable(header, rows, right="lrll" + "r" * len(further)).text
+
+
+def _further(parameters: ParameterTable) -> dict[str, list[str]]:
+    """The columns that are declared with a heading, in the units of the user."""
+    quantities = {"parameter": list(zip(parameters.units, parameters.dimensions, strict=True))}
+    labels = {one.field: one.label for one in columns(ParameterTable) if one.label}
+    found = {
+        label: sheet(parameters, "parameter", quantities=quantities, only=(name,)).rows
+        for name, label in labels.items()
+    }
+    return {
+        label: [number(row[0]) if isinstance(row[0], float) else str(row[0]) for row in rows]
+        for label, rows in found.items()
+        if rows and rows[0]
+    }
 
 
 def value_cells(parameters: ParameterTable, i: int, *, between: str = " to ") -> tuple[str, str]:
@@ -84,9 +104,14 @@ def nearer_bound(parameters: ParameterTable, i: int) -> str:
 
 def parameter_table(parameters: ParameterTable) -> TextTable:
     """What was known of each parameter, and what is known now."""
-    rows = [_row(parameters, i) for i in range(len(parameters.names))]
-    header = ("parameter", "unit", "value", "95 % interval", "prior", "start", "bounds", "remark")
-    return TextTable(header, rows, right="llrrrrrl")
+    further = _further(parameters)
+    rows = []
+    for i in range(len(parameters.names)):
+        *cells, remark = _row(parameters, i)
+        rows.append([*cells, *(more[i] for more in further.values()), remark])
+    header = ("parameter", "unit", "value", "95 % interval", "prior", "start", "bounds")
+    right = "llrrrrr" + "r" * len(further) + "l"
+    return TextTable((*header, *further, "remark"), rows, right=right)
 
 
 def _row(parameters: ParameterTable, i: int) -> list[str]:

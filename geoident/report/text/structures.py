@@ -10,6 +10,7 @@ import numpy as np
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.result import MemberForces, SupportReactions
 from geoident.report.text.layout import TextTable, number
+from geoident.report.text.rows import objects
 
 NAME = "Structures"
 TITLE = f"{NAME} (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
@@ -27,27 +28,10 @@ def reaction_table(found: SupportReactions | None) -> TextTable:
     rounding = _ROUNDING * np.abs(np.nan_to_num(found.force)).max(initial=0.0)
     force = np.where(np.abs(found.force) <= rounding, 0.0, found.force)  # of NaN: as it is
     rows = [
-        [found.supports[i], found.states[j], *map(_force, force[i, j])] for i, j in _holding(found)
+        [found.supports[i], found.states[j], *map(_force, force[i, j])] for i, j in found.holding
     ]
     header = ("support", "stage", *(f"R_{axis}" for axis in axes))
     return TextTable(header, rows, right="ll" + "r" * len(axes))
-
-
-def reactions_list(found: SupportReactions) -> list[dict[str, Any]]:
-    """The same for JSON, N; null in directions in which a support does not hold."""
-    return [
-        {
-            "support": found.supports[i],
-            "stage": found.states[j],
-            "force": [float(x) if np.isfinite(x) else None for x in found.force[i, j]],
-        }
-        for i, j in _holding(found)
-    ]
-
-
-def _holding(found: SupportReactions) -> list[tuple[int, int]]:
-    """Supports and states, by number, where one holds in the other."""
-    return [(int(i), int(j)) for i, j in np.argwhere(np.isfinite(found.force).any(axis=2))]
 
 
 def _force(force: float) -> str:
@@ -100,27 +84,9 @@ def structures_list(found: MemberForces | None) -> list[dict[str, Any]]:
     """One object for each piece of a lining, each bar, and stage at which it stands; SI."""
     if found is None:
         return []
-    return [_member(found, int(i), stage) for _, members, stage in _present(found) for i in members]
-
-
-def _member(found: MemberForces, i: int, stage: int) -> dict[str, Any]:
-    bent = bool(found.per_metre[i])
-    return {
-        "structure": found.structures[i],
-        "number": int(found.numbers[i]),
-        "stage": found.stages[stage],
-        "ends": found.ends[i].tolist(),
-        "N": found.axial[i, stage],
-        "M": found.moment[i, :, stage].tolist() if bent else None,
-        "Q": found.shear[i, stage] if bent else None,
-        "N_hoop": _known(found.hoop[i, stage]),
-        "prestress": _known(found.prestress[i, stage]),
-        "per_metre": bent,
-    }
-
-
-def _known(force: float) -> float | None:
-    return force if np.isfinite(force) else None
+    rows = [(int(i), stage) for _, members, stage in _present(found) for i in members]
+    listed = objects(found, "member", "stage", rows=rows)
+    return [{**row, "M": row["M"] if row["per_metre"] else None} for row in listed]
 
 
 def _present(found: MemberForces) -> Iterator[tuple[str, Ints, int]]:

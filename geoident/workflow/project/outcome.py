@@ -41,6 +41,7 @@ from geoident.model.results.many.project import (
     LawEstimate,
     LawPoint,
     ProjectResult,
+    SearchStep,
     SectionCovariate,
     SectionEnd,
     SectionParameter,
@@ -136,7 +137,10 @@ def project_result(
         points=tables.points(),
         left_out_parameters=tuple(row for parameters, _ in later for row in parameters),
         left_out_readings=tuple(row for _, found in later for row in found),
-        history=whole.fit.outcome.iterations,
+        history=tuple(
+            SearchStep(one.objective, one.step, one.counts.evaluations, one.note)
+            for one in whole.fit.outcome.iterations
+        ),
     )
     return replace(result, findings=findings(result, tables.gaps()))
 

@@ -11,7 +11,8 @@ from support.yielding import NOTHING, Cavity, constant, mohr, mohr_limit, rock
 from geoident.forward.yielding.extent import YieldRecorder, circle_centre
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
-from geoident.report.text.extent import extent_sentence, extent_table, yielded_list
+from geoident.report.text.extent import extent_sentence, extent_table
+from geoident.report.text.rows import objects
 
 CAVITY, C, PHI = Cavity(), 3.45e6, np.pi / 6
 
@@ -45,7 +46,7 @@ def test_plastic_radius_and_area_of_an_opening():
     assert table.header == (
         "stage", "m2", "of the ground", "from the wall", "from the centre", "x", "y"
     )  # fmt: skip
-    listed = yielded_list(found)
+    listed = objects(found, "state")
     assert listed[0] == {
         "stage": "virgin", "volume": 0.0, "share": 0.0, "from_excavation": None,
         "from_centre": None, "lower": [None, None], "upper": [None, None],

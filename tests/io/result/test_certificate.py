@@ -40,18 +40,6 @@ def result(result_maker):
     return replace(made, certificate=proof(made.parameters.names))
 
 
-def test_a_file_gives_back_the_certificate(result, tmp_path):
-    found = replace(result.certificate, bound=3.5, gap=0.02)
-    path = tmp_path / "case.fit.h5"
-    write_result(replace(result, certificate=found), path, overwrite=False)
-    back = read_result(path).certificate
-    assert (back.kind, back.gradient, back.bound, back.gap) == (found.kind, 2e-7, 3.5, 0.02)
-    assert back.lower_bounds == found.lower_bounds
-    assert back.remarks == found.remarks
-    for name in ("planes", "stages", "points", "biactive", "distances", "reached", "slopes"):
-        assert np.array_equal(getattr(back.activity, name), getattr(found.activity, name)), name
-
-
 def test_a_file_without_certificate_has_none(result_maker, tmp_path):
     path = tmp_path / "case.fit.h5"
     write_result(result_maker(), path, overwrite=False)

@@ -13,7 +13,7 @@ from geoident.model.gauges import Reading
 from geoident.model.results.comparison import Amount, Comparison, Difference, Place
 from geoident.model.results.mesh_error import MeshError
 from geoident.model.results.posterior import PosteriorDraws
-from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.model.results.result import MemberForces
 from geoident.model.results.summary import Identifiability
 from geoident.model.results.varied import FieldEstimate
 from geoident.report.text.comparison import comparison_object, comparison_text
@@ -32,7 +32,7 @@ from geoident.report.text.varied import varied_table
 from geoident.units import in_unit
 from geoident.workflow.estimating.diagnosis import why_poor
 from geoident.workflow.estimating.wrong_readings import gross_findings
-from tests.io.result.conftest import make_advance, make_reaction
+from tests.io.result.conftest import make_advance
 from tests.support.cases import displacement
 from tests.support.results import example_result, small_result
 
@@ -106,24 +106,6 @@ def test_units_with_a_slash_are_bracketed_in_quotients(result):
     first = table(replace(result, parameters=heavy), "sensitivity")[0]
     assert first["unit"] == "mm/(kN/m3)"
     assert float(first["value"]) == pytest.approx(-2e-13 * 1e3 * 1e3)
-
-
-def test_forces_stand_in_kilonewtons(result):
-    (row,) = table(result, "structures")
-    found = numbers(row, "N (kN)", "M_first (kNm)", "M_second (kNm)", "Q (kN)")
-    assert found == pytest.approx([-1.2345, 0.05, -0.075, 2.5])
-    assert (row["structure"], row["number"], row["stage"]) == ("wall", "4", "drift")
-    given = result.members.ends[0].ravel()
-    places = numbers(row, "x_first (m)", "y_first (m)", "x_second (m)", "y_second (m)")
-    assert places == pytest.approx(given)
-
-
-def test_the_history_has_costs_and_parameters_in_their_units(result):
-    last = table(result, "history")[-1]
-    assert numbers(last, "iteration", "objective", "step") == [3.0, 12.5, 0.3]
-    assert numbers(last, "E_rock [GPa]", "sigma_v [MPa]", "K0") == pytest.approx([12.34, 6.5, 2.9])
-    assert numbers(last, "evaluations", "factorizations", "solves") == [3.0, 3.0, 3.0]
-    assert (last["method"], last["note"]) == ("gauss-newton", "accepted")
 
 
 def test_the_grid_has_a_row_for_every_point_and_no_misfit_where_there_is_no_solution():
@@ -251,23 +233,6 @@ def test_a_face_that_goes_on_is_in_tables_and_json(result):
     assert result_object(replace(result, advance=never), case="", output="")["face"]["lost"] is None
     assert "face" not in result_object(result, case="", output="")
     assert not {"face", "face-profile"} & set(csv_tables(result))
-
-
-def test_reactions_and_the_curve_of_an_opening_are_in_the_units_of_their_columns():
-    forces = np.array([[[-12500.0, 3e6], [NAN, NAN]]])
-    found = replace(
-        small_result(),
-        reactions=SupportReactions(("left",), ("virgin", "drift"), forces),
-        reaction=make_reaction(),
-    )
-    tables = csv_tables(found)
-    header, rows = tables["reactions"].header, tables["reactions"].rows
-    assert header[2:4] == ("R_x (kN)", "R_y (kN)")
-    assert rows[0][:4] == ("left", "virgin", -12.5, 3000.0)
-    curve = tables["ground-reaction"]
-    row = dict(zip(curve.header, curve.rows[-1], strict=True))
-    assert row["pressure (MPa)"] == 0.0
-    assert row["wall_inwards (mm)"] == pytest.approx(9.0)
 
 
 def test_parts_of_accuracies_variances_and_motions_are_percent():

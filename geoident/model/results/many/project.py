@@ -6,10 +6,11 @@ NaN stands for what is not known, and an infinite end of an interval for what is
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from geoident.model.results.columns import column
 from geoident.model.results.costs import Counts
-from geoident.model.results.result import Iteration, Provenance
+from geoident.model.results.result import Provenance
 from geoident.units import in_unit, shown_unit
 
 SHARED, CONSTANT, LAW, OWN = "shared", "constant", "law", "own"
@@ -253,6 +254,23 @@ class LawPoint:
 
 
 @dataclass(frozen=True)
+class SearchStep:
+    """A step of the search over all sections.
+
+    Args:
+        objective: the discrepancy of all sections, with the part of the laws.
+        step: size of the step in scaled parameters.
+        evaluations: up to here.
+        note: such as ``accepted``.
+    """
+
+    objective: float
+    step: float
+    evaluations: int
+    note: str
+
+
+@dataclass(frozen=True)
 class ProjectResult:
     """What was found of several sections.
 
@@ -288,21 +306,35 @@ class ProjectResult:
     objective: float
     misfit: float
     above: float
-    findings: tuple[str, ...]
-    notes: tuple[str, ...]
-    project_text: str
-    provenance: Provenance
-    counts: Counts
-    common: tuple[CommonParameter, ...]
-    laws: tuple[LawEstimate, ...]
-    sections: tuple[SectionEnd, ...]
-    covariates: tuple[SectionCovariate, ...]
-    parameters: tuple[SectionParameter, ...]
-    readings: tuple[SectionReading, ...]
-    points: tuple[LawPoint, ...]
-    left_out_parameters: tuple[SectionParameter, ...]
-    left_out_readings: tuple[SectionReading, ...]
-    history: tuple[Iteration, ...]
+    findings: tuple[str, ...] = field(metadata=column(optional=True))
+    notes: tuple[str, ...] = field(metadata=column(optional=True))
+    project_text: str = field(metadata=column(group="project", name="verbatim", dataset=True))
+    provenance: Provenance = field(metadata=column())
+    counts: Counts = field(metadata=column())
+    common: tuple[CommonParameter, ...] = field(
+        metadata=column("row", group="common", optional=True)
+    )
+    laws: tuple[LawEstimate, ...] = field(metadata=column("row", group="laws", optional=True))
+    sections: tuple[SectionEnd, ...] = field(
+        metadata=column("row", group="sections", optional=True)
+    )
+    covariates: tuple[SectionCovariate, ...] = field(
+        metadata=column("row", group="covariates", optional=True)
+    )
+    parameters: tuple[SectionParameter, ...] = field(
+        metadata=column("row", group="parameters", optional=True)
+    )
+    readings: tuple[SectionReading, ...] = field(
+        metadata=column("row", group="readings", optional=True)
+    )
+    points: tuple[LawPoint, ...] = field(metadata=column("row", group="law_points", optional=True))
+    left_out_parameters: tuple[SectionParameter, ...] = field(
+        metadata=column("row", group="left_out_parameters", optional=True)
+    )
+    left_out_readings: tuple[SectionReading, ...] = field(
+        metadata=column("row", group="left_out_readings", optional=True)
+    )
+    history: tuple[SearchStep, ...] = field(metadata=column("iteration", group="history"))
 
     def of(self, section: str) -> tuple[SectionParameter, ...]:
         """The parameters of a section."""

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from geoident.model.results.many.campaign import CampaignTable, RunParameter, RunReading, RunRecord
-from geoident.report.text.csv_tables import CsvCell, CsvRow, CsvTable, csv_text
+from geoident.report.text.csv_tables import csv_text
+from geoident.report.text.rows import CsvCell, CsvRow, CsvTable
 from geoident.units import in_unit, shown_unit
 
 

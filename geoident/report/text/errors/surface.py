@@ -6,6 +6,7 @@ from typing import Any
 
 from geoident.model.results.surface import SurfaceTable
 from geoident.report.text.layout import TextTable
+from geoident.report.text.rows import attributes, objects
 from geoident.units import in_unit, shown_unit
 
 TITLE = "Response surfaces"
@@ -49,16 +50,4 @@ def surface_words(found: SurfaceTable | None) -> str:
 
 def surface_object(found: SurfaceTable) -> dict[str, Any]:
     """The surfaces for other programs, SI."""
-    columns = zip(
-        found.channels,
-        found.stages,
-        found.words,
-        found.left_out.tolist(),
-        found.own.tolist(),
-        found.lower.tolist(),
-        found.upper.tolist(),
-        strict=True,
-    )
-    names = ("gauge", "stage", "surface", "left_out", "own", "lower", "upper")
-    readings = [dict(zip(names, row, strict=True)) for row in columns]
-    return {"file": found.file, "runs": found.runs, "readings": readings}
+    return {**attributes(found), "readings": objects(found, "column")}

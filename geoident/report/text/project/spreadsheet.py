@@ -11,7 +11,8 @@ from geoident.model.results.many.project import (
     SectionParameter,
     SectionReading,
 )
-from geoident.report.text.csv_tables import CsvCell, CsvRow, CsvTable, csv_text
+from geoident.report.text.csv_tables import csv_text
+from geoident.report.text.rows import CsvCell, CsvRow, CsvTable
 from geoident.units import in_unit, shown_unit
 
 PROJECT_TABLES = ("common", "laws", "sections", "section-parameters", "section-readings",
