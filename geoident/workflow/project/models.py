@@ -24,7 +24,6 @@ from geoident.workflow.executing.executor import (
 )
 from geoident.workflow.executing.parcel import layout_of, packed, relative
 from geoident.workflow.executing.processes import LocalProcesses
-from geoident.workflow.project.plan import placed
 from geoident.workflow.project.sections import (
     EVALUATE,
     PREPARE,
@@ -40,6 +39,7 @@ from geoident.workflow.project.sections import (
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Inputs
+from geoident.workflow.running.run_table import placed
 from geoident.workflow.running.workers import runs_on_cluster
 
 
@@ -102,7 +102,7 @@ def section_executor(
     elsewhere = any(one.case.elsewhere is not None for one in inputs)
     if control.cluster is not None and not elsewhere:
         return _on(control.cluster, sources, inputs, control)
-    count = min(jobs or usable_cores(), len(sources.sources))
+    count = min(jobs or usable_cores(), len(sources.sections))
     formulas = all(one.loaded.mesh_path is None for one in inputs)  # sooner than a process starts
     if elsewhere or formulas or count == 1:
         return OneProcess(sources, control)
@@ -120,7 +120,7 @@ def _on(
     layout = layout_of(files)
     there = replace(
         sources,
-        sources=tuple(replace(one, case=relative(one.case)) for one in sources.sources),
+        sections=tuple(replace(one, case=relative(one.case)) for one in sources.sections),
         checkpoint=Path(sources.checkpoint.name),
     )
     parcel = packed({layout.name(path): Path(path) for path in files}, here=layout.here)
@@ -167,7 +167,7 @@ class SectionAnswers:
         def take(number: int, answer: SectionAnswer) -> None:
             if isinstance(answer.error, InputError):
                 section = self._project.sections[number]
-                raise InputError(placed(answer.error, section))
+                raise InputError(placed(fault, section) for fault in answer.error.faults)
             if answer.error is not None:
                 raise answer.error
             assert answer.prepared is not None

@@ -418,7 +418,7 @@ def test_names_of_runs_are_judged_before_their_cases(here):
 
 def test_a_seed_is_of_the_runs_and_not_of_the_case(here):
     """It varies from run to run; for all runs the campaign has a key of its own."""
-    assert places_of("set: {seed: 3}\nvariations: {rows: [{run: a}]}") == [(3, 7, "unknown-key")]
+    assert places_of("set: {seed: 3}\nvariations: {rows: [{run: a}]}") == [(3, 13, "unknown-key")]
 
 
 def test_faults_of_the_base_case_are_said_once_beside_those_of_runs(here):
