@@ -14,7 +14,7 @@ from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.finished import FinishedRun, ResultFiles, evaluation_log
 from geoident.workflow.project.models import ChosenSections, SectionAnswers, section_executor
-from geoident.workflow.project.outcome import Fitted, LeftOut, project_result
+from geoident.workflow.project.outcome import Fitted, project_result
 from geoident.workflow.project.plan import ProjectJob
 from geoident.workflow.project.sections import SectionSources
 from geoident.workflow.running.control import Control
@@ -55,7 +55,7 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
             models = SectionAnswers(executor, log, control, job.project)
             fits = _Fits(job, models, control)
             whole = fits.of([n for n, s in enumerate(job.project.sections) if not s.predicted])
-            left_out: tuple[LeftOut, ...] = ()
+            left_out: dict[int, Fitted] = {}
             if request.leave_one_out and whole.fit.outcome.status != STOPPED:
                 left_out = fits.each_left_out(whole)
             control.stop.check()
@@ -92,13 +92,13 @@ class _Fits:
         )
         return Fitted(fit, tuple(numbers), self._readings, self._prepared)
 
-    def each_left_out(self, whole: Fitted) -> tuple[LeftOut, ...]:
-        """Each section as the fit of all others predicts it, begun where the fit of all ended."""
-        found = []
+    def each_left_out(self, whole: Fitted) -> dict[int, Fitted]:
+        """Number of each section to the fit of all others, begun where the fit of all ended."""
+        fits = {}
         for position, number in enumerate(whole.numbers):
             others = [n for n in whole.numbers if n != number]
             if not others:
-                return ()
+                return {}
             words = f"{position + 1} of {len(whole.numbers)} sections left out in turn"
             self._control.monitor.part(words, position / len(whole.numbers))
             joint, values = whole.fit.joint, whole.fit.outcome.values
@@ -111,5 +111,5 @@ class _Fits:
                 tuple(points),
                 np.where(whole.fit.tau > 0.0, whole.fit.tau, 0.02 * joint.largest),
             )
-            found.append(LeftOut(number, self.of(others, begin)))
-        return tuple(found)
+            fits[number] = self.of(others, begin)
+        return fits

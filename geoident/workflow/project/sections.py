@@ -20,6 +20,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
+from geoident.model.results.many.project import SectionReading
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import assess_fit
 from geoident.workflow.estimating.search import estimated
@@ -96,6 +97,20 @@ class ShownReading:
     used: bool
     unit: str
     dimension: str
+
+    def row(self, section: str, computed: float, lower95: float, upper95: float) -> SectionReading:
+        """The same with what a fit says of it.
+
+        Args:
+            section: its name.
+            computed: SI.
+            lower95: lower end of the 95 % band, SI; NaN of a reading that took part.
+            upper95: upper end.
+        """
+        return SectionReading(
+            section, self.gauge, self.stage, self.measured, self.sd, self.used, float(computed),
+            float(lower95), float(upper95), self.unit, self.dimension,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
