@@ -1,4 +1,24 @@
-"""Rows of a run table: their cases, what is wrong with them and where, and how rows are lost."""
+"""The way of a run, from a row of a run table to its result.
+
+A row (`model.run.Run`) is a case and what is put in place of its values: a variation of a campaign,
+a section of a project; a single case is a row whose settings stand on the command line.
+
+    file to rows     `io.campaign`, `io.project`, both by `io.schema.run_file`: settings, and where
+                     each is written; `campaign.sampling` expands samplings
+    row to case      `jobs.load_inputs`; `read_each` here says what is wrong where it is written
+    case to job      `jobs.plan_fit` and others, `campaign.plan`, `project.plan`: a hash of all that
+                     the result depends on, and what stands in its place
+    job to result    `fit`, `scan`, `backtest`, `project.run`; `estimating.finished` has the log
+                     that an interrupted run goes on from, and keeps results of earlier input
+    many at a time   `executing.executor.Executor`: a row whose process is lost is begun again, goes
+                     on from its log, and is set aside when it has cost several (`lost_words`)
+    once more        the same command passes over what is done: a case by the hash in its result, a
+                     run of a campaign by that in the journal (`io.result.campaign.RunJournal`)
+
+Not rows: the fits of a backtest, of a leave-one-out and of several starts change no case. They are
+searches in one model that is set up, each begun where another ended. The models of a ladder are
+cases of their own, one after the other, since each begins where the simpler ones ended.
+"""
 
 from __future__ import annotations
 
