@@ -85,7 +85,7 @@ def _how_to_go_on(job: Planned) -> str:
     )
 
 
-R = TypeVar("R", Result, ProjectResult)
+R = TypeVar("R", bound=Result | ProjectResult)
 
 
 @dataclass(frozen=True)

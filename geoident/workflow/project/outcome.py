@@ -363,13 +363,16 @@ def _parameter_rows(
     for i, q in enumerate(section.parameters):
         at = joint.law_of(q.name)
         kind = SHARED if q.name in joint.shared else OWN if at is None else LAW
-        of_law = (_NAN,) * 3 if at is None else (law.value[at], law.lower95[at], law.upper95[at])
+        of_law = _NAN, _NAN, _NAN
+        if at is not None:
+            of_law = float(law.value[at]), float(law.lower95[at]), float(law.upper95[at])
+        alone, low, high = map(float, fitted.prepared[n].alone[:, i])
         shrunk = _NAN if kind == SHARED or shrinkage is None else float(shrinkage[i])
         estimate, (at_bound, determined) = _estimate(q, known, i)
         rows.append(
             SectionParameter(
                 section.name, q.name, kind, *estimate,
-                *map(float, fitted.prepared[n].alone[:, i]), *map(float, of_law), shrunk,
+                alone, low, high, *of_law, shrunk,
                 at_bound, determined, q.unit, q.dimension,
             )
         )  # fmt: skip
