@@ -195,7 +195,7 @@ def fit_project(
         OutputError: the result cannot be written, or would replace one of other input.
     """
     request = ProjectRequest(
-        path=os.fspath(project),
+        case=os.fspath(project),
         output=None if output is None else os.fspath(output),
         leave_one_out=leave_one_out,
         jobs=jobs,
@@ -205,7 +205,7 @@ def fit_project(
     job = plan_project(request)
     with decided_by(trusting(trust=trust)):
         found = run_project(job, control(progress, max_time, jobs, cluster))
-    return ProjectFit(found.result, found.path, found.up_to_date)
+    return ProjectFit(found.result, found.paths[0], found.up_to_date)
 
 
 @spoken

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import click
@@ -13,7 +13,7 @@ from geoident.cli.signals import stop_runs_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.io.result.campaign import record_object
-from geoident.model.results.many.campaign import CampaignTable, RunRecord
+from geoident.model.results.many.campaign import RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
@@ -25,8 +25,15 @@ _NAMED = 3
 
 
 @dataclass
-class _Progress:
-    """Tells of runs as they end: a live line, a line of each failed one, objects for programs."""
+class Progress:
+    """Tells of runs as they end: a live line, a line of each failed one, objects for programs.
+
+    Args:
+        options: of the command.
+        terminal: where to.
+        remaining: number of runs to be computed.
+        at_a_time: how many are computed at a time.
+    """
 
     options: Options
     terminal: Terminal
@@ -37,6 +44,7 @@ class _Progress:
     slowest: RunRecord | None = None
 
     def __call__(self, record: RunRecord) -> None:
+        """Tell of a run that has ended."""
         self.ended += 1
         if self.slowest is None or record.seconds > self.slowest.seconds:
             self.slowest = record
@@ -44,23 +52,18 @@ class _Progress:
             click.echo(dumps(record_object(record)))
         if not record.finished:
             self.failed.append(record.name)
-            self.terminal.inform(f"{record.name}: {record.status}: {_first_line(record.reason)}")
-        self.terminal.part(self._words(self.slowest), self.ended / self.remaining)
-
-    def _words(self, slowest: RunRecord) -> str:
+            reason = (record.reason.splitlines() or [""])[0]
+            self.terminal.inform(f"{record.name}: {record.status}: {reason}")
         failed = f"{len(self.failed)} failed"
         if self.failed:
             more = "..., " if len(self.failed) > _NAMED else ""
             failed += f" ({more}{', '.join(self.failed[-_NAMED:])})"
         running = min(self.at_a_time(), self.remaining - self.ended)
-        return (
+        words = (
             f"{self.ended} of {self.remaining} runs ended, {failed}, {running} running, "
-            f"slowest {slowest.name} ({seconds_text(slowest.seconds)})"
+            f"slowest {self.slowest.name} ({seconds_text(self.slowest.seconds)})"
         )
-
-
-def _first_line(text: str) -> str:
-    return (text.splitlines() or [""])[0]
+        self.terminal.part(words, self.ended / self.remaining)
 
 
 def run_campaign(
@@ -78,42 +81,36 @@ def run_campaign(
     Returns:
         The exit code: 7 if some runs have failed.
     """
+    terminal = Terminal(options)
     with failures_as_json(path, options):
         plan = plan_campaign(path, output=options.output, fresh=options.fresh, force=options.force)
-    if options.dry_run:
-        return _say_plan(plan, options)
-    with failures_as_json(path, options):
+        if options.dry_run:
+            return _say_plan(plan, options)
         where = cluster_of(plan, cluster)
         permitted = require_trust(plan)
-    terminal = Terminal(options)
-    if options.as_json:
-        for run in plan.runs:
-            if run.name in plan.known:
-                click.echo(dumps(record_object(plan.known[run.name])))
-    with (
-        failures_as_json(path, options),
-        run_executor(plan, where, jobs, terminal.inform) as (executor, at_a_time),
-    ):
-        progress = _Progress(options, terminal, len(plan.remaining), at_a_time)
-        with terminal.live(f"{len(plan.remaining)} runs"), stop_runs_on_signals(executor) as heard:
+        if options.as_json:
+            for run in plan.runs:
+                if run.name in plan.known:
+                    click.echo(dumps(record_object(plan.known[run.name])))
+        count = len(plan.remaining)
+        with (
+            run_executor(plan, where, jobs, terminal.inform) as (executor, at_a_time),
+            terminal.live(f"{count} runs"),
+            stop_runs_on_signals(executor) as heard,
+        ):
             table = compute(
-                plan, executor, progress, runs_csv,
+                plan, executor, Progress(options, terminal, count, at_a_time), runs_csv,
                 fresh=options.fresh, trust=options.trust, permitted=permitted,
             )  # fmt: skip
-    _say_end(table, plan, terminal)
-    if not options.as_json:
-        click.echo(plan.folder)
-    return int(heard.code or table.exit_code)
-
-
-def _say_end(table: CampaignTable, plan: CampaignPlan, terminal: Terminal) -> None:
     known = len(plan.known)
-    computed = len(table.runs) - known
-    terminal.inform(f"{computed} runs computed, {known} up to date.")
+    terminal.inform(f"{len(table.runs) - known} runs computed, {known} up to date.")
     for text in outcome_sentences(table):
         terminal.inform(text)
     if table.failed:
         terminal.inform(f"\n{failed_table(table).text}")
+    if not options.as_json:
+        click.echo(plan.folder)
+    return int(heard.code or table.exit_code)
 
 
 def _say_plan(plan: CampaignPlan, options: Options) -> int:
@@ -125,13 +122,10 @@ def _say_plan(plan: CampaignPlan, options: Options) -> int:
             click.echo(dumps({**given, "up_to_date": run.name not in remaining}))
         return ExitCode.DONE
     click.echo(f"{len(plan.runs)} runs of {plan.campaign.command}, {len(remaining)} to be computed")
-    click.echo(_names(plan.paths))
+    varied = f"What varies: {', '.join(plan.paths)}" if plan.paths else "Nothing varies"
+    click.echo(varied)
     for run in plan.runs:
         words = " ".join(f"{path}={value}" for path, value in run.varied if value)
         click.echo(f"{run.name}  {words}{'' if run.name in remaining else '  (up to date)'}")
     click.echo(f"\nWould write {plan.folder}")
     return ExitCode.DONE
-
-
-def _names(paths: Sequence[str]) -> str:
-    return f"What varies: {', '.join(paths)}" if paths else "Nothing varies"

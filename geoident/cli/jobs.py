@@ -1,4 +1,4 @@
-"""Running one case that leaves a result: fit and scan."""
+"""Running one command that leaves a result: how it goes on, what came out, or what it would do."""
 
 # ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
 
@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,13 +17,16 @@ from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
+from geoident.model.results.many.project import ProjectResult
 from geoident.report.text.json import dumps, result_object, summary_object
+from geoident.report.text.project.json import project_object
+from geoident.report.text.project.tables import project_summary
 from geoident.report.text.result import summary_text
-from geoident.workflow.estimating.finished import Finished
+from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.programs.workplace import workplace
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import Job, Request
+from geoident.workflow.running.jobs import Job, Planned, Request
 from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
 
@@ -73,9 +76,9 @@ def run_case(
         )
         job = plan(request)
         if options.dry_run:
-            return _say_plan(job, options)
+            return _say_plan_of_case(job, options)
         terminal = Terminal(options, job.inputs.case.parameters)
-        return _run(
+        return run_and_say(
             partial(run, job), terminal, options, title=case, case=case, stop=stop, cluster=cluster
         )
 
@@ -87,7 +90,7 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
     task = plan_prediction(request)
     case, work = task.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
-        return _run(work, Terminal(options), options, title=request.result, case=case)
+        return run_and_say(work, Terminal(options), options, title=request.result, case=case)
 
 
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
@@ -106,13 +109,13 @@ def run_sample(request: SampleRequest, options: Options, *, cluster: str | None 
     task = plan_sample(request)
     case, work = task.job.inputs.path, partial(sample, task)
     with mechanism_drawn(case, options):
-        return _run(
+        return run_and_say(
             work, Terminal(options), options, title=request.result, case=case, cluster=cluster
         )
 
 
-def _run(
-    work: Callable[[Control], Finished],
+def run_and_say(
+    work: Callable[[Control], Finished] | Callable[[Control], FinishedRun[ProjectResult]],
     terminal: Terminal,
     options: Options,
     *,
@@ -128,9 +131,12 @@ def _run(
         terminal: where to say how it goes on, and how it ended.
         options: of the command.
         title: of the live line.
-        case: path of the case.
+        case: path of the case or project.
         stop: the wish to stop; None for that of the signals that arrive.
         cluster: address, ``local`` or file of a cluster; None for processes of this machine.
+
+    Returns:
+        The exit code.
     """
     control = Control(
         terminal, stop or StopRequest(), max_time=options.max_time, jobs=options.jobs,
@@ -146,36 +152,53 @@ def _run(
         control.tell_of_cluster()
     else:
         terminal.inform(f"{path} is up to date; --fresh computes it again")
-    terminal.inform(summary_text(result))
+    if isinstance(result, ProjectResult):
+        terminal.inform(project_summary(result))
+        outdated: tuple[str, ...] = ()
+    else:
+        terminal.inform(summary_text(result))
+        outdated = outdated_beside(result, path)
     if result.exit_code != ExitCode.DONE and options.quiet:
         terminal.warn(f"{case}: {result.status}: {result.reason}")
-    outdated = outdated_beside(result, path)
     if outdated:
         terminal.inform(outdated_sentence(outdated))
     for other in finished.paths[1:]:
         terminal.detail(f"also written: {other}")
-    if options.as_json:
-        click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))
-    else:
+    if not options.as_json:
         click.echo(path)
+    elif isinstance(result, ProjectResult):
+        click.echo(dumps(project_object(result, project=case, output=path)))
+    else:
+        click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))
     return int(result.exit_code)
 
 
-def _say_plan(job: Job, options: Options) -> int:
-    """What would be done, on stdout; the model is built, nothing is solved."""
+def say_plan(job: Planned, text: str, as_object: dict[str, Any], options: Options) -> int:
+    """What would be done, on stdout.
+
+    Args:
+        job: what was planned.
+        text: what it is made of, for people.
+        as_object: the same for programs.
+        options: of the command.
+    """
+    path = str(job.place.path)
+    if options.as_json:
+        click.echo(dumps({**as_object, "output": path, "up_to_date": job.up_to_date}))
+        return ExitCode.DONE
+    click.echo(text)
+    click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
+    if job.found is Existing.OTHER and not options.force:
+        click.echo("and keep what stands there beside it")
+    return ExitCode.DONE
+
+
+def _say_plan_of_case(job: Job, options: Options) -> int:
+    """What would be done; the model is built, nothing is solved."""
     from geoident.report.text.case import case_text
     from geoident.workflow.check import summarize
     from geoident.workflow.estimating.setup import prepare
 
     setup = prepare(job)
     summary = summarize(job.inputs, setup.model, setup.readings)
-    path = str(job.place.path)
-    if options.as_json:
-        plan = {"output": path, "up_to_date": job.up_to_date}
-        click.echo(dumps({**summary_object(summary), **plan}))
-    else:
-        click.echo(case_text(summary))
-        click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
-        if job.found is Existing.OTHER and not options.force:
-            click.echo("and keep what stands there beside it")
-    return ExitCode.DONE
+    return say_plan(job, case_text(summary), summary_object(summary), options)

@@ -5,26 +5,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import click
-from click.core import ParameterSource
 
 from geoident.cli.error_boundary import failures_as_json
+from geoident.cli.jobs import run_and_say, say_plan
 from geoident.cli.options import Options
-from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
-from geoident.cli.trust import asked
 from geoident.errors import ExitCode, UsageError
 from geoident.report.text.csv_tables import csv_text
 from geoident.report.text.json import dumps
 from geoident.report.text.project.json import plan_object, project_object
 from geoident.report.text.project.spreadsheet import project_csv, project_tables
-from geoident.report.text.project.tables import plan_text, project_summary, project_text
-from geoident.workflow.executing.stop import StopRequest
-from geoident.workflow.programs.workplace import workplace
-from geoident.workflow.project.plan import ProjectJob, ProjectRequest, plan_project
+from geoident.report.text.project.tables import plan_text, project_text
+from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
-from geoident.workflow.running.control import Control
 
 _SETS_ITSELF = "A project sets values of its sections itself: sections[..].set."
 
@@ -50,62 +46,22 @@ def run_project(
         raise UsageError(_SETS_ITSELF)
     with failures_as_json(path, options):
         request = ProjectRequest(
-            path=path,
+            case=path,
             output=options.output,
-            leave_one_out=leave_one_out,
-            solver=options.solver,
-            jobs=options.jobs if _said("jobs") else None,
             seed=options.seed,
+            solver=options.solver,
             force=options.force,
             fresh=options.fresh,
+            leave_one_out=leave_one_out,
+            jobs=options.jobs,
         )
         job = plan_project(request)
         if options.dry_run:
-            return _say_plan(job, options)
-        terminal = Terminal(options)
-        control = Control(
-            terminal, StopRequest(), max_time=options.max_time,
-            cluster=workplace(cluster, request.jobs, terminal.inform),
-        )  # fmt: skip
-        with (
-            asked(trust=options.trust, as_json=options.as_json),
-            terminal.live(path),
-            stop_on_signals(control.stop),
-        ):
-            finished = fit_project(job, control)
-    result = finished.result
-    for remark in finished.remarks:
-        terminal.inform(remark)
-    if not finished.up_to_date:
-        control.tell_of_cluster()
-    else:
-        terminal.inform(f"{finished.path} is up to date; --fresh computes it again")
-    terminal.inform(project_summary(result))
-    if result.exit_code != ExitCode.DONE and options.quiet:
-        terminal.warn(f"{path}: {result.status}: {result.reason}")
-    said = project_object(result, project=path, output=finished.path)
-    click.echo(dumps(said) if options.as_json else finished.path)
-    return result.exit_code
-
-
-def _said(name: str) -> bool:
-    """Whether an option was given."""
-    context = click.get_current_context(silent=True)
-    source = None if context is None else context.get_parameter_source(name)
-    return source not in (None, ParameterSource.DEFAULT)
-
-
-def _say_plan(job: ProjectJob, options: Options) -> int:
-    """What would be fitted; nothing is computed."""
-    project, path = job.project, str(job.place.path)
-    counts = [len(one.case.readings) for one in job.inputs]
-    if options.as_json:
-        plan = {"output": path, "up_to_date": job.up_to_date}
-        click.echo(dumps({**plan_object(project, counts), **plan}))
-        return ExitCode.DONE
-    click.echo(plan_text(project, counts))
-    click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
-    return ExitCode.DONE
+            counts = [len(one.case.readings) for one in job.inputs]
+            plan = plan_text(job.project, counts), plan_object(job.project, counts)
+            return say_plan(job, *plan, options)
+        work, terminal = partial(fit_project, job), Terminal(options)
+        return run_and_say(work, terminal, options, title=path, case=path, cluster=cluster)
 
 
 def check_one_project(path: str, options: Options) -> int:
@@ -123,12 +79,12 @@ def check_one_project(path: str, options: Options) -> int:
     if options.overrides:
         raise UsageError(_SETS_ITSELF)
     with failures_as_json(path, options):
-        found = check_project(path, solver=options.solver)
-    counts = [summary.used for summary in found.summaries]
+        project, summaries = check_project(path, solver=options.solver)
+    counts = [summary.used for summary in summaries]
     if options.as_json:
-        click.echo(dumps({"project": path, **plan_object(found.project, counts)}))
+        click.echo(dumps({"project": path, **plan_object(project, counts)}))
     elif not options.quiet:
-        click.echo(f"{path}: {plan_text(found.project, counts)}")
+        click.echo(f"{path}: {plan_text(project, counts)}")
     return ExitCode.DONE
 
 

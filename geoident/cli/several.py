@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,31 +78,30 @@ def run_cases(
     Returns:
         The exit code: 7 if some have failed.
     """
-    refuse_ambiguous(cases, options)
-    ends: list[CaseEnd | None] = [
-        None if options.fresh or options.dry_run else _known(command, case, options)
-        for case in cases
-    ]
-    order = _InOrder(cases, ends, options)
-    order.say()
-    left = [n for n, end in enumerate(ends) if end is None]
-    if options.fresh and not options.dry_run:
-        _forget(command, [cases[n] for n in left], options)
-    stopped = _compute(command, left, order, options, cluster) if left else None
-    order.say_total()
-    return int(stopped or combined([ExitCode.TERMINATED if e is None else e.code for e in ends]))
-
-
-def _forget(command: str, cases: Sequence[str], options: Options) -> None:
-    """Forget the checkpoints, once: a case whose process is lost goes on from its own."""
     from geoident.workflow.running.outputs import target
 
-    for case in cases:
-        with suppress(OSError):  # whoever computes the case says what is wrong
-            target(case, command, output=options.output).checkpoint.unlink(missing_ok=True)
+    refuse_ambiguous(cases, options)
+    ends = _Ends(cases, options)
+    for number, case in enumerate(cases):
+        if options.fresh and not options.dry_run:
+            # forgotten once: a case whose process is lost goes on from its own
+            with suppress(OSError):  # whoever computes the case says what is wrong
+                place = target(case, command, output=options.output)
+                place.checkpoint.unlink(missing_ok=True)
+        elif not options.dry_run and (end := _up_to_date(command, case, options)):
+            ends.add(number, end)
+    left = [number for number in range(len(cases)) if number not in ends.of]
+    stopped = _compute(command, left, ends, options, cluster) if left else None
+    codes = [ends.of[n].code if n in ends.of else ExitCode.TERMINATED for n in range(len(cases))]
+    if not options.quiet:
+        finished = [end for end in ends.of.values() if end.code in FINISHED]
+        known = sum(end.up_to_date for end in finished)
+        parts = f"{len(finished) - known} computed, {known} up to date"
+        say_error(f"{codes.count(ExitCode.DONE)} of {len(cases)} cases done ({parts})", 0)
+    return int(stopped or combined(codes))
 
 
-def _known(command: str, case: str, options: Options) -> CaseEnd | None:
+def _up_to_date(command: str, case: str, options: Options) -> CaseEnd | None:
     """A case whose result is up to date, as the checksums of its files tell."""
     from geoident.workflow.running.outputs import known
 
@@ -110,36 +109,35 @@ def _known(command: str, case: str, options: Options) -> CaseEnd | None:
     if found is None:
         return None
     place, identity = found
-    path = str(place.path)
-    if not options.as_json:
-        return CaseEnd(identity.exit_code, f"{path}\n", up_to_date=True)
-    from geoident.io.result.file import read_result
-    from geoident.report.text.json import dumps, result_object
+    path = line = str(place.path)
+    if options.as_json:
+        from geoident.io.result.file import read_result
+        from geoident.report.text.json import dumps, result_object
 
-    line = dumps(result_object(read_result(path), case=case, output=path))
+        line = dumps(result_object(read_result(path), case=case, output=path))
     return CaseEnd(identity.exit_code, f"{line}\n", up_to_date=True)
 
 
 def _compute(
-    command: str, left: Sequence[int], order: _InOrder, options: Options, cluster: str | None
+    command: str, left: Sequence[int], ends: _Ends, options: Options, cluster: str | None
 ) -> ExitCode | None:
     """Compute cases in processes; the exit code of the signal that has ended this, if one has."""
+    from geoident.workflow.running.run_table import lost_words
+
     terminal = Terminal(options)
-    cases = [order.cases[n] for n in left]
+    cases = [ends.cases[n] for n in left]
     with (
-        _executor(command, cases, options, terminal, cluster) as processes,
-        stop_runs_on_signals(processes) as heard,
+        _executor(command, cases, options, terminal, cluster) as executor,
+        stop_runs_on_signals(executor) as heard,
         terminal.live(f"{len(left)} cases"),
     ):
-        for answer in processes.run(cases):
+        for done, answer in enumerate(executor.run(cases), start=1):
             end = answer.value
             if end is None and answer.stopped:
                 end = CaseEnd(ExitCode.TERMINATED)
             elif end is None:
-                lost = f"set aside: it has cost {len(answer.losses)} processes, and the last one "
-                end = CaseEnd(ExitCode.BUG, stderr=lost + answer.losses[-1])
-            order.add(left[answer.number], end)
-            done = sum(order.ends[n] is not None for n in left)
+                end = CaseEnd(ExitCode.BUG, stderr=f"set aside: {lost_words(answer)}")
+            ends.add(left[answer.number], end)
             terminal.part(f"{done} of {len(left)} cases done", done / len(left))
     return heard.code
 
@@ -209,45 +207,29 @@ def _set_up(
 
 
 @dataclass
-class _InOrder:
-    """Says how cases end: on stderr as they do, on stdout in their order."""
+class _Ends:
+    """How cases have ended: said on stderr as they do, and their stdout in their order.
+
+    Args:
+        cases: all of them.
+        options: as given.
+        of: number of a case to its end.
+        shown: cases whose stdout has been shown.
+    """
 
     cases: Sequence[str]
-    ends: list[CaseEnd | None]
     options: Options
-    said: int = 0
-
-    def say(self) -> None:
-        for case, end in zip(self.cases, self.ends, strict=True):
-            if end is not None:
-                self._say_end(case, end)
-        self._flush()
+    of: dict[int, CaseEnd] = field(default_factory=dict)
+    shown: int = 0
 
     def add(self, number: int, end: CaseEnd) -> None:
-        self.ends[number] = end
-        self._say_end(self.cases[number], end)
-        self._flush()
-
-    def _flush(self) -> None:
-        while self.said < len(self.ends) and (end := self.ends[self.said]) is not None:
-            if end.stdout:
-                click.echo(end.stdout, nl=False)
-            self.said += 1
-
-    def _say_end(self, case: str, end: CaseEnd) -> None:
+        self.of[number] = end
         if end.code != ExitCode.DONE or not self.options.quiet:
             lines = "".join(f"\n    {line}" for line in end.stderr.splitlines())
-            say_error(f"{case}: {end.words}{lines}", end.code)
-
-    def say_total(self) -> None:
-        if self.options.quiet:
-            return
-        ends = [end for end in self.ends if end is not None]
-        good = [end for end in ends if end.code in FINISHED]
-        known = sum(end.up_to_date for end in good)
-        done = sum(end.code == ExitCode.DONE for end in ends)
-        parts = f"{len(good) - known} computed, {known} up to date"
-        say_error(f"{done} of {len(self.ends)} cases done ({parts})", 0)
+            say_error(f"{self.cases[number]}: {end.words}{lines}", end.code)
+        while (first := self.of.get(self.shown)) is not None:
+            click.echo(first.stdout, nl=False)
+            self.shown += 1
 
 
 def refuse_ambiguous(cases: Sequence[str], options: Options) -> None:
@@ -260,11 +242,9 @@ def refuse_ambiguous(cases: Sequence[str], options: Options) -> None:
         raise click.UsageError("stdin (-) cannot be one of several cases.")
     if options.output is not None and not Path(options.output).is_dir():
         raise click.UsageError("With several cases, -o must be an existing folder.")
-    names = [_result_name(case, options) for case in cases]
+    names = [
+        Path(case).stem if options.output else str(Path(case).with_suffix("")) for case in cases
+    ]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise click.UsageError(f"Several cases would write the same result: {', '.join(twice)}.")
-
-
-def _result_name(case: str, options: Options) -> str:
-    return Path(case).stem if options.output else str(Path(case).with_suffix(""))

@@ -2,33 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoident.errors import Location
 from geoident.model.cluster import Cluster
+from geoident.model.run import Run, Setting
 
-COMMANDS = ("fit", "simulate", "predict", "scan")
-"""What a campaign may compute of each variation."""
-
-Setting = tuple[str, str]
-"""Path of a key of the case, and what stands in its place, as YAML."""
-
-
-@dataclass(frozen=True)
-class Variation:
-    """One run: what is put in place of values of the base case.
-
-    Args:
-        name: of the run and of its files.
-        settings: in the order of the columns.
-        places: where each is written, for faults; those of a file as a whole where it follows from
-            a sampling.
-    """
-
-    name: str
-    settings: tuple[Setting, ...]
-    places: tuple[Location, ...]
+SEED = "seed"
+"""Path that is none of a case: the seed of random numbers of a run of a campaign."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +57,12 @@ class Campaign:
     Args:
         path: of the file.
         title: free text.
-        command: of `COMMANDS`.
+        command: what is computed of each run: ``fit``, ``simulate``, ``predict`` or ``scan``.
         case: path of the base case.
         result: path of the fit that is predicted from; empty but for ``predict``.
         settings: what is put in place of values of the base case in all runs.
         places: where each of these is written.
-        variations: the runs, written out; of a sampling none.
+        runs: with what varies; none where they follow from a sampling.
         sampling: the runs, where they follow from one.
         seed: of random numbers of each run.
         solver: name of the sparse solver.
@@ -101,7 +82,7 @@ class Campaign:
     result: str
     settings: tuple[Setting, ...]
     places: tuple[Location, ...]
-    variations: tuple[Variation, ...]
+    runs: tuple[Run, ...]
     sampling: Sampling | None
     seed: int
     solver: str
@@ -113,20 +94,7 @@ class Campaign:
     stages: tuple[str, ...]
     cluster: Cluster | None = None
 
-
-def paths_of(variations: Sequence[Variation]) -> tuple[str, ...]:
-    """Paths of all that varies, in the order in which they appear."""
-    return tuple(dict.fromkeys(path for run in variations for path, _ in run.settings))
-
-
-SEED = "seed"
-"""Path that is none of a case: the seed of a run."""
-
-
-def overrides_of(settings: Sequence[Setting]) -> tuple[str, ...]:
-    """Settings as overrides of a case.
-
-    >>> overrides_of([("parameters.E.start", "9 GPa"), ("seed", "3")])
-    ('parameters.E.start=9 GPa',)
-    """
-    return tuple(f"{path}={value}" for path, value in settings if path != SEED)
+    @property
+    def base(self) -> Run:
+        """The base case with what is set in all runs."""
+        return Run("", self.case, self.settings, self.places, Location(self.path))

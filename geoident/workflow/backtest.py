@@ -84,8 +84,18 @@ def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
     require_possible(model, case, job.methods)
     setup = Setup(model, case, select_readings(case, model))
     readings = all_readings(setup)
-    stages = read_stages(case, readings)
-    _require_stages(case, stages)
+    read = {name for name, used in zip(readings.stage, readings.used, strict=True) if used}
+    stages = tuple(n for n, stage in enumerate(case.stages) if stage.name in read)
+    if len(stages) < 2:
+        count = "one stage" if stages else "no stage"
+        fault = case.source.fault(
+            ("readings",),
+            code="too-few-stages",
+            message=f"usable readings of {count}: a backtest fits the readings of some stages and "
+            "compares its predictions with those of later ones",
+            hint="Give readings of two stages at least.",
+        )
+        raise InputError([fault])
     return replace(setup, readings=readings), stages
 
 
@@ -111,27 +121,6 @@ def all_readings(setup: Setup) -> ReadingTable:
         for why, stage in zip(table.reason, table.stage, strict=True)
     ]
     return reading_table(case, reasons)
-
-
-def read_stages(case: Case, readings: ReadingTable) -> tuple[int, ...]:
-    """Numbers of the stages with usable readings, from 0 for the first stage of the case."""
-    read = {name for name, used in zip(readings.stage, readings.used, strict=True) if used}
-    return tuple(n for n, stage in enumerate(case.stages) if stage.name in read)
-
-
-def _require_stages(case: Case, stages: Sequence[int]) -> None:
-    """Refuse a case of which fewer than two stages were read."""
-    if len(stages) > 1:
-        return
-    count = "one stage" if stages else "no stage"
-    fault = case.source.fault(
-        ("readings",),
-        code="too-few-stages",
-        message=f"usable readings of {count}: a backtest fits the readings of some stages and "
-        "compares its predictions with those of later ones",
-        hint="Give readings of two stages at least.",
-    )
-    raise InputError([fault])
 
 
 def run_trials(
@@ -201,39 +190,59 @@ def _result(
     *,
     out_of_time: bool,
 ) -> Result:
-    case = setup.case
-    if not trials:
-        return _without_trials(job, setup, skipped, out_of_time=out_of_time)
-    last = trials[-1]
-    found = backtest_of(setup, trials, skipped)
-    said = _judged(setup, trials, found)
-    restless, others = settling_sentences(
-        case, found.steps, variances(trials), estimated=last.setup.accuracies is not None
-    )
-    status, reason = _ending(case, found, said, out_of_time=out_of_time)
-    estimate = last.found
-    return Result(
+    """What the fits say together; without fits, that the time was used up before.
+
+    Raises:
+        InputError: all fits were skipped.
+    """
+    case, start = setup.case, setup.case.start
+    if not trials and not out_of_time:
+        reasons = "; ".join(f"up to {one.stage}: {one.why}" for one in skipped)
+        message = f"no fit could be made: {reasons}"
+        raise InputError([case.source.fault(("readings",), code="no-fit", message=message)])
+    p = np.array([start[parameter.name] for parameter in case.parameters], dtype=np.float64)
+    nothing = np.full((len(case.channels), len(case.stages)), np.nan)
+    without = Result(
         kind="backtest",
-        status=status,
-        exit_code=ExitCode.DONE if status == "done" else ExitCode.NOT_CONVERGED,
+        status=STOPPED,
+        exit_code=ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=reason,
-        objective=estimate.outcome.objective,
-        findings=(
-            *((said.sentence,) if said.remarkable and said.sentence not in reason else ()),
-            *restless,
-            *last.extrapolates,  # to stages that nobody has read yet
-            *dict.fromkeys(
-                text for trial in trials for text in collapse_findings(trial.found.survey)
-            ),
-        ),
+        reason=f"{OUT_OF_TIME} No fit was done.",
+        objective=float("nan"),
+        findings=(),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),
-        parameters=opened(
-            parameter_table(case.parameters, estimate.outcome.values, estimate.assessment),
-            estimate.outcome.certificate,
+        parameters=bare_parameter_table(case.parameters, p),
+        gauges=gauge_table(case, setup.readings, nothing),
+        counts=setup.model.counts,
+        notes=(*case.notes, *unused_notes(setup.readings)),
+    )
+    if not trials:
+        return without
+    last, estimate = trials[-1], trials[-1].found
+    found = backtest_of(setup, trials, skipped)
+    judged = _judged(setup, trials, found)
+    restless, others = settling_sentences(
+        case, found.steps, variances(trials), estimated=last.setup.accuracies is not None
+    )
+    status, reason = ending(case, found, judged, out_of_time=out_of_time)
+    outcome = estimate.outcome
+    table = parameter_table(case.parameters, outcome.values, estimate.assessment)
+    collapses = [text for trial in trials for text in collapse_findings(trial.found.survey)]
+    return replace(
+        without,
+        status=status,
+        exit_code=ExitCode.DONE if status == "done" else ExitCode.NOT_CONVERGED,
+        reason=reason,
+        objective=outcome.objective,
+        findings=(
+            *((judged.sentence,) if judged.remarkable and judged.sentence not in reason else ()),
+            *restless,
+            *last.extrapolates,  # to stages that nobody has read yet
+            *dict.fromkeys(collapses),
         ),
+        parameters=opened(table, outcome.certificate),
         gauges=last.gauges,
         counts=reduce(added, (trial.step.counts for trial in trials)),
         accuracies=last.setup.accuracies,
@@ -281,8 +290,15 @@ def _judged(setup: Setup, trials: Sequence[PartialFit], found: Backtest) -> Verd
     return Verdict(True, text, remarkable=True)
 
 
-def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) -> tuple[str, str]:
-    """Status and reason."""
+def ending(case: Case, found: Backtest, judged: Verdict, *, out_of_time: bool) -> tuple[str, str]:
+    """Status and reason of a backtest.
+
+    Args:
+        case: names of the stages.
+        found: what its fits say together.
+        judged: whether the bands hold.
+        out_of_time: the time was used up.
+    """
     if out_of_time:
         return STOPPED, f"{OUT_OF_TIME} Fits that were done: {len(found.steps)}."
     failed = [step for step in found.steps if step.status != "converged"]
@@ -290,42 +306,5 @@ def _ending(case: Case, found: Backtest, said: Verdict, *, out_of_time: bool) ->
         names = ", ".join(case.stages[step.last].name for step in failed)
         return failed[0].status, f"The fit up to {names} is not finished: {failed[0].reason}"
     if not found.next.readings:
-        return "not-determined", said.sentence
-    if not said.holds:
-        return BANDS_FAIL, said.sentence
-    return "done", said.sentence
-
-
-def _without_trials(
-    job: Job, setup: Setup, skipped: Sequence[Skipped], *, out_of_time: bool
-) -> Result:
-    """No fit was made: the time was up before, or all were skipped.
-
-    Raises:
-        InputError: all were skipped.
-    """
-    case, start = setup.case, setup.case.start
-    if not out_of_time:
-        reasons = "; ".join(f"up to {one.stage}: {one.why}" for one in skipped)
-        fault = case.source.fault(
-            ("readings",), code="no-fit", message=f"no fit could be made: {reasons}"
-        )
-        raise InputError([fault])
-    p = np.array([start[parameter.name] for parameter in case.parameters], dtype=np.float64)
-    nothing = np.full((len(case.channels), len(case.stages)), np.nan)
-    return Result(
-        kind="backtest",
-        status=STOPPED,
-        exit_code=ExitCode.NOT_CONVERGED,
-        method=" + ".join(method_name(options) for options in job.methods),
-        reason=f"{OUT_OF_TIME} No fit was done.",
-        objective=float("nan"),
-        findings=(),
-        case_text=job.inputs.loaded.text,
-        case_resolved=job.inputs.loaded.resolved,
-        provenance=job_provenance(job),
-        parameters=bare_parameter_table(case.parameters, p),
-        gauges=gauge_table(case, setup.readings, nothing),
-        counts=setup.model.counts,
-        notes=(*case.notes, *unused_notes(setup.readings)),
-    )
+        return "not-determined", judged.sentence
+    return ("done" if judged.holds else BANDS_FAIL), judged.sentence

@@ -155,13 +155,13 @@ def plan_sample(request: SampleRequest) -> SampleTask:
         fresh=request.fresh,
     )
     job = Job(
-        asked,
-        "sample",
-        (),
-        inputs,
-        place,
-        identity,
-        existing(place, identity, kind="sample", case=inputs.path),
+        request=asked,
+        command="sample",
+        place=place,
+        identity=identity,
+        found=existing(place, identity, kind="sample", case=inputs.path),
+        methods=(),
+        inputs=inputs,
     )
     return SampleTask(request, fit, job)
 

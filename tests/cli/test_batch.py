@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 import geoident
-from geoident.cli.campaign import _Progress
+from geoident.cli.campaign import Progress
 from geoident.cli.options import Options
 from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.one_run import compute, tasks
@@ -140,7 +140,7 @@ def test_all_faults_of_a_campaign_are_said_at_once(here, run):
 def test_the_live_line_names_the_slowest_run_and_the_last_that_failed(monkeypatch):
     said, parts = [], []
     terminal = SimpleNamespace(inform=said.append, part=lambda *told: parts.append(told))
-    progress = _Progress(Options(), terminal, 8, lambda: 2)
+    progress = Progress(Options(), terminal, 8, lambda: 2)
     for number, seconds in enumerate([0.2, 7.0, 1.0, 0.1, 3.0, 0.3, 0.2], start=1):
         good = number in (1, 2, 4)
         record = RunRecord(f"000{number}", "", (), "done" if good else "failed", 0 if good else 5,

@@ -189,7 +189,7 @@ def test_the_old_result_stays_where_it_is_until_the_new_one_is_there(
         assert (fitted_trench / "case.fit.h5").read_bytes() == before
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("geoident.workflow.estimating.finished.write_result", die)
+    monkeypatch.setattr("geoident.io.result.file.hdf5_output", die)
     run("fit", "case.yaml")
     assert (fitted_trench / "case.fit.h5").read_bytes() == before
     assert (fitted_trench / "case.fit.1.h5").read_bytes() == before

@@ -12,7 +12,7 @@ from geoident.forward.reducible import ReducibleResponse
 from geoident.io.result.file import read_result
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.report.text.backtest import fits_table
-from geoident.workflow.backtest import _ending, backtest
+from geoident.workflow.backtest import backtest, ending
 from geoident.workflow.estimating import mesh_error, search
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
@@ -362,7 +362,7 @@ def test_given_accuracies_and_a_prior_make_up_for_few_readings(pit):
 
 def test_a_backtest_that_is_out_of_time_says_how_many_fits_it_has():
     found = SimpleNamespace(steps=("one", "two", "three"))
-    status, reason = _ending(None, found, None, out_of_time=True)
+    status, reason = ending(None, found, None, out_of_time=True)
     assert (status, reason) == ("out-of-budget", f"{OUT_OF_TIME} Fits that were done: 3.")
 
 

@@ -12,7 +12,7 @@ from support.jacking import LADDER, LYING, TRUTHS, write_case, write_readings
 
 from geoident.io.result.file import read_result
 from geoident.model.results.rivals import ModelScore
-from geoident.workflow.scoring.comparison import _sentences
+from geoident.workflow.scoring.comparison import support_sentences
 
 TWO = f"[isotropic, {{elastic: transversely-isotropic, {LYING}}}]"
 ALONE = "mesh_error: false, backtest: false"
@@ -214,7 +214,7 @@ POOR = {"status": "poor-fit"}
 )  # fmt: skip
 def test_what_the_readings_support_is_said(models, chosen, said):
     """Odds are exp of the differences: 66.7, 665, 54.6 by hand."""
-    assert _sentences(models, chosen) == said
+    assert support_sentences(models, chosen) == said
 
 
 @pytest.mark.parametrize(
@@ -237,4 +237,4 @@ def test_whether_the_backtest_agrees_is_said(mine, other, said):
         score("A", 9.0, backtest=score_a, backtested=n_a),
         score("B", 0.0, backtest=score_b, backtested=n_b),
     ]
-    assert _sentences(models, 0)[1:] == said
+    assert support_sentences(models, 0)[1:] == said

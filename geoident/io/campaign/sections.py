@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from geoident.io.cluster.sections import ClusterSection
 from geoident.io.schema.duration import GivenTime
+from geoident.io.schema.run_file import Settings, ValuePath
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Count, Flag, Name, Text, require_text
 from geoident.io.text.wording import Refusal, shorten
@@ -107,7 +108,7 @@ class SampleSection(Section):
     )
     count: Annotated[int, Count()] = Field(description="Number of runs.", examples=[64])
     seed: Annotated[int, Count(0)] = Field(0, description="Seed of the points.")
-    values: dict[Name, SpanSection] = Field(
+    values: dict[ValuePath, SpanSection] = Field(
         min_length=1,
         description="Path of a value of the case to how it is sampled.",
         examples=[{"parameters.E_rock.start": {"from": "5 GPa", "to": "20 GPa", "scale": "log"}}],
@@ -124,12 +125,12 @@ class VariationsSection(Section):
         "'run' names the runs; without it they are numbered.",
         examples=["runs.csv"],
     )
-    rows: list[dict[Name, Any]] | None = Field(
+    rows: list[Settings] | None = Field(
         None,
         description="The same in place: one mapping of paths to values a run.",
         examples=[[{"parameters.E_rock.start": "5 GPa"}, {"in_situ.K0": 1.5}]],
     )
-    product: dict[Name, Annotated[list[Any], Field(min_length=1)]] | None = Field(
+    product: dict[ValuePath, Annotated[list[Any], Field(min_length=1)]] | None = Field(
         None,
         description="Path to its values: one run for each combination, the last path fastest.",
         examples=[{"in_situ.K0": [0.8, 1.0, 1.5], "materials.rock.nu": [0.2, 0.3]}],
@@ -164,7 +165,7 @@ class CampaignSection(Section):
     result: Text | None = Field(
         None, description="Of `predict`: path of the fit to predict from.", examples=["case.fit.h5"]
     )
-    set: dict[Name, Any] = Field(
+    set: Settings = Field(
         {},
         description="Path to a value that takes the place of that of the base case in all runs.",
         examples=[{"fit.backtest": False}],

@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.schema.run_file import require_value_path
 from geoident.io.text.cells import Cell, cells_of, delimiter_of, written_lines
-from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
-from geoident.model.campaign import Variation
+from geoident.model.run import Run
 
 NAME_COLUMN = "run"
 """The column of a table, or the key of a row, that names runs."""
@@ -32,8 +32,8 @@ def run_name_problem(name: str) -> str:
 NAME_HINT = "Letters, digits and _ - + = , . @, not beginning with a point or a dash; 80 at most."
 
 
-def read_table(path: str) -> tuple[Variation, ...]:
-    """The runs of a table.
+def read_table(path: str) -> list[Run]:
+    """The runs of a table, without the case that they are of.
 
     Args:
         path: of a text with commas, semicolons or tabs between its cells, as its first line has
@@ -67,7 +67,7 @@ def read_table(path: str) -> tuple[Variation, ...]:
         faults.append(Fault("empty", "there is no run", hint, Location(path, lines[0][0], 1)))
     if faults:
         raise InputError(faults)
-    return tuple(runs)
+    return runs
 
 
 def _check_header(header: Sequence[Cell], path: str, line: int, faults: list[Fault]) -> None:
@@ -78,23 +78,20 @@ def _check_header(header: Sequence[Cell], path: str, line: int, faults: list[Fau
             message = f"the column '{shorten(cell.text)}' is there twice"
             faults.append(Fault("duplicate-column", message, "Remove one of them.", place))
         seen.add(cell.text)
-        if cell.text == NAME_COLUMN:
-            continue
         try:
-            parse_path(cell.text)
+            require_value_path(cell.text)
         except Refusal as error:
-            message = f"'{shorten(cell.text)}' is not the path of a value of a case"
-            faults.append(Fault(error.code, message, error.hint, place))
+            faults.append(Fault(error.code, error.message, error.hint, place))
 
 
-def _run(header: Sequence[Cell], cells: Sequence[Cell], path: str, line: int) -> Variation:
+def _run(header: Sequence[Cell], cells: Sequence[Cell], path: str, line: int) -> Run:
     """A run; its name is empty where the table does not give one."""
-    name, settings, places = "", [], []
-    for column, cell in zip(header, cells, strict=True):
-        if column.text == NAME_COLUMN:
-            name = cell.text
-        elif cell.text:
-            settings.append((column.text, cell.text))
-            places.append(Location(path, line, cell.column))
-    where = Location(path, line, 1)
-    return Variation(name, tuple(settings), (*places, where))
+    filled = [(column.text, cell) for column, cell in zip(header, cells, strict=True) if cell.text]
+    given = [(column, cell) for column, cell in filled if column != NAME_COLUMN]
+    return Run(
+        next((cell.text for column, cell in filled if column == NAME_COLUMN), ""),
+        "",
+        tuple((column, cell.text) for column, cell in given),
+        tuple(Location(path, line, cell.column) for _, cell in given),
+        Location(path, line, 1),
+    )

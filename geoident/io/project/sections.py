@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.project.formula import parse_formula
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
+from geoident.io.schema.run_file import Settings
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
@@ -63,7 +64,7 @@ class SiteSection(Section):
         None, description="Name of the section; by default that of the file of its case."
     )
     case: Text = Field(description="Path of its case.", examples=["km-1.yaml"])
-    set: dict[Name, Any] = Field(
+    set: Settings = Field(
         {},
         description="Path to a value that takes the place of that of its case.",
         examples=[{"readings": "km-1.csv", "in_situ.vertical": "8 MPa"}],

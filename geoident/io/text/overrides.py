@@ -78,19 +78,6 @@ def parse_path(text: str) -> KeyPath:
     return tuple(keys)
 
 
-def is_path(text: str) -> bool:
-    """Whether a text is the path of a key.
-
-    >>> is_path("stages[1].name"), is_path("stages[one")
-    (True, False)
-    """
-    try:
-        parse_path(text)
-    except Refusal:
-        return False
-    return True
-
-
 def written_value(value: Any) -> str:
     """A value of a file as an override has it: texts as they are, all else as JSON, which is YAML.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from geoident.model.arrays import Floats
 from geoident.model.dual import Dual
 from geoident.model.parameter import Parameter
 from geoident.model.project.formulas import LawTerm
+from geoident.model.run import Run
 
 ScatterKind = Literal["estimate", "given", "none"]
 
@@ -67,26 +68,16 @@ class ParameterLaw:
 
 
 @dataclass(frozen=True)
-class ProjectSection:
-    """A section of a project.
+class ProjectSection(Run):
+    """A section of a project: a run of its case, and what is known beside.
 
     Args:
-        name: of it.
-        case: path of its case.
-        overrides: of values of its case, ``path=value``.
         covariates: what is known of it, SI.
         predicted: it is left out of the fit and predicted.
-        place: where it is written.
-        places: where each of its overrides is written, in their order.
     """
 
-    name: str
-    case: str
-    overrides: tuple[str, ...]
-    covariates: Mapping[str, float]
-    predicted: bool
-    place: Location
-    places: tuple[Location, ...] = ()
+    covariates: Mapping[str, float] = field(default_factory=dict)
+    predicted: bool = False
 
 
 @dataclass(frozen=True)

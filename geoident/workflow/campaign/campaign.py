@@ -7,16 +7,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from geoident.errors import ExitCode, LostCluster
-from geoident.io.result.campaign import (
-    RunJournal,
-)
+from geoident.io.result.campaign import RunJournal
 from geoident.model.cluster import Cluster
 from geoident.model.results.many.campaign import INTERRUPTED, SET_ASIDE, CampaignTable, RunRecord
-from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, set_up, tasks
+from geoident.workflow.campaign.one_run import (
+    RunTask,
+    checkpoint_of,
+    set_up,
+    tasks,
+    without_result,
+)
 from geoident.workflow.campaign.plan import CampaignPlan, PlannedRun
 from geoident.workflow.campaign.runs import table_of, write_tables
 from geoident.workflow.executing.executor import Answered, Executor, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.running.run_table import lost_words
 
 RunExecutor = Executor[RunTask, RunRecord]
 
@@ -93,8 +98,7 @@ def compute(
     """
     if plan.settled:
         return table_of(plan.head, [plan.known[run.name] for run in plan.runs])
-    found = dict(plan.known)
-    left = plan.remaining
+    ended, left = dict(plan.known), plan.remaining
     if fresh:  # forgotten once: a run that is begun again goes on from its own
         for run in left:
             checkpoint_of(plan.campaign, plan.folder, run).unlink(missing_ok=True)
@@ -103,14 +107,14 @@ def compute(
         lost: LostCluster | None = None
         try:
             for answer in executor.run(made(run) for run in left):
-                record = _of(answer, left[answer.number])
+                record = _record_of(answer, left[answer.number])
                 if not (answer.stopped and not answer.seconds):  # it was never begun
                     journal.add(record)
-                    found[record.name] = record
+                    ended[record.name] = record
                     watch(record)
         except LostCluster as error:
             lost = error
-        records = [found[run.name] for run in plan.runs if run.name in found]
+        records = [ended[run.name] for run in plan.runs if run.name in ended]
         table = table_of(plan.head, records)
         write_tables(table, plan.folder, csv, inputs=plan.inputs)
     if lost is not None:
@@ -118,17 +122,12 @@ def compute(
     return table
 
 
-def _of(answer: Answered[RunRecord], run: PlannedRun) -> RunRecord:
+def _record_of(answer: Answered[RunRecord], run: PlannedRun) -> RunRecord:
     """The record of a run, also of one whose processes were lost."""
     if answer.value is not None:
         return replace(answer.value, losses=answer.losses)
     if answer.stopped:
-        reason, status, code = "cut short", INTERRUPTED, ExitCode.TERMINATED
+        record = without_result(run, INTERRUPTED, ExitCode.TERMINATED, "cut short")
     else:
-        count = len(answer.losses)
-        reason = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
-        status, code = SET_ASIDE, ExitCode.BUG
-    return RunRecord(
-        run.name, run.key, run.varied, status, int(code), reason,
-        seconds=answer.seconds, losses=answer.losses,
-    )  # fmt: skip
+        record = without_result(run, SET_ASIDE, ExitCode.BUG, lost_words(answer))
+    return replace(record, seconds=answer.seconds, losses=answer.losses)

@@ -7,12 +7,13 @@ import platform
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, ModelError
+from geoident.errors import ExitCode, GeoidentError, Interrupted
 from geoident.io.result.file import write_result
 from geoident.io.text.atomic import names_may_be_lost, refuse_link
 from geoident.model.campaign import Campaign
@@ -34,7 +35,7 @@ from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.trust import decided_by, trusting
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import Job, Request, plan_fit, plan_scan, provenance
+from geoident.workflow.running.jobs import Request, plan_fit, plan_scan, provenance
 from geoident.workflow.running.readings import reading_table
 from geoident.workflow.scan import scan
 from geoident.workflow.simulate import ComputedBy, Noise, Simulated, simulate
@@ -47,7 +48,7 @@ class RunTask:
     """What a process is told of a run.
 
     Args:
-        campaign: that it is of, without its variations.
+        campaign: that it is of, without its runs.
         folder: for its result.
         run: the run.
         fresh: what is known of it does not count.
@@ -62,6 +63,16 @@ class RunTask:
     trust: bool = False
     permitted: tuple[str, ...] = ()
 
+    @property
+    def result(self) -> Path:
+        """Path of the result."""
+        return self.folder / f"{self.run.name}.{self.campaign.command}.h5"
+
+    @property
+    def log(self) -> Path:
+        """Path of the details of a bug."""
+        return self.folder / f"{self.run.name}.log"
+
 
 def tasks(
     campaign: Campaign,
@@ -71,27 +82,14 @@ def tasks(
     trust: bool = False,
     permitted: tuple[str, ...] = (),
 ) -> Callable[[PlannedRun], RunTask]:
-    """Makes tasks of runs.
-
-    Args:
-        campaign: that they are of.
-        folder: for their results.
-        fresh: what is known of them does not count.
-        trust: what their cases name as their model may be run.
-        permitted: `Execution.portable` of what may be run in any case.
-    """
-    bare = replace(campaign, variations=(), sampling=None, cluster=None)
+    """Makes tasks of runs; the arguments are those of `RunTask`."""
+    bare = replace(campaign, runs=(), sampling=None, cluster=None)
     return lambda run: RunTask(bare, folder, run, fresh, trust, permitted)
 
 
 def set_up() -> Callable[[RunTask], RunRecord]:
     """What a process does with its tasks."""
     return compute
-
-
-def result_name(campaign: Campaign, run: PlannedRun) -> str:
-    """Name of the file of the result of a run."""
-    return f"{run.name}.{campaign.command}.h5"
 
 
 def checkpoint_of(campaign: Campaign, folder: Path, run: PlannedRun) -> Path:
@@ -115,45 +113,46 @@ def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
     began = time.monotonic()
     decide = trusting(trust=task.trust, permitted=task.permitted)
     try:
-        refuse_link(task.folder / result_name(task.campaign, task.run))
-        refuse_link(_log(task))
+        refuse_link(task.result)
+        refuse_link(task.log)
         with decided_by(decide, remembered=remembered), names_may_be_lost():
             finished = _COMMANDS[task.campaign.command](task)
-        record = _record(task, finished.result, Path(finished.paths[0]).name)
+        record = _record(task.run, finished.result, Path(finished.paths[0]).name)
     except Interrupted as error:
         cut = error.exit_code == ExitCode.NOT_CONVERGED
-        record = _failed(task, STOPPED if cut else INTERRUPTED, error.exit_code, str(error))
-    except (InputError, ModelError) as error:
-        record = _failed(task, FAILED, error.exit_code, str(error))
+        record = without_result(
+            task.run, STOPPED if cut else INTERRUPTED, error.exit_code, str(error)
+        )
     except GeoidentError as error:
-        record = _failed(task, FAILED, error.exit_code, str(error))
+        record = without_result(task.run, FAILED, error.exit_code, str(error))
     except MemoryError:
-        record = _failed(task, FAILED, ExitCode.BUG, "out of memory")
+        record = without_result(task.run, FAILED, ExitCode.BUG, "out of memory")
     except Exception as error:
-        record = _failed(task, FAILED, ExitCode.BUG, _bug(task, error))
+        reason = f"a bug in geoident: {type(error).__name__}: {error}".splitlines()[0]
+        with suppress(OSError):
+            task.log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+            reason = f"{reason} (details in {task.log.name})"
+        record = without_result(task.run, FAILED, ExitCode.BUG, reason)
     return replace(record, seconds=time.monotonic() - began, host=platform.node())
 
 
-def _bug(task: RunTask, error: Exception) -> str:
-    """A bug in a few words; its details go into a log beside the results."""
-    log = _log(task)
-    kind = f"a bug in geoident: {type(error).__name__}: {error}".splitlines()[0]
-    try:
-        log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
-    except OSError:
-        return kind
-    return f"{kind} (details in {log.name})"
+def without_result(run: PlannedRun, status: str, code: int, reason: str) -> RunRecord:
+    """The record of a run that has left no result.
 
-
-def _log(task: RunTask) -> Path:
-    return task.folder / f"{task.run.name}.log"
+    Args:
+        run: the run.
+        status: how it ended.
+        code: exit code of its command.
+        reason: why it ended so.
+    """
+    return RunRecord(run.name, run.key, run.varied, status, int(code), reason)
 
 
 def _request(task: RunTask) -> Request:
     return Request(
         case=task.campaign.case,
         overrides=task.run.overrides,
-        output=str(task.folder / result_name(task.campaign, task.run)),
+        output=str(task.result),
         seed=task.run.seed,
         solver=task.campaign.solver,
         fresh=task.fresh,
@@ -165,22 +164,13 @@ def _control(task: RunTask) -> Control:
     return Control(stop=STOP, max_time=task.campaign.max_time)
 
 
-def _fit(task: RunTask) -> Finished:
-    return fit(plan_fit(_request(task)), _control(task))
-
-
-def _scan(task: RunTask) -> Finished:
-    job: Job = plan_scan(_request(task))
-    return scan(job, _control(task))
-
-
 def _predict(task: RunTask) -> Finished:
     request = PredictRequest(
         result=task.campaign.result,
         stages=task.campaign.stages,
         case=task.campaign.case,
         overrides=task.run.overrides,
-        output=str(task.folder / result_name(task.campaign, task.run)),
+        output=str(task.result),
         solver=task.campaign.solver,
         force=True,  # the folder is the campaign's own
         fresh=task.fresh,
@@ -191,23 +181,27 @@ def _predict(task: RunTask) -> Finished:
 def _simulate(task: RunTask) -> Finished:
     campaign, run = task.campaign, task.run
     began = time.monotonic()
-    found = simulate(
+    simulated = simulate(
         campaign.case,
         overrides=run.overrides,
         noise=Noise.ACCURACY if campaign.noise else Noise.NONE,
         draw=campaign.draw,
         seed=run.seed,
-        by=_by(campaign),
+        by=ComputedBy(campaign.solver),
     )
-    path = task.folder / result_name(campaign, run)
-    result = simulated_result(found, path, identity=run.key, seed=run.seed)
+    result = simulated_result(simulated, task.result, identity=run.key, seed=run.seed)
     took = replace(result.provenance, seconds=time.monotonic() - began)
-    write_result(replace(result, provenance=took), path, overwrite=True, inputs=found.files_read)
-    return Finished(result, (str(path),))
+    result, inputs = replace(result, provenance=took), simulated.files_read
+    write_result(result, task.result, overwrite=True, inputs=inputs)
+    return Finished(result, (str(task.result),))
 
 
-def _by(campaign: Campaign) -> ComputedBy:
-    return ComputedBy(campaign.solver)
+_COMMANDS: dict[str, Callable[[RunTask], Finished]] = {
+    "fit": lambda task: fit(plan_fit(_request(task)), _control(task)),
+    "scan": lambda task: scan(plan_scan(_request(task)), _control(task)),
+    "simulate": _simulate,
+    "predict": _predict,
+}
 
 
 def simulated_result(found: Simulated, path: Path, *, identity: str, seed: int) -> Result:
@@ -247,21 +241,7 @@ def simulated_result(found: Simulated, path: Path, *, identity: str, seed: int) 
     )
 
 
-_COMMANDS: dict[str, Callable[[RunTask], Finished]] = {
-    "fit": _fit,
-    "simulate": _simulate,
-    "predict": _predict,
-    "scan": _scan,
-}
-
-
-def _failed(task: RunTask, status: str, code: int, reason: str) -> RunRecord:
-    run = task.run
-    return RunRecord(run.name, run.key, run.varied, status, int(code), reason)
-
-
-def _record(task: RunTask, result: Result, file: str) -> RunRecord:
-    run = task.run
+def _record(run: PlannedRun, result: Result, file: str) -> RunRecord:
     plain = result.for_people
     return RunRecord(
         name=run.name,

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from geoident import __version__
-from geoident.errors import Fault, InputError, Location, OutputError, Term
+from geoident.errors import Fault, InputError, OutputError, Term
 from geoident.forward.external.program import ProgramModel
-from geoident.io.campaign.file import FaultyCampaign, read_campaign
+from geoident.io.campaign.file import read_campaign
 from geoident.io.case.file import parse_case
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.campaign import (
@@ -22,24 +22,22 @@ from geoident.io.result.campaign import (
     tables_are_newer,
 )
 from geoident.io.result.file import FORMAT, read_identity
+from geoident.io.schema.run_file import is_file
 from geoident.io.text.campaign_folder import JOURNAL
-from geoident.io.text.faults import OVERRIDES, shortened
+from geoident.io.text.faults import shortened
 from geoident.io.text.named_files import named_files
-from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes, seen_from
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
-from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
-from geoident.model.case import format_path
+from geoident.model.campaign import SEED, Campaign
 from geoident.model.cluster import Cluster
 from geoident.model.external import ExternalSource
 from geoident.model.results.many.campaign import RunRecord
+from geoident.model.run import Run, Setting, varied_paths
 from geoident.workflow.campaign.sampling import sampled
 from geoident.workflow.programs.digest import model_files
 from geoident.workflow.programs.workplace import cluster_given, trusted
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
-
-_CHECKED = 50
-"""Runs whose cases are read before anything is computed."""
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, sums
+from geoident.workflow.running.run_table import in_order, placed
 
 
 @dataclass(frozen=True)
@@ -122,36 +120,32 @@ def plan_campaign(
         force: the folder may hold something else.
 
     Raises:
-        InputError: with all faults of the campaign, its table, the base case, and of runs as far
-            as they are looked at before.
+        InputError: with all faults of the campaign and its table, or else of the base case and of
+            runs as far as they are looked at before.
         OutputError: the folder is of another campaign, or is none.
     """
-    try:
-        campaign = read_campaign(path)
-    except FaultyCampaign as error:
-        further = () if error.sound is None else _found(error.sound, _variations(error.sound))
-        raise InputError(_in_order((*error.faults, *further))) from error
-    variations = _variations(campaign)
-    folder, paths = folder_of(path, output), paths_of(variations)
-    data = _base(campaign)
-    inputs, fit = _inputs(campaign, variations, data), _fit(campaign)
-    runs = _runs(campaign, variations, paths, _depends_on(campaign, variations, data, fit))
+    campaign = read_campaign(path)
+    rows = campaign.runs
+    if campaign.sampling is not None:
+        rows = sampled(campaign.sampling, campaign.case)
+    folder, paths = folder_of(path, output), varied_paths(rows)
+    text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
+    data = parse_yaml(text, campaign.case).data
+    fit = read_identity(campaign.result) if campaign.result else None
+    fingerprint = "" if fit is None else fit.fingerprint
+    runs = _planned(campaign, rows, paths, _depends_on(campaign, rows, data, fingerprint))
     _require_own(folder, path, force=force)
-    known: dict[str, RunRecord] = {}
     head, records = (None, ()) if fresh else read_journal(folder)
-    if records:
-        known = _known(runs, records, folder)
-    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs, fit=fit)
+    known = _known(runs, records, folder)
+    of_fit = [campaign.result] if campaign.result else []
+    inputs = (campaign.path, campaign.case, *of_fit, *_named(campaign, rows, data))
+    inputs = tuple(dict.fromkeys(inputs))
+    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs, fit=fingerprint)
     if head == plan.head and len(records) == len(known) == len(runs):
         plan = replace(plan, settled=tables_are_newer(folder))
-    left = {run.name for run in plan.remaining}
-    if left:
-        _check(campaign, [run for run in variations if run.name in left])
+    if left := [row for row in rows if row.name not in known]:
+        _check(campaign, left, text)
     return plan
-
-
-def _variations(campaign: Campaign) -> tuple[Variation, ...]:
-    return campaign.variations if campaign.sampling is None else sampled(campaign.sampling)
 
 
 def cluster_of(plan: CampaignPlan, given: str | None) -> Cluster | None:
@@ -183,8 +177,8 @@ def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     """
     if not plan.remaining:
         return ()
-    campaign = plan.campaign
-    inputs = load_inputs(campaign.case, overrides=(*overrides_of(campaign.settings), NO_READINGS))
+    base = plan.campaign.base
+    inputs = load_inputs(base.case, overrides=(*base.overrides, NO_READINGS))
     if inputs.case.elsewhere is None:
         return ()
     model = build_model(inputs)
@@ -225,37 +219,20 @@ def _require_own(folder: Path, path: str, *, force: bool) -> None:
         raise OutputError(f"{folder}: has the runs of another campaign ({other})\n    {remedy}")
 
 
-def _base(campaign: Campaign) -> Node:
-    """The base case as mappings, lists and texts."""
-    text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
-    return parse_yaml(text, campaign.case).data
-
-
-def _fit(campaign: Campaign) -> str:
-    """Fingerprint of the fit that is predicted from; empty where there is none."""
-    found = read_identity(campaign.result) if campaign.result else None
-    return "" if found is None else found.fingerprint
-
-
-def _inputs(campaign: Campaign, variations: Sequence[Variation], data: Node) -> tuple[str, ...]:
-    """Paths of the campaign, of its base case and of all files that this or a run names."""
-    of_fit = [campaign.result] if campaign.result else []
-    named = _named(campaign, variations, data)
-    return tuple(dict.fromkeys((campaign.path, campaign.case, *of_fit, *named)))
-
-
-def _named(campaign: Campaign, variations: Sequence[Variation], data: Node) -> tuple[str, ...]:
-    """Paths of all files that a base case or a run names."""
+def _named(campaign: Campaign, rows: Sequence[Run], data: Node) -> tuple[str, ...]:
+    """Paths of all files that a base case or a run names, or that decide what its model gives."""
     folder = Path(campaign.case).parent
-    named = [*named_files(data, folder), *_of_model(campaign, data)]
-    values = {value for run in variations for _, value in run.settings}
-    named += [str(folder / value) for value in sorted(values | _values(campaign.settings))
-              if _is_file(folder / value)]  # fmt: skip
+    named = list(named_files(data, folder))
+    with suppress(InputError):  # its faults are told with those of the runs
+        model = model_of(campaign, data)
+        named += [] if model is None else model_files(model)
+    values = {value for run in (campaign.base, *rows) for _, value in run.settings}
+    named += [str(folder / value) for value in sorted(values) if is_file(folder / value)]
     return tuple(part for name in named for part in mesh_files(name))
 
 
 def _depends_on(
-    campaign: Campaign, variations: Sequence[Variation], data: Node, fit: str
+    campaign: Campaign, rows: Sequence[Run], data: Node, fingerprint: str
 ) -> list[Node]:
     """What the runs depend on beside their settings: the base case, and checksums of files.
 
@@ -263,25 +240,16 @@ def _depends_on(
 
     Args:
         campaign: with the base case.
-        variations: what its runs set.
+        rows: what its runs set.
         data: the base case.
-        fit: fingerprint of the fit that is predicted from.
+        fingerprint: of the fit that is predicted from; empty where it has none.
     """
-    of_fit: list[Node] = [fit or _sum(campaign.result)] if campaign.result else []
-    if campaign.command != "simulate":
-        return [_sum(campaign.case), *of_fit, *map(_sum, _named(campaign, variations, data))]
-    without = data
-    if isinstance(data, dict):
-        without = {key: value for key, value in data.items() if key != "readings"}
-    return [without, *map(_sum, _named(campaign, variations, without))]
-
-
-def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
-    """Files that decide what a model elsewhere gives, also those that the case does not name."""
-    with suppress(InputError):  # its faults are told with those of the runs
-        found = model_of(campaign, data)
-        return () if found is None else model_files(found)
-    return ()
+    if campaign.command == "simulate":
+        if isinstance(data, dict):
+            data = {key: value for key, value in data.items() if key != "readings"}
+        return [data, *sums(_named(campaign, rows, data))]
+    of_fit = [fingerprint or sums([campaign.result])[0]] if campaign.result else []
+    return [*sums([campaign.case]), *of_fit, *sums(_named(campaign, rows, data))]
 
 
 def model_of(campaign: Campaign, data: Node) -> ExternalSource | None:
@@ -296,27 +264,18 @@ def model_of(campaign: Campaign, data: Node) -> ExternalSource | None:
     """
     if not (isinstance(data, dict) and "model" in data):
         return None
-    said = (*overrides_of(campaign.settings), NO_READINGS)
-    return load_inputs(campaign.case, overrides=said).case.elsewhere
+    overrides = (*campaign.base.overrides, NO_READINGS)
+    return load_inputs(campaign.case, overrides=overrides).case.elsewhere
 
 
-def _values(settings: Sequence[Setting]) -> set[str]:
-    return {value for _, value in settings}
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _runs(
-    campaign: Campaign,
-    variations: Sequence[Variation],
-    paths: Sequence[str],
-    depends_on: list[Node],
+def _planned(
+    campaign: Campaign, rows: Sequence[Run], paths: Sequence[str], depends_on: list[Node]
 ) -> tuple[PlannedRun, ...]:
+    """The runs with what each depends on, as a hash.
+
+    Raises:
+        InputError: a seed is none.
+    """
     common = {
         "command": campaign.command,
         "version": __version__,
@@ -329,152 +288,98 @@ def _runs(
     }
     digest = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
     runs, faults = [], []
-    for run in variations:
-        seed, fault = _seed(campaign, run)
-        faults += [fault] if fault else []
-        own = digest.copy()
-        own.update(json.dumps([run.settings, seed], ensure_ascii=False).encode())
-        given = dict(run.settings)
+    for row in rows:
+        seed, given = campaign.seed, dict(row.settings)
+        if SEED in given and not (given[SEED].isdecimal() and len(given[SEED]) < 19):
+            message = f"'{given[SEED]}' is no seed; a whole number from 0 on is expected"
+            hint = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
+            place = dict(zip(given, row.places, strict=True))[SEED]
+            faults.append(Fault("bad-count", message, hint, place, SEED))
+        elif SEED in given:
+            seed = int(given[SEED])
+        key = digest.copy()
+        key.update(json.dumps([row.settings, seed], ensure_ascii=False).encode())
         varied = tuple((path, given.get(path, "")) for path in paths)
-        said = overrides_of((*campaign.settings, *run.settings))
-        runs.append(PlannedRun(run.name, own.hexdigest(), said, varied, seed))
+        overrides = _of_case(row).on(campaign.base).overrides
+        runs.append(PlannedRun(row.name, key.hexdigest(), overrides, varied, seed))
     if faults:
         raise InputError(shortened(faults))
     return tuple(runs)
 
 
-_SEED_HINT = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
-
-
-def _seed(campaign: Campaign, run: Variation) -> tuple[int, Fault | None]:
-    """The seed of a run: its own, else that of the campaign."""
-    for (path, value), place in zip(run.settings, run.places, strict=True):
-        if path == SEED:
-            if value.isdecimal() and len(value) < 19:
-                return int(value), None
-            message = f"'{value}' is no seed; a whole number from 0 on is expected"
-            return 0, Fault("bad-count", message, _SEED_HINT, place, SEED)
-    return campaign.seed, None
-
-
-def _sum(path: str) -> str:
-    with suppress(OSError), Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-    return ""
+def _of_case(row: Run) -> Run:
+    """A run without its seed, which is no value of the case."""
+    pairs = zip(row.settings, row.places, strict=True)
+    kept = [(setting, place) for setting, place in pairs if setting[0] != SEED]
+    settings, places = tuple(setting for setting, _ in kept), tuple(place for _, place in kept)
+    return replace(row, settings=settings, places=places)
 
 
 # Whether the cases of the runs are right
 
-
-def _check(campaign: Campaign, variations: Sequence[Variation]) -> None:
-    """Read the base case, and the cases of some runs: all faults, where they are written.
-
-    Raises:
-        InputError: there are faults.
-    """
-    if found := _found(campaign, variations):
-        raise InputError(_in_order(found))
-
-
-def _in_order(faults: Iterable[Fault]) -> list[Fault]:
-    """Faults in the order of their files, each once."""
-    once = {(fault.code, fault.message, fault.location): fault for fault in faults}
-    return shortened(
-        sorted(once.values(), key=lambda f: (f.location.file, f.location.line, f.location.column))
-    )
-
-
-def _found(campaign: Campaign, variations: Sequence[Variation]) -> list[Fault]:
-    """What is wrong in the base case, and what in the cases of some runs is besides."""
-    text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
-    common = Variation("", campaign.settings, campaign.places)
-    base = list(_faults(campaign, text, common, Variation("", (), ())))
-    known = {(fault.code, fault.message, fault.location) for fault in base}
-    faults = [_placed(fault, common, campaign) for fault in base]
-    paths = set[str]()
-    for run in _telling(variations):
-        for fault in _faults(campaign, text, common, run):
-            if (fault.code, fault.message, fault.location) in known:
-                continue
-            if fault.code in _OF_PATHS and fault.path in paths:
-                continue  # said of another value of it
-            paths.add(fault.path)
-            faults.append(_placed(fault, _with(common, run), campaign))
-    return faults
-
+_CHECKED = 50
+"""Runs whose cases are read before anything is computed."""
 
 _OF_PATHS = ("bad-override", "unknown-key")
 """Faults that do not depend on the value."""
 
-_ROUNDS = 2
 
+def _check(campaign: Campaign, rows: Sequence[Run], text: str) -> None:
+    """Read the base case, and the cases of some runs.
 
-def _with(common: Variation, run: Variation) -> Variation:
-    """The settings of a run with those of all runs before them."""
-    places = (*common.places, *run.places)
-    return Variation(run.name, (*common.settings, *run.settings), places)
+    Args:
+        campaign: with the base case.
+        rows: runs that are to be computed.
+        text: of the base case.
 
+    Raises:
+        InputError: with the faults of the base case, and what runs have besides, where they are
+            written.
+    """
+    no_readings = (NO_READINGS,) if campaign.command == "simulate" else ()
 
-def _faults(campaign: Campaign, text: str, common: Variation, run: Variation) -> Iterator[Fault]:
-    """What is wrong in the case of a run; what is set that it does not have hides nothing else."""
-    settings = _with(common, run).settings
-    for _ in range(_ROUNDS):
-        said = list(overrides_of(settings))
-        said += [NO_READINGS] if campaign.command == "simulate" else []
+    def faults_of(run: Run) -> tuple[Fault, ...]:
         try:
-            parse_case(text, campaign.case, overrides=said, with_texts=False)
+            parse_case(text, run.case, overrides=(*run.overrides, *no_readings), with_texts=False)
         except InputError as error:
-            yield from error.faults
-            wrong = {fault.path for fault in error.faults if fault.code == "bad-override"}
-            left = tuple(s for s in settings if format_path(parse_path(s[0])) not in wrong)
-            if len(left) == len(settings):
-                return
-            settings = left
-        else:
-            return
+            return error.faults
+        return ()
+
+    of_base = faults_of(campaign.base)
+    faults = [placed(fault, campaign.base) for fault in of_base]
+    paths: set[str] = set()
+    for row in _telling(rows):
+        run = _of_case(row).on(campaign.base)
+        for fault in faults_of(run):
+            if fault in of_base or (fault.code in _OF_PATHS and fault.path in paths):
+                continue  # said of the base case, or of another value
+            paths.add(fault.path)
+            said = placed(fault, run)
+            if said.location.file == run.case:
+                said = replace(said, message=f"in the run {run.name}: {said.message}")
+            faults.append(said)
+    if faults:
+        raise InputError(in_order(faults))
 
 
-def _placed(fault: Fault, run: Variation, campaign: Campaign) -> Fault:
-    """A fault where it is written: in the campaign or its table, if it comes from there."""
-    if fault.location.file != OVERRIDES:
-        which = f"in the run {run.name}: " if run.name else ""
-        return replace(fault, message=f"{which}{fault.message}")
-    places = dict(zip([path for path, _ in run.settings], run.places, strict=True))
-    for path, place in reversed(list(places.items())):
-        own = format_path(parse_path(path))
-        if fault.path.startswith(own) or own.startswith(fault.path or "?"):
-            return replace(fault, location=place)
-    return replace(fault, location=Location(campaign.path))
-
-
-def _telling(variations: Sequence[Variation]) -> list[Variation]:
+def _telling(rows: Sequence[Run]) -> list[Run]:
     """Runs with a value that no earlier one has; of numbers in one unit the ends."""
-    chosen: dict[str, Variation] = {}
-    for path in paths_of(variations):
-        values = [(value, run) for run in variations for p, value in run.settings if p == path]
-        ends = _ends(values)
-        first: dict[str, Variation] = {}
-        for value, run in values:
-            first.setdefault(value, run)
-        for run in ends or first.values():
-            chosen.setdefault(run.name, run)
-            if len(chosen) >= _CHECKED:
-                return list(chosen.values())
-    return list(chosen.values())
-
-
-def _ends(values: Sequence[tuple[str, Variation]]) -> list[Variation]:
-    """Runs with the least and the largest of numbers in one unit; none where they are no such."""
-    numbers: list[tuple[float, Variation]] = []
-    units: set[str] = set()
-    for value, run in values:
-        number, _, unit = value.partition(" ")
-        try:
-            numbers.append((float(number), run))
-        except ValueError:
-            return []
-        units.add(unit)
-    if len(units) != 1:
-        return []
-    ordered = sorted(numbers, key=lambda pair: pair[0])
-    return [ordered[0][1], ordered[-1][1]]
+    chosen: dict[str, Run] = {}
+    for path in varied_paths(rows):
+        with_value: dict[str, Run] = {}
+        for row in rows:
+            for other, value in row.settings:
+                if other == path:
+                    with_value.setdefault(value, row)
+        values = list(with_value)
+        with suppress(ValueError):  # not all are numbers
+            numbers = {value: float(value.partition(" ")[0]) for value in values}
+            if len({value.partition(" ")[2] for value in values}) == 1:
+                values = [
+                    min(values, key=numbers.__getitem__),
+                    max(values, key=numbers.__getitem__),
+                ]
+        chosen |= {with_value[value].name: with_value[value] for value in values}
+        if len(chosen) >= _CHECKED:
+            break
+    return list(chosen.values())[:_CHECKED]

@@ -7,11 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.result.campaign import (
-    CampaignHead,
-    read_journal,
-    write_over_all,
-)
+from geoident.io.result.campaign import CampaignHead, read_journal, write_over_all
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.results.many.campaign import CampaignTable, RunRecord

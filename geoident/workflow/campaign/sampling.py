@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from geoident.model.arrays import Floats
-from geoident.model.campaign import SampledRange, Sampling, Variation
+from geoident.model.campaign import SampledRange, Sampling
+from geoident.model.run import Run
 
 _BITS = 30
 """Of a Sobol point. A random digital shift keeps what makes the points even (Owen 1998)."""
@@ -17,24 +18,27 @@ _DIGITS = 9
 """Of a value: its text is what counts, so that a run can be repeated by hand."""
 
 
-def sampled(sampling: Sampling) -> tuple[Variation, ...]:
+def sampled(sampling: Sampling, case: str) -> tuple[Run, ...]:
     """The runs of a sampling, numbered.
 
     Args:
         sampling: the same one gives the same runs.
+        case: path of the case that they are of.
     """
     width = max(4, len(str(sampling.count)))
     points = unit_points(sampling.method, len(sampling.spans), sampling.count, sampling.seed)
     columns = [_values(span, points[:, k]) for k, span in enumerate(sampling.spans)]
     places = tuple(span.place for span in sampling.spans)
     return tuple(
-        Variation(
+        Run(
             f"{number + 1:0{width}d}",
+            case,
             tuple(
                 (span.path, f"{column[number]:.{_DIGITS}g} {span.unit}".rstrip())
                 for span, column in zip(sampling.spans, columns, strict=True)
             ),
             places,
+            places[0],
         )
         for number in range(sampling.count)
     )

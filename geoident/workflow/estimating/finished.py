@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
 from geoident.forward.observed import ObservedModel
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
+from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import Job
+from geoident.workflow.running.jobs import Job, Planned
 from geoident.workflow.running.older_files import older_files
 from geoident.workflow.running.outputs import Existing, Target, restore, set_aside
 
 
 @contextmanager
-def evaluation_log(job: Job, control: Control, model: ObservedModel) -> Iterator[EvaluationLog]:
+def evaluation_log(
+    job: Planned, control: Control, model: ObservedModel | None = None
+) -> Iterator[EvaluationLog]:
     """The log of a job's evaluations; kept if the run is cut short, removed when it is done.
 
     Args:
         job: what is done.
         control: is told what is known already.
-        model: evaluates; what it solves for long is logged, too.
+        model: evaluates; what it solves for long is logged, too. None for several models.
 
     Raises:
         Interrupted: the run was; says how to go on.
@@ -62,7 +66,7 @@ def evaluation_log(job: Job, control: Control, model: ObservedModel) -> Iterator
         log.remove()
 
 
-def _too_short(job: Job, log: EvaluationLog) -> str:
+def _too_short(job: Planned, log: EvaluationLog) -> str:
     """That no result could be written in the time that was given."""
     if not len(log) and not log.solutions:
         return "The time that was given is used up before the model was evaluated once."
@@ -73,7 +77,7 @@ def _too_short(job: Job, log: EvaluationLog) -> str:
     )
 
 
-def _how_to_go_on(job: Job) -> str:
+def _how_to_go_on(job: Planned) -> str:
     same = f"{Term.SAME_AGAIN} without {Term.FRESH}" if job.request.fresh else Term.SAME_AGAIN
     return (
         f"Interrupted. What was computed is kept in {job.place.checkpoint}.\n"
@@ -81,8 +85,11 @@ def _how_to_go_on(job: Job) -> str:
     )
 
 
+R = TypeVar("R", bound=Result | ProjectResult)
+
+
 @dataclass(frozen=True)
-class Finished:
+class FinishedRun(Generic[R]):
     """A result and where it stands.
 
     Args:
@@ -92,83 +99,98 @@ class Finished:
         remarks: sentences on what became of a result that stood there before.
     """
 
-    result: Result
+    result: R
     paths: tuple[str, ...]
     up_to_date: bool = False
     remarks: tuple[str, ...] = ()
 
 
-def keep(place: Target) -> Finished:
-    """A result that is up to date."""
-    result = read_result(place.path)
-    older = older_files(place.path, result.provenance.identity, new=False)
-    return Finished(result, (str(place.path),), up_to_date=True, remarks=older)
+Finished = FinishedRun[Result]
 
 
-def at_hand(
-    place: Target, identity: str, found: Existing, *, force: bool, fresh: bool
-) -> Finished | None:
-    """The result of an input where it is there already: in its place, or kept from before.
+@dataclass(frozen=True)
+class ResultFiles(Generic[R]):
+    """Files of results of one kind: kept where they are up to date, set aside where they are not.
 
     Args:
-        place: of the result.
-        identity: hash of everything that it depends on.
-        found: what stands there.
-        force: what stands there is to be replaced.
-        fresh: it is to be computed again.
+        read: reads one.
+        write_new: writes one, as `geoident.io.result.file.write_result`.
     """
-    if fresh:
-        return None
-    if found is Existing.UP_TO_DATE:
-        return keep(place)
-    if found is not Existing.OTHER or force:
-        return None
-    moved = restore(place, identity)
-    if moved is None:
-        return None
-    was, aside = moved
-    kept = keep(place)
-    said = f"{was} was made from this input: it is {place.path} again, {_kept(aside)}"
-    older = older_files(place.path, kept.result.provenance.identity, new=True)
-    return replace(kept, remarks=(said, *older))
+
+    read: Callable[[Path], R]
+    write_new: Callable[..., tuple[str, ...]]
+
+    def keep(self, place: Target) -> FinishedRun[R]:
+        """A result that is up to date."""
+        result = self.read(place.path)
+        older = older_files(place.path, result.provenance.identity, new=False)
+        return FinishedRun(result, (str(place.path),), up_to_date=True, remarks=older)
+
+    def at_hand(
+        self, place: Target, identity: str, found: Existing, *, force: bool, fresh: bool
+    ) -> FinishedRun[R] | None:
+        """The result of an input where it is there already: in its place, or kept from before.
+
+        Args:
+            place: of the result.
+            identity: hash of everything that it depends on.
+            found: what stands there.
+            force: what stands there is to be replaced.
+            fresh: it is to be computed again.
+        """
+        if fresh:
+            return None
+        if found is Existing.UP_TO_DATE:
+            return self.keep(place)
+        if found is not Existing.OTHER or force:
+            return None
+        moved = restore(place, identity)
+        if moved is None:
+            return None
+        was, aside = moved
+        kept = self.keep(place)
+        said = f"{was} was made from this input: it is {place.path} again, and what stood there "
+        said += f"is kept as {aside}"
+        older = older_files(place.path, kept.result.provenance.identity, new=True)
+        return replace(kept, remarks=(said, *older))
+
+    def write(
+        self, result: R, place: Target, found: Existing, *, inputs: Sequence[str], force: bool
+    ) -> FinishedRun[R]:
+        """Put a result in its place; an earlier one of the same case is kept beside.
+
+        Args:
+            result: what was found.
+            place: of the result.
+            found: what stood there when the command began.
+            inputs: paths that were read, and so must not be written.
+            force: what stands there is not to be kept.
+        """
+        now = read_identity(place.path) if place.path.exists() else None
+        same = now is not None and now.identity == result.provenance.identity
+        if now is not None and same and found in (Existing.NOTHING, Existing.OTHER):
+            if now.status != STOPPED:  # computed by another run meanwhile
+                return self.keep(place)
+            found = Existing.UNFINISHED
+        remarks: tuple[str, ...] = ()
+        if found is Existing.OTHER and now is not None and not force:
+            aside, removed = set_aside(place.path)
+            remarks = (
+                f"{place.path} was made from other input: it is kept as {aside}",
+                *(f"{path}, an older one, is removed" for path in removed),
+            )
+        overwrite = found is not Existing.NOTHING
+        paths = self.write_new(result, place.path, overwrite=overwrite, inputs=inputs)
+        older = older_files(place.path, result.provenance.identity, new=found is Existing.OTHER)
+        return FinishedRun(result, paths, remarks=(*remarks, *older))
+
+
+RESULTS = ResultFiles(read_result, write_result)
+"""Those of single cases."""
+at_hand, write = RESULTS.at_hand, RESULTS.write
 
 
 def job_at_hand(job: Job) -> Finished | None:
     """The result of a job where it is there already."""
     request = job.request
     return at_hand(job.place, job.identity, job.found, force=request.force, fresh=request.fresh)
-
-
-def _kept(aside: Path) -> str:
-    return f"and what stood there is kept as {aside}"
-
-
-def write(
-    result: Result, place: Target, found: Existing, *, inputs: Sequence[str], force: bool
-) -> Finished:
-    """Put a result in its place; an earlier one of the same case is kept beside.
-
-    Args:
-        result: what was found.
-        place: of the result.
-        found: what stood there when the command began.
-        inputs: paths that were read, and so must not be written.
-        force: what stands there is not to be kept.
-    """
-    now = read_identity(place.path) if place.path.exists() else None
-    same = now is not None and now.identity == result.provenance.identity
-    if now is not None and same and found in (Existing.NOTHING, Existing.OTHER):
-        if now.status != STOPPED:  # computed by another run meanwhile
-            return keep(place)
-        found = Existing.UNFINISHED
-    remarks: tuple[str, ...] = ()
-    if found is Existing.OTHER and now is not None and not force:
-        aside, removed = set_aside(place.path)
-        remarks = (
-            f"{place.path} was made from other input: it is kept as {aside}",
-            *(f"{path}, an older one, is removed" for path in removed),
-        )
-    overwrite = found is not Existing.NOTHING
-    paths = write_result(result, place.path, overwrite=overwrite, inputs=inputs)
-    older = older_files(place.path, result.provenance.identity, new=found is Existing.OTHER)
-    return Finished(result, paths, remarks=(*remarks, *older))

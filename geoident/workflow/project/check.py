@@ -2,48 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from geoident.errors import Fault, InputError
+from geoident.errors import InputError
 from geoident.model.project.project import Project
 from geoident.model.results.summary import CaseSummary
 from geoident.workflow.check import check
-from geoident.workflow.project.plan import in_order, placed, read_sections
+from geoident.workflow.project.plan import read_sections
+from geoident.workflow.running.run_table import in_order, read_each
 
 
-@dataclass(frozen=True)
-class CheckedProject:
-    """A project whose sections are right, each by itself and together.
-
-    Args:
-        project: what its file says.
-        summaries: what the case of each section amounts to.
-    """
-
-    project: Project
-    summaries: tuple[CaseSummary, ...]
-
-
-def check_project(path: str, *, solver: str = "auto") -> CheckedProject:
+def check_project(path: str, *, solver: str = "auto") -> tuple[Project, tuple[CaseSummary, ...]]:
     """Read a project, and set up every section, solving nothing.
 
     Args:
         path: of the project.
         solver: name of the sparse solver, or ``auto``.
 
+    Returns:
+        What its file says, and what the case of each section amounts to.
+
     Raises:
         InputError: with the faults of the project and of all its sections.
         ModelError: a model moves freely somewhere.
     """
     project, _ = read_sections(path)
-    summaries: list[CaseSummary] = []
-    faults: list[Fault] = []
-    for section in project.sections:
-        try:
-            found = check(section.case, overrides=section.overrides, solver=solver)
-            summaries.append(found.summary)
-        except InputError as error:
-            faults += placed(error, section)
+    checked, faults = read_each(
+        project.sections,
+        lambda section: check(section.case, overrides=section.overrides, solver=solver),
+    )
     if faults:
         raise InputError(in_order(faults))
-    return CheckedProject(project, tuple(summaries))
+    return project, tuple(found.summary for _, found in checked)

@@ -24,7 +24,6 @@ from geoident.workflow.executing.executor import (
 )
 from geoident.workflow.executing.parcel import layout_of, packed, relative
 from geoident.workflow.executing.processes import LocalProcesses
-from geoident.workflow.project.plan import placed
 from geoident.workflow.project.sections import (
     EVALUATE,
     PREPARE,
@@ -40,6 +39,7 @@ from geoident.workflow.project.sections import (
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Inputs
+from geoident.workflow.running.run_table import placed
 from geoident.workflow.running.workers import runs_on_cluster
 
 
@@ -102,7 +102,7 @@ def section_executor(
     elsewhere = any(one.case.elsewhere is not None for one in inputs)
     if control.cluster is not None and not elsewhere:
         return _on(control.cluster, sources, inputs, control)
-    count = min(jobs or usable_cores(), len(sources.sources))
+    count = min(jobs or usable_cores(), len(sources.sections))
     formulas = all(one.loaded.mesh_path is None for one in inputs)  # sooner than a process starts
     if elsewhere or formulas or count == 1:
         return OneProcess(sources, control)
@@ -120,7 +120,7 @@ def _on(
     layout = layout_of(files)
     there = replace(
         sources,
-        sources=tuple(replace(one, case=relative(one.case)) for one in sources.sources),
+        sections=tuple(replace(one, case=relative(one.case)) for one in sources.sections),
         checkpoint=Path(sources.checkpoint.name),
     )
     parcel = packed({layout.name(path): Path(path) for path in files}, here=layout.here)
@@ -145,10 +145,8 @@ class SectionAnswers:
         self._executor, self._log, self._control = executor, log, control
         self._project = project
         self._names = tuple(section.name for section in project.sections)
-        self._known: dict[tuple[int, bytes], tuple[Floats, Floats]] = {}
-        self._stale: set[tuple[int, bytes]] = set()  # whose derivatives are better now
+        self._known: dict[tuple[str, int, bytes], tuple[Floats, Floats]] = {}
         self._counts = NO_COST
-        self.asked = 0
 
     @property
     def counts(self) -> Counts:
@@ -167,7 +165,7 @@ class SectionAnswers:
         def take(number: int, answer: SectionAnswer) -> None:
             if isinstance(answer.error, InputError):
                 section = self._project.sections[number]
-                raise InputError(placed(answer.error, section))
+                raise InputError(placed(fault, section) for fault in answer.error.faults)
             if answer.error is not None:
                 raise answer.error
             assert answer.prepared is not None
@@ -184,7 +182,7 @@ class SectionAnswers:
         Raises:
             ModelError: one of them has no solution.
         """
-        found = self.asked_all([(number, p) for number, p in points.items()], EVALUATE)
+        found = self._answers(list(points.items()), EVALUATE)
         missing = [n for n, one in zip(points, found, strict=True) if one is None]
         if missing:
             named = ", ".join(self._names[n] for n in missing)
@@ -193,18 +191,14 @@ class SectionAnswers:
 
     def sharpen(self, points: Mapping[int, Floats]) -> bool:
         """Make Jacobians that are differences better at points (n,); whether any were not exact."""
-        sharper: list[int] = []
+        order, sharper = list(points.items()), []
 
         def take(number: int, answer: SectionAnswer) -> None:
             if answer.sharper:
-                sharper.append(number)
+                sharper.append(order[number])
 
-        order = list(points)
-        self._run([SectionTask(n, SHARPEN, points[n]) for n in order], take)
-        for k in sharper:
-            key = (order[k], points[order[k]].tobytes())
-            self._known.pop(key, None)
-            self._stale.add(key)
+        self._run([SectionTask(n, SHARPEN, p) for n, p in order], take)
+        self._computed(sharper, EVALUATE)
         return bool(sharper)
 
     def shown(self, points: Sequence[tuple[int, Floats]]) -> list[tuple[Floats, Floats] | None]:
@@ -213,9 +207,9 @@ class SectionAnswers:
         Args:
             points: numbers of sections and their parameters (n,), SI.
         """
-        return self.asked_all(points, SHOWN)
+        return self._answers(points, SHOWN)
 
-    def asked_all(
+    def _answers(
         self, points: Sequence[tuple[int, Floats]], what: str
     ) -> list[tuple[Floats, Floats] | None]:
         """Readings (g,) and Jacobians (g, n) at points; None where there is no solution.
@@ -224,59 +218,54 @@ class SectionAnswers:
             points: numbers of sections and their parameters (n,), SI.
             what: `EVALUATE` or `SHOWN`.
         """
-        found = [self._remembered(what, number, p) for number, p in points]
-        left = [k for k, one in enumerate(found) if one is None]
+        left = []
+        for n, p in points:
+            if (key := (what, n, p.tobytes())) in self._known:
+                continue
+            if (kept := self._log.find(f"{what} {n}", p)) is not None:
+                self._known[key] = np.asarray(kept["v"]), np.asarray(kept["J"])
+            else:
+                left.append((n, p))
+        self._computed(left, what)
+        return [self._known.get((what, n, p.tobytes())) for n, p in points]
+
+    def _computed(self, points: Sequence[tuple[int, Floats]], what: str) -> None:
+        """Have answers computed, and keep those that there are."""
 
         def take(number: int, answer: SectionAnswer) -> None:
-            k = left[number]
+            section, p = points[number]
             if answer.error is None:
-                found[k] = (answer.v, answer.J)
-                section, p = points[k]
-                self._keep(what, section, p, (answer.v, answer.J))
+                self._known[what, section, p.tobytes()] = answer.v, answer.J
+                self._log.add(f"{what} {section}", p, {"v": answer.v, "J": answer.J})
             elif not isinstance(answer.error, ModelError):
                 raise answer.error
 
-        self._run([SectionTask(points[k][0], what, points[k][1]) for k in left], take)
-        return found
+        self._run([SectionTask(n, what, p) for n, p in points], take)
 
     def _run(
         self, tasks: Sequence[SectionTask], take: Callable[[int, SectionAnswer], None]
     ) -> None:
+        """Have tasks computed; `take` is given their numbers and answers.
+
+        Raises:
+            Interrupted: a stop was asked for.
+            ModelError: a process was lost over one again and again.
+        """
         if not tasks:
             return
         self._control.stop.check()
-        self.asked += len(tasks)
         for answer in self._executor.run(tasks):
             self._control.stop.check()
             if answer.value is None:
-                name = self._names[tasks[answer.number].number]
                 if answer.stopped:
                     raise Interrupted("Interrupted.", exit_code=ExitCode.TERMINATED)
+                name = self._names[tasks[answer.number].number]
                 why = answer.losses[-1] if answer.losses else "gave no answer"
                 raise ModelError(
                     f"{name}: its process was lost {len(answer.losses)} times; the last one {why}."
                 )
             self._counts = self._counts + answer.value.counts
             take(answer.number, answer.value)
-
-    def _remembered(self, what: str, number: int, p: Floats) -> tuple[Floats, Floats] | None:
-        if what == EVALUATE and (number, p.tobytes()) in self._known:
-            return self._known[number, p.tobytes()]
-        if what == EVALUATE and (number, p.tobytes()) in self._stale:
-            return None
-        kept = self._log.find(f"{what} {number}", p)
-        if kept is None:
-            return None
-        found = (np.asarray(kept["v"]), np.asarray(kept["J"]))
-        if what == EVALUATE:
-            self._known[number, p.tobytes()] = found
-        return found
-
-    def _keep(self, what: str, number: int, p: Floats, found: tuple[Floats, Floats]) -> None:
-        if what == EVALUATE:
-            self._known[number, p.tobytes()] = found
-            self._stale.discard((number, p.tobytes()))
-        self._log.add(f"{what} {number}", p, {"v": found[0], "J": found[1]})
 
 
 class ChosenSections:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.errors import Fault, InputError
-from geoident.io.project.file import FaultyProject, read_project
+from geoident.io.project.file import read_project
 from geoident.io.result.file import PROJECT_FORMAT
-from geoident.io.text.faults import OVERRIDES, shortened
-from geoident.io.text.overrides import parse_path
+from geoident.io.text.faults import OVERRIDES
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.case import Case, KeyPath, format_path
@@ -21,75 +19,42 @@ from geoident.model.methods import SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw, Project, ProjectSection
 from geoident.units import DIMENSIONLESS, shown_unit, with_article
-from geoident.workflow.running.jobs import Inputs, load_inputs, sha256
-from geoident.workflow.running.outputs import (
-    Existing,
-    Target,
-    existing,
-    require_free,
-    stamp,
-    target,
-)
+from geoident.workflow.running.jobs import Inputs, Planned, Request, load_inputs, sha256
+from geoident.workflow.running.outputs import existing, require_free, stamp, target
+from geoident.workflow.running.run_table import in_order, read_each
 
 COMMAND = "fit"
 LEAVE_ONE_OUT = "leave-one-out"
 
 
 @dataclass(frozen=True)
-class ProjectRequest:
-    """A project and what to do with it.
+class ProjectRequest(Request):
+    """A project, whose file takes the place of that of a case, and what to do with it.
 
     Args:
-        path: of its file.
-        output: a file or an existing folder; None for beside the project.
         leave_one_out: predict each section from the others, too.
-        solver: name of the sparse solver, or ``auto``.
         jobs: sections to compute at a time; None for the cores there are.
-        seed: of random numbers.
-        force: overwrite a result of other input.
-        fresh: compute again what is up to date, and forget the checkpoint.
     """
 
-    path: str
-    output: str | None = None
     leave_one_out: bool = False
-    solver: str = "auto"
     jobs: int | None = None
-    seed: int = 0
-    force: bool = False
-    fresh: bool = False
 
 
-@dataclass(frozen=True)
-class ProjectJob:
-    """A project that was read, and where its result goes.
+@dataclass(frozen=True, kw_only=True)
+class ProjectJob(Planned):
+    """A project that is to be fitted.
 
     Args:
         request: what was asked for.
         project: what its file says.
         text: of the file.
         inputs: the case of each section.
-        place: of the result.
-        identity: hash of everything that the result depends on.
-        found: what stands at the place of the result.
-        stamp: of the files as they were read.
-        started: when it was planned, by the clock that counts seconds.
     """
 
     request: ProjectRequest
     project: Project
     text: str
     inputs: tuple[Inputs, ...]
-    place: Target
-    identity: str
-    found: Existing
-    stamp: str
-    started: float = field(default_factory=time.monotonic)
-
-    @property
-    def up_to_date(self) -> bool:
-        """The result stands there already and is to be kept."""
-        return self.found is Existing.UP_TO_DATE and not self.request.fresh
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -102,20 +67,27 @@ def plan_project(request: ProjectRequest) -> ProjectJob:
     """Read a project and the cases of its sections, and look at what stands where its result goes.
 
     Raises:
-        InputError: with all faults of the project, or else of the cases of its sections, or of what
+        InputError: with all faults of the project, or else of the cases of its sections and of what
             they have in common.
         OutputError: the result could not be written, or another one would be lost.
     """
-    project, inputs = read_sections(request.path)
+    project, inputs = read_sections(request.case)
     identity = _identity(project, inputs, request)
-    place = target(request.path, COMMAND, output=request.output)
-    found = existing(place, identity, kind=COMMAND, case=request.path)
-    text = decode(read_bytes(request.path, limit=MAX_BYTES, what="project"), request.path)
-    job = ProjectJob(request, project, text, inputs, place, identity, found, "")
+    place = target(request.case, COMMAND, output=request.output)
+    job = ProjectJob(
+        request=request,
+        command=COMMAND,
+        place=place,
+        identity=identity,
+        found=existing(place, identity, kind=COMMAND, case=request.case),
+        project=project,
+        text=decode(read_bytes(request.case, limit=MAX_BYTES, what="project"), request.case),
+        inputs=inputs,
+    )
     said = [LEAVE_ONE_OUT] if request.leave_one_out else []
     job = replace(job, stamp=stamp(place.path.parent, job.files, COMMAND, said, request.seed))
     if not job.up_to_date:
-        require_free(found, place, force=request.force, inputs=job.files)
+        require_free(job.found, place, force=request.force, inputs=job.files)
     return job
 
 
@@ -126,38 +98,17 @@ def read_sections(path: str) -> tuple[Project, tuple[Inputs, ...]]:
         path: of the project.
 
     Raises:
-        InputError: with all faults of the project, or else of the cases of its sections, or of what
+        InputError: with all faults of the project, or else of the cases of its sections and of what
             they have in common.
     """
-    try:
-        project = read_project(path)
-    except FaultyProject as error:
-        _, faults = _section_inputs(error.sound)
-        raise InputError(in_order((*error.faults, *faults))) from error
-    inputs, faults = _section_inputs(project.sections)
+    project = read_project(path)
+    inputs, faults = read_each(
+        project.sections, lambda section: load_inputs(section.case, overrides=section.overrides)
+    )
     faults += _common_faults(project, inputs)
     if faults:
         raise InputError(in_order(faults))
     return project, tuple(one for _, one in inputs)
-
-
-def placed(error: InputError, section: ProjectSection) -> list[Fault]:
-    """The faults of the case of a section where they are written: some in the project.
-
-    Args:
-        error: what is wrong with the case.
-        section: of the project.
-    """
-    return [_placed(fault, section) for fault in error.faults]
-
-
-def in_order(faults: Sequence[Fault]) -> list[Fault]:
-    """Faults of several files, each once, in the order of the files."""
-    once = {(fault.code, fault.message, fault.location): fault for fault in faults}
-    found = sorted(
-        once.values(), key=lambda f: (f.location.file, f.location.line, f.location.column)
-    )
-    return shortened(found)
 
 
 def _identity(project: Project, inputs: Sequence[Inputs], request: ProjectRequest) -> str:
@@ -177,31 +128,6 @@ def _identity(project: Project, inputs: Sequence[Inputs], request: ProjectReques
         ],
     }
     return sha256(json.dumps(said, sort_keys=True).encode())
-
-
-def _section_inputs(
-    sections: Sequence[ProjectSection],
-) -> tuple[list[tuple[ProjectSection, Inputs]], list[Fault]]:
-    """The cases of the sections that are right, and the faults of the others."""
-    inputs: list[tuple[ProjectSection, Inputs]] = []
-    faults: list[Fault] = []
-    for section in sections:
-        try:
-            inputs.append((section, load_inputs(section.case, overrides=section.overrides)))
-        except InputError as error:
-            faults += placed(error, section)
-    return inputs, faults
-
-
-def _placed(fault: Fault, section: ProjectSection) -> Fault:
-    """A fault of a case where it is written: in the project, if its value comes from there."""
-    from_there = fault.location.file == OVERRIDES
-    for override, place in zip(section.overrides, section.places, strict=True):
-        own = format_path(parse_path(override.partition("=")[0]))
-        within = fault.path and own.startswith((f"{fault.path}.", f"{fault.path}["))
-        if within or (from_there and (fault.path.startswith(own) or own.startswith(fault.path))):
-            return replace(fault, location=place)
-    return replace(fault, location=section.place) if from_there else fault
 
 
 # Whether the sections have in common what the project says

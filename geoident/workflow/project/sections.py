@@ -17,8 +17,10 @@ from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
+from geoident.model.project.project import ProjectSection
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
+from geoident.model.results.many.project import SectionReading
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import assess_fit
 from geoident.workflow.estimating.search import estimated
@@ -35,37 +37,20 @@ readings that are shown."""
 
 
 @dataclass(frozen=True)
-class SectionSource:
-    """From what a section is set up.
-
-    Args:
-        name: of it.
-        case: path of its case.
-        overrides: of its values.
-        predicted: it takes no part in the fit.
-        identity: hash of all that its own fit depends on.
-    """
-
-    name: str
-    case: str
-    overrides: tuple[str, ...]
-    predicted: bool
-    identity: str
-
-
-@dataclass(frozen=True)
 class SectionSources:
     """From what all sections are set up.
 
     Args:
-        sources: of each.
+        sections: of the project.
+        identities: of each section, hash of all that its own fit depends on.
         solver: name of the sparse solver.
         checkpoint: of the project; each section has its own beside it.
         max_time: seconds after which the own fit of a section ends with what it has.
         fresh: what was computed before is forgotten.
     """
 
-    sources: tuple[SectionSource, ...]
+    sections: tuple[ProjectSection, ...]
+    identities: tuple[str, ...]
     solver: str
     checkpoint: Path
     max_time: float | None = None
@@ -112,6 +97,20 @@ class ShownReading:
     used: bool
     unit: str
     dimension: str
+
+    def row(self, section: str, computed: float, lower95: float, upper95: float) -> SectionReading:
+        """The same with what a fit says of it.
+
+        Args:
+            section: its name.
+            computed: SI.
+            lower95: lower end of the 95 % band, SI; NaN of a reading that took part.
+            upper95: upper end.
+        """
+        return SectionReading(
+            section, self.gauge, self.stage, self.measured, self.sd, self.used, float(computed),
+            float(lower95), float(upper95), self.unit, self.dimension,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -214,11 +213,11 @@ class _OneSection:
 
     def __init__(self, sources: SectionSources, number: int) -> None:
         self._all, self._number = sources, number
-        self._source = sources.sources[number]
-        self._inputs = load_inputs(self._source.case, overrides=self._source.overrides)
-        model = build_model(self._inputs, solver=sources.solver, fresh=sources.fresh)
+        self._section = sources.sections[number]
+        inputs = load_inputs(self._section.case, overrides=self._section.overrides)
+        model = build_model(inputs, solver=sources.solver, fresh=sources.fresh)
         readings = select_readings(model.case, model)
-        if self._source.predicted:
+        if self._section.predicted:
             readings = replace(readings, used=np.zeros(len(readings), dtype=np.bool_))
         self._setup = Setup(model, model.case, readings)
 
@@ -236,7 +235,7 @@ class _OneSection:
         if task.p is None:
             return SectionAnswer(self._prepared(stop))
         if (why := self._setup.model.admissible(task.p)) is not None:
-            raise ModelError(f"{self._source.name}: {why}")
+            raise ModelError(f"{self._section.name}: {why}")
         response = self._used if task.what in (EVALUATE, SHARPEN) else self._shown
         if task.what == SHARPEN:
             sharper = isinstance(response, HasDifferences) and response.sharpen(task.p)
@@ -277,7 +276,7 @@ class _OneSection:
             )
             for k in np.flatnonzero(self._rows).tolist()
         )  # fmt: skip
-        if rows or not self._source.predicted:
+        if rows or not self._section.predicted:
             return rows
         unreadable = self._setup.model.unreadable
         return tuple(
@@ -297,15 +296,18 @@ class _OneSection:
         start = np.array([q.start for q in case.parameters], dtype=np.float64)
         readings, used = setup.readings, setup.readings.used
         control = Control(stop=stop, max_time=self._all.max_time)
-        log = EvaluationLog.open(self._log(), self._source.identity)
+        path = self._all.log_path(self._number)
+        if self._all.fresh:
+            path.unlink(missing_ok=True)
+        log = EvaluationLog.open(path, self._all.identities[self._number])
         if isinstance(setup.model, KeepsSolutions):
             setup.model.keep_solutions(log)
         enough = int(np.count_nonzero(used)) >= n
         nothing = np.full((3, n), np.nan)
-        if self._source.predicted or not enough:
+        if self._section.predicted or not enough:
             with log:
                 problem = problem_of(setup, log, control)
-            self._all.log_path(self._number).unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
             return PreparedSection(
                 case.parameters, readings.value[used], problem.sd, problem.shared,
                 self._shown_rows(), start, nothing, "", case.notes,
@@ -323,9 +325,3 @@ class _OneSection:
             self._shown_rows(), found.outcome.values, alone, found.outcome.status,
             (*case.notes, *setup.model.notes),
         )  # fmt: skip
-
-    def _log(self) -> Path:
-        path = self._all.log_path(self._number)
-        if self._all.fresh:
-            path.unlink(missing_ok=True)
-        return path

@@ -379,15 +379,13 @@ class Request:
     reduced: str | None = None
 
 
-@dataclass(frozen=True)
-class Job:
-    """A request whose case was read and whose output may be written.
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """A request that was read, and whose output may be written.
 
     Args:
         request: what was asked for.
-        command: ``fit``, ``scan`` or ``backtest``.
-        methods: the identifiers to run, one after the other.
-        inputs: the case.
+        command: its name.
         place: of the result.
         identity: hash of everything that the result depends on.
         found: what stands at the place of the result.
@@ -397,8 +395,6 @@ class Job:
 
     request: Request
     command: str
-    methods: tuple[MethodOptions, ...]
-    inputs: Inputs
     place: Target
     identity: str
     found: Existing
@@ -411,6 +407,19 @@ class Job:
         return self.found is Existing.UP_TO_DATE and not self.request.fresh
 
 
+@dataclass(frozen=True, kw_only=True)
+class Job(Planned):
+    """A case that is to be computed.
+
+    Args:
+        methods: the identifiers to run, one after the other.
+        inputs: the case.
+    """
+
+    methods: tuple[MethodOptions, ...]
+    inputs: Inputs
+
+
 def plan_fit(request: Request) -> Job:
     """Read a case that is to be fitted, and look at what stands where its result goes.
 
@@ -421,19 +430,12 @@ def plan_fit(request: Request) -> Job:
         InputError: the case is wrong.
         OutputError: the result could not be written, or another one would be lost.
     """
-    inputs = _inputs(request)
-    return _plan(request, inputs, "fit", inputs.case.fit.methods)
-
-
-def _inputs(request: Request) -> Inputs:
-    """The case of a request as it is written."""
-    return load_inputs(request.case, overrides=request.overrides, text=request.text)
+    return _plan(request, "fit")
 
 
 def plan_backtest(request: Request) -> Job:
     """The same for a case that is to be fitted to ever more of its stages."""
-    inputs = _inputs(request)
-    return _plan(request, inputs, "backtest", inputs.case.fit.methods)
+    return _plan(request, "backtest")
 
 
 def plan_scan(request: Request) -> Job:
@@ -441,37 +443,33 @@ def plan_scan(request: Request) -> Job:
 
     The grid is that of the case's ``fit.scan`` if it is written.
     """
-    overrides = [*request.overrides, "fit.method=scan"]
+    return _plan(request, "scan", "fit.method=scan")
+
+
+def _plan(request: Request, command: str, *further: str) -> Job:
+    """Plan a command on a case with further overrides."""
+    overrides = [*request.overrides, *further]
     inputs = load_inputs(request.case, overrides=overrides, text=request.text)
-    return _plan(request, inputs, "scan", inputs.case.fit.methods)
-
-
-def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[MethodOptions]) -> Job:
     _require_parameters(inputs.case, command)
+    methods = inputs.case.fit.methods
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)
-    found = existing(place, identity, kind=command, case=request.case)
+    in_file = request.text is None and request.case != STDIN
     job = Job(
-        request,
-        command,
-        tuple(methods),
-        inputs,
-        place,
-        identity,
-        found,
-        _stamp(request, inputs, command, place),
+        request=request,
+        command=command,
+        place=place,
+        identity=identity,
+        found=existing(place, identity, kind=command, case=request.case),
+        stamp=stamp(place.path.parent, inputs.files, command, request.overrides, request.seed)
+        if in_file
+        else "",
+        methods=tuple(methods),
+        inputs=inputs,
     )
     if not job.up_to_date:
-        require_free(found, place, force=request.force, inputs=inputs.files)
+        require_free(job.found, place, force=request.force, inputs=inputs.files)
     return job
-
-
-def _stamp(request: Request, inputs: Inputs, command: str, place: Target) -> str:
-    """Checksums of the files that were read; empty where the case is not one of them."""
-    if request.text is not None or request.case == STDIN:
-        return ""
-    folder = place.path.parent
-    return stamp(folder, inputs.files, command, request.overrides, request.seed)
 
 
 def _require_parameters(case: Case, command: str) -> None:

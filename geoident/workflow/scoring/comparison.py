@@ -48,7 +48,12 @@ def compared(candidates: Sequence[Candidate], *, in_order: bool = False) -> Mode
     Raises:
         InputError: they are no fits, without evidence, or of different readings.
     """
-    require_comparable(candidates)
+    faults = [fault for one in candidates for fault in _unusable(one)]
+    if not faults:
+        for other in candidates[1:]:
+            faults += _other_readings(candidates[0], other)
+    if faults:
+        raise InputError(faults)
     models = [_score(candidate) for candidate in candidates]
     if not in_order:
         models.sort(key=lambda model: model.parameters + model.modes)
@@ -58,27 +63,8 @@ def compared(candidates: Sequence[Candidate], *, in_order: bool = False) -> Mode
     decided = bool(np.all(evidence[chosen] - others >= CLEAR))
     first = candidates[0].result.evidence
     assert first is not None
-    return ModelComparison(
-        tuple(models), chosen, decided, first.readings, tuple(_sentences(models, chosen))
-    )
-
-
-def require_comparable(candidates: Sequence[Candidate]) -> None:
-    """Refuse what cannot be compared, all at once.
-
-    Args:
-        candidates: at least two fits.
-
-    Raises:
-        InputError: they are no fits, without evidence, or of different readings.
-    """
-    faults = [fault for one in candidates for fault in _unusable(one)]
-    first = candidates[0]
-    if not faults:
-        for other in candidates[1:]:
-            faults += _other_readings(first, other)
-    if faults:
-        raise InputError(faults)
+    sentences = tuple(support_sentences(models, chosen))
+    return ModelComparison(tuple(models), chosen, decided, first.readings, sentences)
 
 
 def _unusable(one: Candidate) -> list[Fault]:
@@ -98,14 +84,12 @@ def _unusable(one: Candidate) -> list[Fault]:
 def _other_readings(first: Candidate, other: Candidate) -> list[Fault]:
     """A fault that names what one was fitted to and the other was not."""
     one, two = _used(first.result), _used(other.result)
-    only_one = [_words(key) for key in one if key not in two]
-    only_two = [_words(key) for key in two if key not in one]
-    changed = [_words(key) for key in one if key in two and not _alike(one[key], two[key])]
+    changed = [key for key in one if key in two and not _alike(one[key], two[key])]
     parts = []
-    if only_one:
-        parts.append(f"only {first.name} was fitted to {_some(only_one)}")
-    if only_two:
-        parts.append(f"only {other.name} to {_some(only_two)}")
+    if only := [key for key in one if key not in two]:
+        parts.append(f"only {first.name} was fitted to {_some(only)}")
+    if only := [key for key in two if key not in one]:
+        parts.append(f"only {other.name} to {_some(only)}")
     if changed:
         parts.append(f"the values of {_some(changed)} differ")
     if not parts:
@@ -118,12 +102,12 @@ def _other_readings(first: Candidate, other: Candidate) -> list[Fault]:
 def _used(result: Result) -> dict[Key, list[float]]:
     """Channel, stage and time of the used readings to their values, sorted, SI."""
     table = result.gauges.readings
-    found: dict[Key, list[float]] = {}
+    values: dict[Key, list[float]] = {}
     for k in np.flatnonzero(table.used).tolist():
         time = float(table.time[k])
         key = (table.channel[k], table.stage[k], time if isfinite(time) else -1.0)
-        found.setdefault(key, []).append(float(table.value[k]))
-    return {key: sorted(values) for key, values in found.items()}
+        values.setdefault(key, []).append(float(table.value[k]))
+    return {key: sorted(of_key) for key, of_key in values.items()}
 
 
 def _alike(one: list[float], two: list[float]) -> bool:
@@ -131,12 +115,8 @@ def _alike(one: list[float], two: list[float]) -> bool:
     return len(one) == len(two) and bool(np.allclose(one, two, rtol=_SAME, atol=_SAME * size))
 
 
-def _words(key: Key) -> str:
-    return f"{key[0]} at {key[1]}"
-
-
-def _some(names: Sequence[str]) -> str:
-    names = list(dict.fromkeys(names))
+def _some(keys: Sequence[Key]) -> str:
+    names = list(dict.fromkeys(f"{channel} at {stage}" for channel, stage, _ in keys))
     more = len(names) - _SHOWN
     return join(names) if more <= 0 else f"{', '.join(names[:_SHOWN])} and {more} more"
 
@@ -160,39 +140,45 @@ def _score(one: Candidate) -> ModelScore:
     )
 
 
-def _sentences(models: Sequence[ModelScore], chosen: int) -> list[str]:
-    """What the readings support, from the evidence; and whether the backtest agrees."""
-    mine = models[chosen]
-    beaten = [m for m in models if m is not mine and mine.log_evidence - m.log_evidence >= CLEAR]
-    equal = [m for m in models if m is not mine and m not in beaten]
-    said = []
+def support_sentences(models: Sequence[ModelScore], chosen: int) -> list[str]:
+    """What the readings support, from the evidence; and whether the backtest agrees.
+
+    Args:
+        models: in the order of their simplicity.
+        chosen: number of the simplest one of those that the readings cannot tell apart.
+    """
+    best = models[chosen]
+    others = [model for model in models if model is not best]
+    beaten = [m for m in others if best.log_evidence - m.log_evidence >= CLEAR]
+    equal = [m for m in others if m not in beaten]
+    sentences = []
     if not equal:
         nearest = max(beaten, key=lambda model: model.log_evidence)
-        said.append(
-            f"The readings support {mine.name}: {_odds(mine, nearest)} against {nearest.name}"
+        sentences.append(
+            f"The readings support {best.name}: {_odds(best, nearest)} against {nearest.name}"
             + (", the next best." if len(beaten) > 1 else ".")
         )
     else:
-        names = join([mine.name, *(model.name for model in equal)])
-        best = max(equal, key=lambda model: model.log_evidence)
-        gap = best.log_evidence - mine.log_evidence
-        said.append(
-            f"The readings cannot tell {names} apart (log Bayes factor {gap:+.1f} for {best.name}; "
-            f"it takes {CLEAR:g}, odds of 20 to 1): {mine.name} is the simpler and is preferred."
+        names = join([best.name, *(model.name for model in equal)])
+        rival = max(equal, key=lambda model: model.log_evidence)
+        gap = rival.log_evidence - best.log_evidence
+        sentences.append(
+            f"The readings cannot tell {names} apart (log Bayes factor {gap:+.1f} for "
+            f"{rival.name}; it takes {CLEAR:g}, odds of 20 to 1): {best.name} is the simpler and "
+            "is preferred."
         )
-        said += [_against(mine, model) for model in beaten]
-    if mine.status == "poor-fit":
+        sentences += [
+            f"They speak against {model.name}: {_odds(best, model)} for {best.name}."
+            for model in beaten
+        ]
+    if best.status == "poor-fit":
         all_poor = all(model.status == "poor-fit" for model in models)
-        said.append(
+        sentences.append(
             "None of them meets the readings within their errors: the best of them is still wrong."
             if all_poor
-            else f"{mine.name} does not meet the readings within their errors."
+            else f"{best.name} does not meet the readings within their errors."
         )
-    return said + _backtested(models, mine)
-
-
-def _against(mine: ModelScore, other: ModelScore) -> str:
-    return f"They speak against {other.name}: {_odds(mine, other)} for {mine.name}."
+    return sentences + _backtested(models, best)
 
 
 def _odds(one: ModelScore, other: ModelScore) -> str:
@@ -201,16 +187,16 @@ def _odds(one: ModelScore, other: ModelScore) -> str:
     return f"odds of {odds} (log Bayes factor {gap:.1f})"
 
 
-def _backtested(models: Sequence[ModelScore], mine: ModelScore) -> list[str]:
+def _backtested(models: Sequence[ModelScore], chosen: ModelScore) -> list[str]:
     """What the backtest adds, where the readings of the last stage were predicted by all."""
     scored = [model for model in models if isfinite(model.backtest)]
-    if mine not in scored or len(scored) < 2:
+    if chosen not in scored or len(scored) < 2:
         return []
     best = max(scored, key=lambda model: model.backtest)
-    gain = best.backtest - mine.backtest
-    if best is mine:
-        return [f"The backtest agrees: {mine.name} predicts the last fitted stage best."]
-    if gain * min(best.backtested, mine.backtested) < CLEAR:
+    gain = best.backtest - chosen.backtest
+    if best is chosen:
+        return [f"The backtest agrees: {chosen.name} predicts the last fitted stage best."]
+    if gain * min(best.backtested, chosen.backtested) < CLEAR:
         return [f"The backtest does not contradict: {best.name} predicts hardly better."]
     return [
         f"The backtest speaks for {best.name}: its predictions of the last fitted stage have a log "

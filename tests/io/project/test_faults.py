@@ -79,22 +79,22 @@ def test_a_project_with_all_sections_left_out_has_nothing_to_fit(tmp_path):
     assert "there is no section to fit" in faults_of(tmp_path, text)
 
 
-def test_a_wrong_path_hides_no_fault_behind_it(tmp_path):
-    """Of the project, of its schema, and of the cases of the other sections."""
-    text = SECTIONS.replace("case: section.yaml, set: {readings: km-1.csv}", "case: none.yaml")
-    text = text.replace("km-2.csv}", "km-2.csv, gauges.EX0.zero: nowhere}")
-    for old, new, said in (
-        ("b * GSI", "c * GSI", "'c' is no covariate"),
-        ("scatter: none", "scatter: nine", "Did you mean 'none'?"),
-        ("predict: true", "predict: perhaps", "sections[2].predict"),
-        ("title: Two sections", "titel: Two sections", "Did you mean 'title'?"),
-    ):
-        found = faults_of(tmp_path, text.replace(old, new))
-        assert said in found
-        assert "sections[0].case: there is no file" in found
-        assert "project.yaml:5:" in found
-        assert "nowhere" in found
-        assert "?0" not in found
+def test_first_the_project_is_judged_and_then_the_cases_of_all_sections(tmp_path):
+    text = SECTIONS.replace("km-1.csv}", "km-1.csv, gauges.EX0.zero: nowhere}")
+    text = text.replace("km-2.csv}", "km-2.csv, gauges.EX90.zero: elsewhere}")
+    wrong = text.replace("scatter: none", "scatter: nine").replace("title: Two", "titel: Two")
+    found = faults_of(
+        tmp_path, wrong.replace("case: section.yaml, covariates", "case: none.yaml, covariates")
+    )
+    assert "Did you mean 'none'?" in found
+    assert "Did you mean 'title'?" in found
+    assert "sections[2].case: there is no file" in found
+    assert "nowhere" not in found
+    found = faults_of(tmp_path, text.replace("shared: [K0]", "shared: [K1]"))
+    assert "project.yaml:4:" in found
+    assert "nowhere" in found
+    assert "project.yaml:5:" in found
+    assert "elsewhere" in found
 
 
 def test_what_is_left_out_as_wrong_is_no_fault_of_others(tmp_path):

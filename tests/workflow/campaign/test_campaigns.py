@@ -394,25 +394,31 @@ def places_of(text):
     return [(f.location.line, f.location.column, f.code) for f in caught.value.faults]
 
 
-def test_all_that_is_wrong_in_a_campaign_and_in_its_runs_is_said_at_once(here):
-    assert places_of(WRONG) == [
-        (3, 1, "unknown-key"),
-        (4, 31, "bad-override"),
+def test_all_that_is_wrong_in_a_campaign_is_said_at_once_and_then_all_of_its_runs(here):
+    assert places_of(WRONG) == [(3, 1, "unknown-key"), (10, 5, "bad-override")]
+    text = WRONG.replace("tytle", "title").replace("\n    gauges[0: [1]", "")
+    assert places_of(text) == [(4, 31, "bad-override")]
+    assert places_of(text.replace("E_rok", "E_rock")) == [
         (7, 30, "unknown-key"),
         (8, 30, "out-of-range"),
         (9, 21, "unknown-key"),
-        (10, 5, "bad-override"),
     ]
 
 
-def test_names_of_runs_and_a_wrong_command_hide_nothing(here):
+def test_names_of_runs_are_judged_before_their_cases(here):
     runs = "variations: {rows: [{run: a/b, materials.rock.nu: 0.7}, {run: a}, {run: A}]}"
-    assert places_of(f"command: simulat\nnoise: true\n{runs}") == [
-        (3, 10, "not-listed"),
+    assert places_of(f"command: simulat\nnoise: true\n{runs}") == [(3, 10, "not-listed")]
+    assert places_of(f"command: simulate\nnoise: true\n{runs}") == [
         (5, 21, "bad-name"),
-        (5, 51, "out-of-range"),
         (5, 67, "same-run"),
     ]
+    named = runs.replace("a/b", "b").replace("run: A", "run: c")
+    assert places_of(f"command: simulate\nnoise: true\n{named}") == [(5, 49, "out-of-range")]
+
+
+def test_a_seed_is_of_the_runs_and_not_of_the_case(here):
+    """It varies from run to run; for all runs the campaign has a key of its own."""
+    assert places_of("set: {seed: 3}\nvariations: {rows: [{run: a}]}") == [(3, 13, "unknown-key")]
 
 
 def test_faults_of_the_base_case_are_said_once_beside_those_of_runs(here):

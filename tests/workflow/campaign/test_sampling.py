@@ -37,7 +37,7 @@ def test_sobol_points_are_even_in_every_pair_of_axes():
 )
 def test_values_have_their_distribution(kind, first, second, distribution):
     span = SampledRange("a.b", kind, first, second, "MPa", PLACE)
-    runs = sampled(Sampling("latin-hypercube", 400, 2, (span,)))
+    runs = sampled(Sampling("latin-hypercube", 400, 2, (span,)), "case.yaml")
     texts = [dict(run.settings)["a.b"] for run in runs]
     assert all(text.endswith(" MPa") for text in texts)
     values = np.array([float(text.removesuffix(" MPa")) for text in texts])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 
 from geoident.model.results.many.campaign import (
     SAME_MISFIT,
@@ -20,6 +19,8 @@ _MOST_ROWS = 200
 """Rows of a table for people; ``runs.csv`` has all."""
 
 _SLOWEST = 3
+_NAMED = 5
+"""Runs that a sentence names."""
 
 
 def campaign_text(table: CampaignTable, *, title: str) -> str:
@@ -40,38 +41,31 @@ def campaign_text(table: CampaignTable, *, title: str) -> str:
 def outcome_sentences(table: CampaignTable) -> list[str]:
     """How the runs ended, in a few sentences."""
     done = sum(run.finished for run in table.runs)
-    said = [table.outdated] if table.outdated else []
-    said.append(f"{done} of {table.total} runs done ({statuses_text(table.runs)}).")
+    counted = Counter(run.status for run in table.runs).most_common()
+    statuses = ", ".join(f"{count} {status}" for status, count in counted) or "none has ended"
+    sentences = [table.outdated] if table.outdated else []
+    sentences.append(f"{done} of {table.total} runs done ({statuses}).")
     left = table.total - len(table.runs)
     if left:
-        said.append(f"{left} runs have not ended; the same command goes on with them.")
+        sentences.append(f"{left} runs have not ended; the same command goes on with them.")
     if table.failed:
-        named = ", ".join(run.name for run in table.failed[:5])
-        more = f" and {len(table.failed) - 5} more" if len(table.failed) > 5 else ""
-        said.append(f"Failed: {named}{more}.")
+        named = ", ".join(run.name for run in table.failed[:_NAMED])
+        more = f" and {len(table.failed) - _NAMED} more" if len(table.failed) > _NAMED else ""
+        sentences.append(f"Failed: {named}{more}.")
     if best := best_runs(table):
-        named = listed_names([run.name for run in best])
+        names = [run.name for run in best]
+        if len(names) > _NAMED:
+            names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
+        named = " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])
         have = f"The run {named} has" if len(best) == 1 else f"The runs {named} have"
-        said.append(f"{have} the least misfit, {number(best[0].objective)}.")
+        sentences.append(f"{have} the least misfit, {number(best[0].objective)}.")
     took = [run for run in table.runs if math.isfinite(run.seconds)]
     if took:
         slow = sorted(took, key=lambda run: -run.seconds)[:_SLOWEST]
         words = ", ".join(f"{run.name} ({seconds_text(run.seconds)})" for run in slow)
         spent = seconds_text(sum(run.seconds for run in took))
-        said.append(f"Computed in {spent} of process time; slowest: {words}.")
-    return said
-
-
-def statuses_text(runs: Sequence[RunRecord]) -> str:
-    """How many runs ended how.
-
-    >>> statuses_text([])
-    'none has ended'
-    """
-    counted = Counter(run.status for run in runs)
-    return ", ".join(f"{count} {status}" for status, count in counted.most_common()) or (
-        "none has ended"
-    )
+        sentences.append(f"Computed in {spent} of process time; slowest: {words}.")
+    return sentences
 
 
 def seconds_text(seconds: float) -> str:
@@ -83,20 +77,6 @@ def seconds_text(seconds: float) -> str:
     if seconds < 10.0:
         return f"{seconds:.2f} s"
     return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60:.0f} min"
-
-
-_NAMED = 5
-
-
-def listed_names(names: Sequence[str]) -> str:
-    """The first of some names, and how many more there are.
-
-    >>> listed_names(["a", "b"]), listed_names(list("abcdefg"))
-    ('a and b', 'a, b, c, d, e and 2 more')
-    """
-    if len(names) > _NAMED:
-        return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
-    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), *names[-1:]])
 
 
 def best_runs(table: CampaignTable) -> tuple[RunRecord, ...]:

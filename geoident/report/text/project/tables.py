@@ -12,10 +12,7 @@ from geoident.model.results.many.project import (
     NO_SCATTER,
     SHARED,
     UNKNOWN_SCATTER,
-    LawEstimate,
     ProjectResult,
-    SectionEnd,
-    SectionParameter,
     SectionReading,
 )
 from geoident.report.text.layout import (
@@ -59,7 +56,10 @@ def project_text(result: ProjectResult, *, title: str) -> str:
             parameters_table(result).folded(2),
         ),
         *(
-            section(f"{one.name}: predicted readings", _few(readings_table(result, one)))
+            section(
+                f"{one.name}: predicted readings",
+                _few(bands_table([row for row in result.readings if row.section == one.name])),
+            )
             for one in result.predicted
         ),
         section("Left out in turn", left_out_table(result).folded()),
@@ -135,28 +135,19 @@ def common_table(result: ProjectResult) -> TextTable:
 
 def laws_table(result: ProjectResult) -> TextTable:
     """The laws and the scatter about them."""
-    rows = [
-        [law.parameter, law.formula, scatter_cell(law), scatter_interval(law)]
-        for law in result.laws
-    ]
+    rows = []
+    for law in result.laws:
+        scatter, interval = law.words(law.scatter), ""
+        if law.state == UNKNOWN_SCATTER:
+            scatter = NOT_DETERMINED
+        elif law.state == NO_SCATTER:
+            scatter = "none"
+        elif law.state == GIVEN_SCATTER:
+            scatter += " (given)"
+        else:
+            interval = f"{law.words(law.lower95)} to {law.words(law.upper95)}"
+        rows.append([law.parameter, law.formula, scatter, interval])
     return TextTable(["parameter", "law", "scatter", "95 % interval"], rows, right="llrr")
-
-
-def scatter_cell(law: LawEstimate) -> str:
-    """The scatter about a law in words."""
-    if law.state == UNKNOWN_SCATTER:
-        return NOT_DETERMINED
-    if law.state == NO_SCATTER:
-        return "none"
-    given = " (given)" if law.state == GIVEN_SCATTER else ""
-    return f"{law.words(law.scatter)}{given}"
-
-
-def scatter_interval(law: LawEstimate) -> str:
-    """The interval of the scatter; empty where it is not estimated."""
-    if law.state in (GIVEN_SCATTER, NO_SCATTER, UNKNOWN_SCATTER):
-        return ""
-    return f"{law.words(law.lower95)} to {law.words(law.upper95)}"
 
 
 def sections_table(result: ProjectResult) -> TextTable:
@@ -194,32 +185,24 @@ def chance(probability: float) -> str:
 
 def parameters_table(result: ProjectResult) -> TextTable:
     """What the laws say of each section, what it says by itself, and what all say together."""
-    rows = [parameter_row(row) for row in result.parameters if row.kind != SHARED]
+    rows = []
+    for row in result.parameters:
+        if row.kind == SHARED:
+            continue
+        of = row.unit, row.dimension
+        law = _joined(row.law, row.law_lower95, row.law_upper95, *of) if row.kind == LAW else "-"
+        alone = _joined(row.alone, row.alone_lower95, row.alone_upper95, *of)
+        value, interval = _value(
+            row.value, row.lower95, row.upper95, *of, determined=row.determined
+        )
+        shrunk = "-" if math.isnan(row.shrinkage) else f"{100 * row.shrinkage:.0f} %"
+        rows.append(
+            [row.parameter, row.section, shown_unit(*of) or "-", law, alone,
+             f"{value} ({interval})" if interval else value, shrunk,
+             "at bound" if row.at_bound else ""]
+        )  # fmt: skip
     header = ["parameter", "section", "unit", "law", "by itself", "with all", "shrinkage", ""]
     return TextTable(header, rows, right="lllrrrr")
-
-
-def parameter_row(row: SectionParameter) -> list[str]:
-    """A row of `parameters_table`."""
-    of = row.unit, row.dimension
-    law = _joined(row.law, row.law_lower95, row.law_upper95, *of)
-    alone = _joined(row.alone, row.alone_lower95, row.alone_upper95, *of)
-    value, interval = _value(row.value, row.lower95, row.upper95, *of, determined=row.determined)
-    shrunk = "-" if math.isnan(row.shrinkage) else f"{100 * row.shrinkage:.0f} %"
-    return [
-        row.parameter, row.section, shown_unit(*of) or "-", law if row.kind == LAW else "-", alone,
-        f"{value} ({interval})" if interval else value, shrunk, "at bound" if row.at_bound else "",
-    ]  # fmt: skip
-
-
-def readings_table(result: ProjectResult, one: SectionEnd) -> TextTable:
-    """The readings of a predicted section.
-
-    Args:
-        result: with them.
-        one: the section.
-    """
-    return bands_table([row for row in result.readings if row.section == one.name])
 
 
 def bands_table(rows: Sequence[SectionReading]) -> TextTable:
