@@ -12,19 +12,19 @@ from matplotlib.patches import Rectangle
 
 from geoident.model.results.result import Result
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
-from geoident.report.drawing.model.case import case_of
+from geoident.report.drawing.scene import case_of
 from geoident.report.drawing.style import (
     ACCENT,
     COMPUTED,
     FAINT,
     SMALL,
     Picture,
+    arrow,
     image,
     panel_grid,
 )
 from geoident.report.text.case import gauge_entry
 
-_ARROW = {"arrowstyle": "-|>", "color": ACCENT, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
 _GROUND = "#e8e8e3"
 _STEEL = "#8a9096"
 
@@ -78,7 +78,7 @@ def signs_figure(kinds: Sequence[str], absent: Sequence[str] = ()) -> Figure:
 
 
 def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
-    axes.annotate("", xy=end, xytext=start, arrowprops=_ARROW)
+    axes.annotate("", xy=end, xytext=start, arrowprops=arrow(ACCENT, 1.4))
 
 
 def _box(axes: Axes, low: tuple[float, float], size: tuple[float, float], colour: str) -> None:
