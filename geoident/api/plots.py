@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 from collections.abc import Sequence
 from functools import cached_property
@@ -71,8 +72,6 @@ class Drawing(tuple["Axes", ...]):
 
 def _image(figure: Figure, words: str) -> Html:
     """A figure inside HTML."""
-    import io  # noqa: PLC0415
-
     from geoident.report.drawing.style import drawing_style  # noqa: PLC0415
 
     buffer = io.BytesIO()

@@ -20,7 +20,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, dia_array, vstack
+from scipy.sparse import csr_array, diags_array, vstack
 
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import FaceTable, face_table, patches
@@ -260,9 +260,7 @@ def _means(columns: Ints, weights: Floats, n: int) -> csr_array:
 
 def _between(means: csr_array, a: Ints, b: Ints, w: Floats) -> csr_array:
     """The means at the weights w (k,) from those in the rows a (k,) to those in the rows b."""
-    shape = len(w), len(w)
-    first, second = (dia_array((part[None], [0]), shape=shape) for part in (1 - w, w))
-    return csr_array(first @ means[a] + second @ means[b])
+    return csr_array(diags_array(1 - w) @ means[a] + diags_array(w) @ means[b])
 
 
 @dataclass(frozen=True)

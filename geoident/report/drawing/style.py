@@ -110,7 +110,8 @@ def image(picture: Picture, suffix: str) -> bytes:
         if (
             suffix == "svg"
         ):  # without the layout for a bounding box, which takes a third of the time
-            FigureCanvasSVG(figure).print_svg(buffer, metadata=metadata)
+            canvas: Any = FigureCanvasSVG(figure)
+            canvas.print_svg(buffer, metadata=metadata)
         else:
             figure.savefig(buffer, format=suffix, dpi=_DPI, metadata=metadata)
     return buffer.getvalue()

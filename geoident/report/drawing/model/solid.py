@@ -243,7 +243,7 @@ def _near_faces(model: DrawnModel, faces: list[Ints], owner: Ints) -> tuple[list
 
 
 def _polygons(model: DrawnModel, faces: list[Ints]) -> Polygons:
-    return Polygons.of([model.mesh.points[nodes] for nodes in faces])
+    return Polygons.of([np.empty((0, 3, 3)), *(model.mesh.points[nodes] for nodes in faces)])
 
 
 def _add_faces(axes: Any, faces: Polygons, colours: Floats, *, alpha: float) -> None:
