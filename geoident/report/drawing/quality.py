@@ -64,8 +64,8 @@ def quality_pictures(result: Result) -> tuple[Picture, ...]:
 
 def one_to_one_figure(result: Result) -> Figure:
     """Computed over measured readings, equal scales, a panel for each unit."""
-    shown, both = result.gauges.shown_units, _both(result).any(axis=1)
-    units = list(dict.fromkeys(unit for unit, read in zip(shown, both, strict=True) if read))
+    shown, rows = result.gauges.shown_units, np.flatnonzero(_both(result).any(axis=1))
+    units = list(dict.fromkeys(shown[row] for row in rows))
     figure = Figure(figsize=(4.8 * len(units), 4.9))
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         _draw_one_to_one(axes, result, unit)

@@ -65,9 +65,8 @@ def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
 
 def _opening(scene: Scene) -> Sheet:
     """The section along which the model is opened: an upright one, the best of those."""
-    order = {0: 0, 1: 1, 2: 2}
     sheets = [view.sheet for view in scene.views]
-    return min(sheets, key=lambda sheet: order[sheet.plane.axis] if sheet.plane else 2)
+    return min(sheets, key=lambda sheet: sheet.plane.axis if sheet.plane is not None else 2)
 
 
 def surface_figure(scene: Scene, opened: Sheet | None, factor: float) -> Figure:

@@ -82,7 +82,7 @@ def _shade(axes: Any, view: SheetView, found: FieldEstimate, values: Floats, col
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     levels = MaxNLocator(_BANDS).tick_values(low, high if high > low else low + 1e-6 + abs(low))
     return axes.tripcolor(
-        Triangulation(*sheet.xy.T, sheet.triangles[kept]),
+        Triangulation(sheet.xy[:, 0], sheet.xy[:, 1], sheet.triangles[kept]),
         facecolors=every[sheet.element[kept]],
         cmap=colours,
         norm=BoundaryNorm(levels, colormaps[colours].N),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from geoident.model.results.head import NO_HEAD, ReportHead
@@ -46,6 +47,7 @@ def page_of_many(
         logo: content of the file of the logo.
         draw: makes the figures.
     """
+    origin: tuple[str, Mapping[str, str]]
     if isinstance(content, CampaignTable):
         title = content.title or f"Campaign {PurePosixPath(content.campaign_file).name}"
         parts, origin = _campaign(content), (content.created, content.versions)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -200,8 +200,8 @@ def bands(shown: Floats, colours: str) -> dict[str, Any]:
     low, high = float(levels[0]), float(levels[-1])
     known = shown[0] if shown.size else np.zeros(1)
     below, above = bool(known.min() < low), bool(known.max() > high)
-    extend = {(True, False): "min", (False, True): "max", (True, True): "both"}.get(
-        (below, above), "neither"
+    extend: Literal["neither", "both", "min", "max"] = (
+        ("both" if above else "min") if below else ("max" if above else "neither")
     )
     middles = (levels[:-1] + levels[1:]) / 2
     step = levels[1] - levels[0]

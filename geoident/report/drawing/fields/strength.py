@@ -112,7 +112,7 @@ def _materials_at(scene: Scene, case: Case, state: int) -> list[tuple[Material, 
             number[mesh.groups[group]] = names.index(name)
     for stage in scene.history(state):
         now = case.stages[stage - 1]
-        for group, name in (now.install | now.change).items():
+        for group, name in {**now.install, **now.change}.items():
             number[mesh.groups[group]] = names.index(name)
     number[~scene.fields.present[state]] = -1
     return [

@@ -36,7 +36,7 @@ def stress_pictures(view: SheetView) -> tuple[Picture, ...]:
         (2, "maximum", "the smallest compression, or tension"),
     ):
         label = f"{name} principal stress ({unit}, tension positive)"
-        quantity = ColouredField(label, lambda v, k, n=which: v.stress(k, n) / size, STRESSES)
+        quantity = ColouredField(label, partial(_stress, which, size), STRESSES)
         text = f"The {name} principal stress is {words}. {_TENSION}"
         title = f"{name.capitalize()} principal stress"
         found.append(contours(view, f"stress-{name}", title, text, quantity))
@@ -47,6 +47,10 @@ def stress_pictures(view: SheetView) -> tuple[Picture, ...]:
         partial(cross_figure, view),
     )
     return (*found, crosses)
+
+
+def _stress(which: int, size: float, view: SheetView, state: int) -> Floats:
+    return view.stress(state, which) / size
 
 
 def _unit(view: SheetView) -> tuple[str, float]:

@@ -121,24 +121,27 @@ def readings_figure(
     """
     axis = stage_axis(result)
     limits = value_limits(result, shown if ways else [*_over_time(result), *shown])
-    extra, sharex = (0.7, True) if ways is None else (0.8, False)
-    figure, panels = panel_grid(len(shown), height=2.05, extra=extra, sharex=sharex)
+    extra = 0.8 if ways else 0.7
+    figure, panels = panel_grid(len(shown), height=2.05, extra=extra, sharex=not ways)
     for axes, one in zip(panels, shown, strict=True):
-        if ways is None:
-            _draw_instrument(axes, result, one, axis)
-            axis.finish(axes)
+        own = replace(axis, at=ways[one.rows[0]], dated=False) if ways else axis
+        _draw_instrument(axes, result, one, own)
+        if ways:
+            _finish_way(axes, np.concatenate([ways[each.rows[0]] for each in shown]))
         else:
-            own = StageAxis(axis.stages, ways[one.rows[0]], dated=False)
-            _draw_instrument(axes, result, one, own)
-            every = np.concatenate([ways[each.rows[0]] for each in shown])
-            margin = 0.04 * np.ptp(every)
-            axes.set_xlim(every.min() - margin, every.max() + margin)
-            axes.axvline(0.0, color=FAINT, lw=0.7, ls=":")
-            axes.set_xlabel("face past the section (m)")
+            axis.finish(axes)
         low, high = limits[one.quantity]
         axes.set_ylim((high, low) if one.downwards else (low, high))
     figure.legend(handles=_legend(result, shown), loc="outside upper center", ncols=4)
     return figure
+
+
+def _finish_way(axes: Axes, every: Floats) -> None:
+    """The axis of the way of the face, m, for the places (k,) of all panels."""
+    margin = 0.04 * np.ptp(every)
+    axes.set_xlim(every.min() - margin, every.max() + margin)
+    axes.axvline(0.0, color=FAINT, lw=0.7, ls=":")
+    axes.set_xlabel("face past the section (m)")
 
 
 def _legend(result: Result, shown: Sequence[Instrument]) -> list[object]:

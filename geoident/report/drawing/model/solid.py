@@ -85,8 +85,8 @@ def _draw_outside(axes: Any, model: DrawnModel) -> None:
     _add_faces(axes, ground, colours, alpha=1.0)
     surface = ground.triangles
     edges = model.mesh.points[_zone_edges(model, np.where(there, model.zones, -1))]
-    seen = ~hidden(edges.mean(axis=1), surface, _EYE)
-    add_lines(axes, edges[seen], _EDGE, 0.5)
+    visible = ~hidden(edges.mean(axis=1), surface, _EYE)
+    add_lines(axes, edges[visible], _EDGE, 0.5)
     _frame(axes, model.box)
     named, nearest = [], [np.empty((0, 3))]
     for support in all_supports(model.case):

@@ -85,7 +85,7 @@ def region_levels(count: int) -> tuple[float, ...]:
     >>> [round(level, 2) for level in (*region_levels(1), *region_levels(2))]
     [0.99, 3.84, 2.28, 5.99]
     """
-    return tuple(float(level) for level in chi2.ppf(SHARES, count))
+    return tuple(float(chi2.ppf(share, count)) for share in SHARES)
 
 
 @dataclass(frozen=True)
