@@ -89,7 +89,7 @@ def report(
         msg = "A report needs a result: report(result)."
         raise UsageError(msg)
     needed("matplotlib", extra="report", what="a report")
-    from geoident.report.page.of_many import page_of_many  # noqa: PLC0415
+    from geoident.report.page.many import page_of_many  # noqa: PLC0415
     from geoident.report.page.page import report_page  # noqa: PLC0415
 
     paths = [path_of(result) for result in results]

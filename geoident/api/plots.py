@@ -1,8 +1,11 @@
 """Figures of a result as axes of matplotlib: those of the report, one by one."""
 
+# ruff: noqa: PLC0415 - matplotlib is loaded by what draws, and may be missing
+
 from __future__ import annotations
 
 import base64
+import io
 import re
 from collections.abc import Sequence
 from functools import cached_property
@@ -44,7 +47,7 @@ class Drawing(tuple["Axes", ...]):
     @classmethod
     def of(cls, pictures: Sequence[Picture]) -> Drawing:
         """Draw pictures."""
-        from geoident.report.drawing.style import drawing_style  # noqa: PLC0415
+        from geoident.report.drawing.style import drawing_style
 
         with drawing_style():
             figures = tuple(picture.draw() for picture in pictures)
@@ -71,9 +74,7 @@ class Drawing(tuple["Axes", ...]):
 
 def _image(figure: Figure, words: str) -> Html:
     """A figure inside HTML."""
-    import io  # noqa: PLC0415
-
-    from geoident.report.drawing.style import drawing_style  # noqa: PLC0415
+    from geoident.report.drawing.style import drawing_style
 
     buffer = io.BytesIO()
     with drawing_style():
@@ -183,22 +184,19 @@ class Plots:
     @cached_property
     def _album(self) -> Album:
         needed("matplotlib", extra="report", what="a figure")
-        from geoident.report.drawing.album import album  # noqa: PLC0415
+        from geoident.report.drawing.album import album
 
         return album(self._result)
 
     def _of_stage(self, stage: str | None) -> tuple[Picture, ...]:
         needed("matplotlib", extra="report", what="a figure")
-        from geoident.report.drawing.album import stage_pictures  # noqa: PLC0415
+        from geoident.report.drawing.album import stage_pictures
 
         gauges, fields = self._result.gauges, self._result.fields
         if fields is None:
             kind = self._result.kind
-            why = (
-                "draw those of a fit"
-                if kind in ("scan", "backtest", "sample")
-                else "it has no mesh"
-            )
+            of_fit = kind in ("scan", "backtest", "sample")
+            why = "draw those of a fit" if of_fit else "it has no mesh"
             msg = f"This {kind} holds no displacements and stresses: {why}."
             raise UsageError(msg)
         if stage is None:

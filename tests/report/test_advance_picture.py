@@ -7,7 +7,7 @@ import pytest
 from matplotlib.text import Text
 
 from geoident.report.drawing.album import album
-from geoident.report.drawing.gauges.advance import advance_pictures
+from geoident.report.drawing.opening import advance_pictures
 from geoident.report.drawing.style import drawing_style, image
 from tests.io.result.conftest import make_advance
 from tests.support.results import small_result

@@ -25,7 +25,7 @@ from geoident.report.drawing.fields.strength import (
     utilisation_figure,
     yielded_figure,
 )
-from geoident.report.drawing.fields.stress import cross_figure, stress_pictures, stress_unit
+from geoident.report.drawing.fields.stress import cross_figure, stress_pictures
 from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.sheets import element_centres
 from geoident.report.drawing.style import drawing_style
@@ -97,7 +97,7 @@ def test_a_stage_builds_on_its_base_and_displacements_count_since_the_zero():
 
 def test_vectors_end_inside_their_panels(plane):
     scene = Scene(plane, plane.fields)
-    figure = laid_out(partial(vector_figure, scene, scene.sheets[0]))
+    figure = laid_out(partial(vector_figure, scene.views[0]))
     for axes in figure.axes:
         (arrows,) = [c for c in axes.collections if isinstance(c, Quiver)]
         tips = np.stack([arrows.X + arrows.U, arrows.Y + arrows.V], axis=1)
@@ -113,7 +113,7 @@ def test_crosses_lie_along_the_principal_stresses():
     tensor = turn @ np.diag([-4e6, -1e6]) @ turn.T
     scene = scene_with([tensor[0, 0], tensor[1, 1], -2e6, tensor[0, 1]], [0, 0, 0])
     with drawing_style():
-        axes = cross_figure(scene, scene.sheets[0]).axes[0]
+        axes = cross_figure(scene.views[0]).axes[0]
     lines = [c for c in axes.collections if isinstance(c, LineCollection)]
     arms = np.diff(np.array(lines[-2].get_segments()), axis=1)[:, 0].reshape(-1, 2, 2)
     assert len(arms) > 100
@@ -124,38 +124,39 @@ def test_crosses_lie_along_the_principal_stresses():
     assert len(lines[-1].get_segments()) == 0  # no tension
 
 
-def test_stresses_of_soils_are_shown_in_kilopascal():
-    soft = scene_with([-2e5, -2e5, -2e5, 0], [0, 0, 0])
-    hard = scene_with([-2e6, -2e6, -2e6, 0], [0, 0, 0])
-    assert stress_unit(soft, soft.sheets[0]) == (1e3, "kPa")
-    assert stress_unit(hard, hard.sheets[0]) == (1e6, "MPa")
-
-
 def scale_of(figure, label):
     """First and last value of a scale of colours."""
     (axes,) = [each for each in figure.axes if each.get_xlabel().startswith(label)]
     return axes.get_xlim()
 
 
+def test_stresses_of_soils_are_shown_in_kilopascal():
+    for size, unit in ((2e5, "kPa"), (2e6, "MPa")):
+        ground = scene_with([-size, -size, -size, 0], [0, 0, 0])
+        figure = laid_out(stress_pictures(ground.views[0])[0].draw)
+        ends = scale_of(figure, f"minimum principal stress ({unit}, tension positive)")
+        assert ends == pytest.approx((-200 if unit == "kPa" else -2,) * 2, abs=1e-3)
+
+
 def test_scales_of_colours_are_in_the_units_that_they_name():
     """2 and 3 MPa of compression, 62.5 % of the strength, 1.5 % of plastic strain."""
     even = scene_with([-2e6, -3e6, -2e6, 0], [0, 0, 0])
-    least, largest, _ = stress_pictures(even, even.sheets[0], "", "")
+    least, largest, _ = stress_pictures(even.views[0])
     unit = "principal stress (MPa, tension positive)"
     assert scale_of(laid_out(least.draw), f"minimum {unit}") == pytest.approx((-3, -3), abs=1e-4)
     assert scale_of(laid_out(largest.draw), f"maximum {unit}") == pytest.approx((-2, -2), abs=1e-4)
     turned = scene_with([-2.5e6, -2.5e6, -2e6, 1.5e6], [0, 0, 0])  # -1 and -4 MPa at 45 degrees
-    least, largest, _ = stress_pictures(turned, turned.sheets[0], "", "")
+    least, largest, _ = stress_pictures(turned.views[0])
     assert scale_of(laid_out(least.draw), f"minimum {unit}") == pytest.approx((-4, -4), abs=1e-4)
     assert scale_of(laid_out(largest.draw), f"maximum {unit}") == pytest.approx((-1, -1), abs=1e-4)
     strength = 2 * C * np.cos(PHI) / (1 - np.sin(PHI))
     used = scene_with([0.0, -0.5 * strength, 0.0, 0.0], [0, 0, 0])
-    _, last = scale_of(laid_out(lambda: utilisation_figure(used, used.sheets[0])), "utilisation (%")
+    _, last = scale_of(laid_out(lambda: utilisation_figure(used.views[0])), "utilisation (%")
     assert 62.5 < last < 75.0
     flowed = scene_with([0, 0, 0, 0], [1.5e-2 * np.sqrt(0.75), -1.5e-2 * np.sqrt(0.75), 0])
     flowed.fields.yielded[1:] = True
     label = "equivalent plastic strain (%)"
-    _, last = scale_of(laid_out(lambda: yielded_figure(flowed, flowed.sheets[0])), label)
+    _, last = scale_of(laid_out(lambda: yielded_figure(flowed.views[0])), label)
     assert 1.5 <= last < 2.0 or 4.5 <= last < 6.0  # of the state with three times the motion
 
 
@@ -167,7 +168,7 @@ def test_a_field_that_varies_is_drawn_in_its_unit_with_parts_in_percent():
         "rock.E", "rock", "E", "pressure", "GPa", np.arange(n), np.zeros((n, 2)),
         (2 + step) * 1e9, 0.1 + 0.1 * step, np.full(n, 0.3), 0.4 + 0.2 * step, 3, 0.9,
     )  # fmt: skip
-    figure = laid_out(lambda: varied_figure(scene, scene.sheets[0], found))
+    figure = laid_out(lambda: varied_figure(scene.views[0], found))
     ends = {
         axes.get_title(loc="left") or axes.get_title(): np.ptp(mesh.get_array()) * 1j
         + mesh.get_array().min()
@@ -183,15 +184,15 @@ def test_a_field_that_varies_is_drawn_in_its_unit_with_parts_in_percent():
 @pytest.mark.parametrize(("low", "high"), [(0.5, 9.0), (-4.0, 5.0)])
 def test_colours_are_those_of_their_bands_and_what_is_absent_stays_white(low, high):
     scene = scene_with([0] * 4, [0, 0, 0])
-    (sheet,) = scene.sheets
+    (view,) = scene.views
     scene.fields.present[1] = element_centres(scene.fields.mesh)[:, 0] < 40 / 3  # two of three rows
-    value = low + (high - low) * sheet.xy[:, 1] / 20.0
+    value = low + (high - low) * view.sheet.xy[:, 1] / 20.0
     scale = bands(np.stack([np.clip(value, low + 1.0, high - 1.0), np.ones(len(value))]), "Blues")
     with drawing_style():
         figure = Figure(figsize=(2, 2), layout="none")
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set_axis_off()
-        shade(axes, scene, sheet, 1, value, scale)
+        shade(axes, view, 1, value, scale)
         axes.set(xlim=(0, 20), ylim=(0, 20))
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
@@ -211,7 +212,7 @@ def test_colours_are_those_of_their_bands_and_what_is_absent_stays_white(low, hi
 def test_of_one_stage_only_its_state_is_drawn(plane, state):
     scene = Scene(plane, plane.fields, only=state)
     with drawing_style():
-        figure = vector_figure(scene, scene.sheets[0])
+        figure = vector_figure(scene.views[0])
     assert len(figure.axes) == 1
 
 
@@ -219,13 +220,13 @@ def test_of_one_stage_only_its_state_is_drawn(plane, state):
 def test_titles_over_scales_of_colours_are_not_cut(plane, aspect):
     """Panels that are narrower than their room stand below their title, not in its room."""
     scene = Scene(plane, plane.fields)
-    (sheet,) = scene.sheets
+    (view,) = scene.views
     low, high = scene.box
     part = np.array([1.0, aspect]) / max(1.0, aspect)
     window = Window(low, low + (high - low) * part)
-    scene.window = lambda _: window
-    quantity = ColouredField("size (mm)", lambda s, state: np.full(len(s.xy), state), "Blues")
-    figure = laid_out(lambda: table_figure(scene, sheet, [quantity] * 4))
+    view.window = window
+    quantity = ColouredField("size (mm)", lambda v, state: np.full(len(v.sheet.xy), state), "Blues")
+    figure = laid_out(lambda: table_figure(view, [quantity] * 4))
     said = {axes.get_title(loc="left") for axes in figure.axes} - {""}
     titles = [text.get_window_extent() for text in figure.findobj(Text) if text.get_text() in said]
     assert max(box.y1 for box in titles) < figure.bbox.y1 - 2.5  # the layout keeps 3 points free

@@ -154,7 +154,7 @@ def test_a_gauge_of_a_displacement_names_its_component(plane):
 def test_the_magnification_is_stated_and_true(plane):
     scene = Scene(plane, plane.fields)
     (picture,) = [p for p in album(plane).fields if p.name == "deformed"]
-    factor = scene.magnification(scene.window(scene.sheets[0]).size)
+    factor = scene.magnification(scene.views[0].window.size)
     assert f"{factor:g} times magnified" in picture.title
     xy = picture.draw().axes[1].lines[-1].get_xydata()
     drawn = xy[np.isfinite(xy).all(axis=1)]

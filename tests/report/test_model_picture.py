@@ -15,9 +15,6 @@ from geoident.model.actions import Pressure, Water, WaterPressure
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.report.drawing.album import album
-from geoident.report.drawing.model.case import (
-    case_of,
-)
 from geoident.report.drawing.model.construction import (
     construction_of,
     marked_places,
@@ -26,6 +23,7 @@ from geoident.report.drawing.model.construction import (
 )
 from geoident.report.drawing.model.drawn import DrawnModel
 from geoident.report.drawing.model.figure import model_figure
+from geoident.report.drawing.scene import case_of
 from geoident.report.drawing.style import GAUGE
 from tests.report.test_labels import overlapping
 from tests.support.cases import make_case, material

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geoident.report.drawing.parameters.parallel import (
+from geoident.report.drawing.campaign import (
     MOST_LINES,
     ParallelAxis,
     parallel_figure,

@@ -10,8 +10,13 @@ from support.projects import example, without
 
 from geoident.cli.app import geoident
 from geoident.io.result.project import read_project_result
-from geoident.report.drawing.project.laws import estimate_pictures, law_figure, law_pictures
-from geoident.report.drawing.project.readings import bands_figure, reading_pictures
+from geoident.report.drawing.project import (
+    bands_figure,
+    estimate_pictures,
+    law_figure,
+    law_pictures,
+    reading_pictures,
+)
 from geoident.report.drawing.style import drawing_style
 from geoident.report.text.project.tables import project_text
 

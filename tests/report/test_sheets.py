@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from geoident.fem import location
 from geoident.fem.faces import face_table
-from geoident.fem.near import points_in_boxes
 from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
 from geoident.report.drawing.model.figure import model_figure
-from geoident.report.drawing.scene import Scene, gauge_planes, principal_stresses, round_down
+from geoident.report.drawing.scene import Scene, principal_stresses, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker
 from geoident.report.drawing.solid import _means, _View, surface_figure
 from geoident.report.drawing.style import MM
@@ -144,23 +142,25 @@ def test_stresses_of_a_section_are_means_over_all_elements_around_it():
     scene = Scene(result, result.fields)
     every = principal_stresses(result.fields.stress)
     present = result.fields.present
-    for sheet in scene.sheets:
+    for view in scene.views:
+        sheet = view.sheet
         assert 0 < len(sheet.elements_behind) < result.fields.mesh.n_elements
         for state in range(scene.n_states):
             for which in (0, 2):
                 means = sheet.corners.average(every[state, :, which], present[state])
                 expected = sheet.of_corners(means)
-                np.testing.assert_array_equal(scene.stress_at(sheet, state, which), expected)
+                np.testing.assert_array_equal(view.stress(state, which), expected)
 
 
 def test_the_stress_of_ground_that_is_gone_is_not_shown():
     result = example_result(2)
     scene = Scene(result, result.fields)
-    (sheet,) = scene.sheets
+    (view,) = scene.views
+    sheet = view.sheet
     for state in range(scene.n_states):
         gone = ~result.fields.present[state][sheet.element]
         inside = sheet.triangles[~gone]
-        values = scene.stress_at(sheet, state, 0)
+        values = view.stress(state, 0)
         assert np.isfinite(values[inside]).all()
         assert gone.any() == np.isnan(values).any()
 
@@ -168,9 +168,8 @@ def test_the_stress_of_ground_that_is_gone_is_not_shown():
 def test_sections_go_through_the_gauges():
     result = example_result(3)
     scene = Scene(result, result.fields)
-    planes = gauge_planes(result.gauges, scene.box)
-    assert str(planes[0]) == "y = 10 m"
-    assert len(scene.sheets) == 2
+    assert str(scene.views[0].sheet.plane) == "y = 10 m"
+    assert len(scene.views) == 2
 
 
 def test_gauge_points_move_with_the_ground_and_not_where_it_is_gone():
@@ -188,19 +187,6 @@ def test_gauge_points_move_with_the_ground_and_not_where_it_is_gone():
         mesh, result.fields.displacement, result.fields.stress, present, result.fields.yielded
     )
     assert np.isnan(Scene(result, fields).gauge_motion[1][1:]).all()
-
-
-def test_gauge_points_are_found_together(monkeypatch):
-    result = example_result(2)
-    asked = []
-
-    def counted(points, *boxes):
-        asked.append(len(points))
-        return points_in_boxes(points, *boxes)
-
-    monkeypatch.setattr(location, "points_in_boxes", counted)
-    points, _ = Scene(result, result.fields).gauge_motion
-    assert asked == [len(points)] * len(result.fields.mesh.blocks)
 
 
 def test_magnifications_are_round():
@@ -234,7 +220,7 @@ def test_the_surface_of_solids_of_all_kinds_is_drawn_face_by_face():
     result = example_result(3)
     scene = Scene(replace(result, fields=fields), fields)
     table = face_table(mesh)
-    for opened in (None, scene.sheets[0]):
+    for opened in (None, scene.views[0].sheet):
         figure = surface_figure(scene, opened, 0.0)
         figure.draw_without_rendering()
         (drawn,) = [c for c in figure.axes[-2].collections if isinstance(c, Poly3DCollection)]

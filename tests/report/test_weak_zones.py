@@ -8,9 +8,8 @@ from matplotlib.colors import to_rgb
 
 import geoident
 from geoident.report.drawing.album import album
-from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.model.construction import material_colours
-from geoident.report.drawing.scene import scene_of
+from geoident.report.drawing.scene import case_of, scene_of
 from geoident.workflow.report import read_results
 from tests.report.test_labels import overlapping
 from tests.report.test_model_picture import placed, words
@@ -160,7 +159,9 @@ def test_both_zones_have_their_colours_on_the_outside_and_inside(fitted, model):
 def test_a_section_through_leaning_zones_has_no_teeth(fitted):
     """Points on the border of a zone in a section lie on its plane, not on corners of elements."""
     scene = scene_of(fitted)
-    sheet = next(s for s in scene.sheets if s.plane is not None and s.plane.axis == 0)
+    sheet = next(
+        view.sheet for view in scene.views if view.sheet.plane and view.sheet.plane.axis == 0
+    )
     label = np.zeros(fitted.fields.mesh.n_elements, dtype=np.int64)
     label[fitted.fields.mesh.groups["zone-a"]] = 1
     ends = sheet.borders(label).at(fitted.fields.mesh.points)[:, :, list(sheet.axes)].reshape(-1, 2)

@@ -191,7 +191,7 @@ def _require_matplotlib() -> None:
 def _page_of_many(path: str, options: Options, said: ReportHead) -> str:
     """The page of a campaign or a project, beside its runs or its result."""
     from geoident.report.drawing.style import svg_files
-    from geoident.report.page.of_many import page_of_many
+    from geoident.report.page.many import page_of_many
     from geoident.workflow.page_of_many import write_page_of_many
     from geoident.workflow.report import read_logo
 

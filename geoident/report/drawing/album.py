@@ -8,14 +8,18 @@ from dataclasses import dataclass, replace
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields.mechanism import mechanism_picture
-from geoident.report.drawing.fields.pictures import field_pictures
+from geoident.report.drawing.fields.motion import displacement_pictures, moved_pictures
+from geoident.report.drawing.fields.strength import strength_pictures
+from geoident.report.drawing.fields.stress import stress_pictures
 from geoident.report.drawing.forces import structure_pictures
-from geoident.report.drawing.gauges.advance import advance_pictures
-from geoident.report.drawing.gauges.compared import compared_gauge_pictures
-from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
+from geoident.report.drawing.gauges.course import (
+    compared_gauge_pictures,
+    face_pictures,
+    reading_pictures,
+)
 from geoident.report.drawing.gauges.profiles import profile_pictures
 from geoident.report.drawing.model.figure import model_pictures
-from geoident.report.drawing.opening import opening_pictures
+from geoident.report.drawing.opening import advance_pictures, opening_pictures
 from geoident.report.drawing.overview import overview_pictures
 from geoident.report.drawing.parameters.corner import pair_pictures
 from geoident.report.drawing.parameters.intervals import (
@@ -24,7 +28,7 @@ from geoident.report.drawing.parameters.intervals import (
 )
 from geoident.report.drawing.parameters.scan import scan_pictures
 from geoident.report.drawing.quality import quality_pictures
-from geoident.report.drawing.scene import scene_of
+from geoident.report.drawing.scene import Scene, scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
 from geoident.report.drawing.style import Picture, Progress, images
@@ -64,7 +68,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
     scene = scene_of(result)
     fields = opening_pictures(result)
     if scene is not None:
-        fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
+        fields = (*varied_pictures(scene), *_field_pictures(scene))
         if result.mechanism is not None:
             fields = (mechanism_picture(result.mechanism, scene.axis_names), *fields)
     found = (
@@ -86,6 +90,13 @@ def album(result: Result, *, prefix: str = "") -> Album:
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
 
 
+def _field_pictures(scene: Scene) -> tuple[Picture, ...]:
+    """The figures of each sheet, and of the surface of a solid."""
+    kinds = displacement_pictures, stress_pictures, strength_pictures, moved_pictures
+    every = (picture for view in scene.views for kind in kinds for picture in kind(view))
+    return (*every, *solid_pictures(scene))
+
+
 def stage_pictures(result: Result, state: int) -> tuple[Picture, ...]:
     """The figures of the fields after one stage; none where the result has no fields.
 
@@ -94,7 +105,7 @@ def stage_pictures(result: Result, state: int) -> tuple[Picture, ...]:
         state: number of the state; 1 is that after the first stage.
     """
     scene = scene_of(result, only=state)
-    return () if scene is None else (*field_pictures(scene), *solid_pictures(scene))
+    return () if scene is None else _field_pictures(scene)
 
 
 def comparison(results: Labelled) -> tuple[Picture, ...]:

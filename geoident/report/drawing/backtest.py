@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest, bands_of
 from geoident.model.results.bands import NORMAL_95, next_read
 from geoident.model.results.result import Result
@@ -17,6 +19,7 @@ from geoident.report.drawing.style import (
     MEASURED,
     Picture,
     key,
+    labelled,
     panel_grid,
     short,
     stage_ticks,
@@ -24,6 +27,7 @@ from geoident.report.drawing.style import (
 from geoident.units import in_unit, shown_unit
 
 _MOST_PARAMETERS = 12
+_LINEAR = 8.0  # standard deviations up to which the axis of errors is linear
 
 
 def backtest_pictures(result: Result) -> tuple[Picture, ...]:
@@ -65,29 +69,20 @@ def settling_figure(result: Result, found: Backtest) -> Figure:
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         unit = result.parameters.units[i], result.parameters.dimensions[i]
         values, low, high = (
-            _in_unit(np.array([getattr(step, column)[i] for step in found.steps]), unit)
+            in_unit(1.0, *unit) * np.array([getattr(step, column)[i] for step in found.steps])
             for column in ("values", "lower95", "upper95")
         )
         known = np.array([step.determined[i] for step in found.steps], dtype=np.bool_)
         _draw_settling(axes, np.where(known, values, np.nan), low, high)
-        if name in logs and _positive(np.r_[values, low, high]):
+        drawn = np.r_[values, low, high]
+        if name in logs and np.isfinite(drawn).any() and np.nanmin(drawn) > 0.0:
             drawn = np.r_[values[known], low[known], high[known]]
             first, last = float(np.nanmin(drawn)), float(np.nanmax(drawn))
             set_scale(axes.yaxis, low=first / 1.06, high=last * 1.06, log=True, most=4)
-        shown = shown_unit(*unit)
-        axes.set_title(f"{short(name)} ({shown})" if shown else short(name))
+        axes.set_title(labelled(short(name), shown_unit(*unit)))
         stage_ticks(axes, stages)
         axes.grid(axis="y")
     return figure
-
-
-def _positive(values: Floats) -> bool:
-    known = values[np.isfinite(values)]
-    return bool(known.size) and bool((known > 0.0).all())
-
-
-def _in_unit(values: Floats, unit: tuple[str, str]) -> Floats:
-    return np.array([in_unit(float(value), *unit) for value in values])
 
 
 def _draw_settling(axes: Axes, values: Floats, low: Floats, high: Floats) -> None:
@@ -105,31 +100,24 @@ def error_figure(result: Result, found: Backtest) -> Figure:
     axes = figure.subplots()
     axes.axhspan(-NORMAL_95, NORMAL_95, color=FAINT, alpha=0.15, lw=0)
     axes.axhline(0.0, color=FAINT, lw=0.7)
+    dot: dict[str, Any] = {"marker": "o", "ls": "", "color": MEASURED, "ms": 4}
+    keys = key("next stage", **dot), key("further ahead", mfc="white", **dot)
     largest, drawn = NORMAL_95, [False, False]
     for step in found.steps:
         bands = bands_of(found, step)
         z, ahead = bands.z, next_read(bands)
         largest = max(largest, float(np.nanmax(np.abs(z), initial=0.0)))
         for k, part in enumerate((ahead, ~ahead)):
-            _draw_errors(axes, z, part, filled=part is ahead)
-            drawn[k] |= bool((part & np.isfinite(z)).any())
-    linear = largest <= 8.0
-    if not linear:
+            rows, columns = np.nonzero(part & np.isfinite(z))
+            aside = 0.3 * (rows / max(len(z) - 1, 1) - 0.5)  # channels side by side
+            face = "white" if k else MEASURED
+            axes.plot(columns + aside, z[rows, columns], mfc=face, mew=0.8, **dot)
+            drawn[k] |= bool(len(rows))
+    if largest > _LINEAR:
         axes.set_yscale("symlog", linthresh=4.0)
     axes.set_ylabel("error / standard deviation")
     stage_ticks(axes, result.gauges.stages)
     axes.grid(axis="y")
-    dot = {"marker": "o", "ls": "", "color": MEASURED, "ms": 4}
-    handles = [key("next stage", **dot)] if drawn[0] else []
-    handles += [key("further ahead", mfc="white", **dot)] if drawn[1] else []
+    handles = [handle for handle, shown in zip(keys, drawn, strict=True) if shown]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
-
-
-def _draw_errors(axes: Axes, z: Floats, part: Bools, *, filled: bool) -> None:
-    rows, columns = np.nonzero(part & np.isfinite(z))
-    if not rows.size:
-        return
-    aside = 0.3 * (rows / max(len(z) - 1, 1) - 0.5)  # channels side by side
-    face = MEASURED if filled else "white"
-    axes.plot(columns + aside, z[rows, columns], "o", color=MEASURED, mfc=face, mew=0.8, ms=4)

@@ -1,4 +1,8 @@
-"""A campaign in pictures: parameters and what varied against the misfit, or against each other."""
+"""A campaign in pictures: parameters and what varied against the misfit, or against each other.
+
+All of a run together are a line across parallel axes (Inselberg 1985): each number of a run is a
+point of an axis of its own. Runs with a small misfit lie over the others and are darker.
+"""
 
 from __future__ import annotations
 
@@ -7,27 +11,26 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
+from matplotlib import colormaps
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.many.campaign import SAME_MISFIT, CampaignTable, RunRecord
-from geoident.report.drawing.parameters.parallel import (
-    MOST_LINES,
-    ParallelAxis,
-    parallel_figure,
-    word_axis,
-)
 from geoident.report.drawing.parameters.scale import set_scale
 from geoident.report.drawing.style import (
     ACCENT,
     COMPUTED,
     FAINT,
+    LENGTHS,
     SMALL,
     Picture,
     key,
+    labelled,
     paged,
     panel_grid,
     short,
@@ -38,6 +41,8 @@ _PANELS = 9
 _AXES = 7
 _DECADES = 30.0
 """Ratio of the largest to the least of some values from which on an axis is logarithmic."""
+MOST_LINES = 500
+"""Runs that are drawn across parallel axes, those with the least misfit: more are a dark area."""
 _NUMBER = re.compile(r"([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)(?:\s+(\S.*))?")
 
 
@@ -70,16 +75,15 @@ def campaign_pictures(table: CampaignTable) -> tuple[Picture, ...]:
     if np.isfinite(misfit).sum() >= 2:
         words = "Dots: runs that are done; hollow: not converged, not determined or poorly fitted."
         bars = " Horizontal: 95 % interval. Of runs that end in one minimum the dots coincide."
+        draw = partial(misfit_figure, misfit=misfit, good=good)
+        first = "campaign-varied", "What varied, and the misfit", words
+        words += bars if table.command == "fit" else ""
+        second = "campaign-parameters", "Parameters, and the misfit", words
         return (
-            *_scatters(
-                varied, misfit, good, "campaign-varied", "What varied, and the misfit", words
-            ),
-            *_scatters(
-                found, misfit, good, "campaign-parameters", "Parameters, and the misfit",
-                words + (bars if table.command == "fit" else ""),
-            ),
+            *paged(varied, draw, most=_PANELS, picture=first, label=_label),
+            *paged(found, draw, most=_PANELS, picture=second, label=_label),
             *_parallel(runs, table.paths, varied, found, misfit),
-        )  # fmt: skip
+        )
     readings = reading_columns(runs)
     if not varied or not readings:
         return ()
@@ -95,23 +99,13 @@ def campaign_pictures(table: CampaignTable) -> tuple[Picture, ...]:
                 f"Readings over {column.label}",
                 "One dot a run; vertical: 95 % band where there is one.",
             ),
-            label=lambda reading: reading.label,
+            label=_label,
         )
     )
 
 
-def _scatters(
-    columns: Sequence[RunColumn], misfit: Floats, good: Bools, name: str, title: str, words: str
-) -> tuple[Picture, ...]:
-    if not columns:
-        return ()
-    return paged(
-        columns,
-        partial(misfit_figure, misfit=misfit, good=good),
-        most=_PANELS,
-        picture=(name, title, words),
-        label=lambda column: column.label,
-    )
+def _label(one: RunColumn | ParallelAxis) -> str:
+    return one.label
 
 
 def _parallel(
@@ -142,7 +136,7 @@ def _parallel(
         partial(parallel_figure, misfit=misfit),
         most=_AXES,
         picture=("campaign-parallel", "What varied, parameters and misfit together", words),
-        label=lambda axis: axis.label,
+        label=_label,
     )
 
 
@@ -164,8 +158,7 @@ def varied_columns(runs: Sequence[RunRecord], paths: Sequence[str]) -> list[RunC
         ):
             continue
         values = np.array([float(match[1]) if match else math.nan for match in found])
-        unit = units.pop()
-        columns.append(RunColumn(f"{path} ({unit})" if unit else path, values, none, none))
+        columns.append(RunColumn(labelled(path, units.pop()), values, none, none))
     return columns
 
 
@@ -176,18 +169,9 @@ def parameter_columns(runs: Sequence[RunRecord], names: Sequence[str]) -> list[R
         runs: of the campaign.
         names: of the parameters.
     """
-    columns = []
-    for name in names:
-        own = [next((p for p in run.parameters if p.name == name), None) for run in runs]
-        first = next(p for p in own if p is not None)
-        unit = shown_unit(first.unit, first.dimension)
-        rows = [
-            [math.nan] * 3 if p is None else [in_unit(x, p.unit, p.dimension) for x in
-                                              (p.value, p.lower95, p.upper95)]
-            for p in own
-        ]  # fmt: skip
-        columns.append(RunColumn(f"{name} ({unit})" if unit else name, *np.array(rows).T))
-    return columns
+    own = {name: [next((p for p in r.parameters if p.name == name), None) for r in runs]
+           for name in names}  # fmt: skip
+    return [_column(name, estimates) for name, estimates in own.items()]
 
 
 def reading_columns(runs: Sequence[RunRecord]) -> list[RunColumn]:
@@ -196,20 +180,23 @@ def reading_columns(runs: Sequence[RunRecord]) -> list[RunColumn]:
     Args:
         runs: of the campaign.
     """
-    places = dict.fromkeys((r.gauge, r.stage) for run in runs for r in run.readings)
     columns = []
-    for place in places:
+    for place in dict.fromkeys((r.gauge, r.stage) for run in runs for r in run.readings):
         own = [next((r for r in run.readings if (r.gauge, r.stage) == place), None) for run in runs]
-        first = next(r for r in own if r is not None)
-        unit = shown_unit(first.unit, first.dimension)
-        rows = [
-            [math.nan] * 3 if r is None else [in_unit(x, r.unit, r.dimension) for x in
-                                              (r.value, r.lower95, r.upper95)]
-            for r in own
-        ]  # fmt: skip
-        label = f"{short(place[0])} at {short(place[1])} ({unit})"
-        columns.append(RunColumn(label, *np.array(rows).T))
+        columns.append(_column(f"{short(place[0])} at {short(place[1])}", own))
     return columns
+
+
+def _column(name: str, records: Sequence[Any]) -> RunColumn:
+    """Value and interval of one record a run, None where a run has none, in their unit."""
+    first = next(one for one in records if one is not None)
+    rows = [
+        [math.nan] * 3 if one is None else
+        [in_unit(x, one.unit, one.dimension) for x in (one.value, one.lower95, one.upper95)]
+        for one in records
+    ]  # fmt: skip
+    label = labelled(name, shown_unit(first.unit, first.dimension))
+    return RunColumn(label, *np.array(rows, dtype=np.float64).T)
 
 
 def misfit_figure(columns: Sequence[RunColumn], *, misfit: Floats, good: Bools) -> Figure:
@@ -222,7 +209,8 @@ def misfit_figure(columns: Sequence[RunColumn], *, misfit: Floats, good: Bools) 
     """
     figure, panels = panel_grid(len(columns), height=2.4, extra=0.3)
     for axes, column in zip(panels, columns, strict=True):
-        _bars(axes, column.low, column.high, misfit)
+        band = np.isfinite(column.low) & np.isfinite(column.high)
+        axes.hlines(misfit[band], column.low[band], column.high[band], color=FAINT, lw=0.8)
         for chosen, face in ((good, COMPUTED), (~good, "none")):
             axes.plot(
                 column.values[chosen], misfit[chosen], "o", ms=3.5, mec=COMPUTED, mfc=face, mew=0.8
@@ -230,8 +218,8 @@ def misfit_figure(columns: Sequence[RunColumn], *, misfit: Floats, good: Bools) 
         least = float(np.nanmin(misfit))
         best = misfit <= least + SAME_MISFIT * abs(least)
         axes.plot(column.values[best], misfit[best], "*", ms=9, color=ACCENT)
-        _scale(axes, "x", column.values)
-        _scale(axes, "y", misfit)
+        _scale(axes.xaxis, column.values)
+        _scale(axes.yaxis, misfit)
         axes.set_xlabel(column.label, fontsize=SMALL)
         axes.set_ylabel("misfit", fontsize=SMALL)
         axes.grid(visible=True)
@@ -252,21 +240,122 @@ def against_figure(varied: RunColumn, readings: Sequence[RunColumn]) -> Figure:
         band = np.isfinite(column.low) & np.isfinite(column.high)
         axes.vlines(varied.values[band], column.low[band], column.high[band], color=FAINT, lw=0.8)
         axes.plot(varied.values, column.values, "o", ms=3.5, color=COMPUTED)
-        _scale(axes, "x", varied.values)
+        _scale(axes.xaxis, varied.values)
         axes.set_title(column.label, fontsize=SMALL)
         axes.set_xlabel(varied.label, fontsize=SMALL)
         axes.grid(visible=True)
     return figure
 
 
-def _bars(axes: Axes, low: Floats, high: Floats, misfit: Floats) -> None:
-    shown = np.isfinite(low) & np.isfinite(high)
-    axes.hlines(misfit[shown], low[shown], high[shown], color=FAINT, lw=0.8)
-
-
-def _scale(axes: Axes, which: str, values: Floats) -> None:
+def _scale(axis: Any, values: Floats) -> None:
     """A logarithmic axis where positive values lie decades apart."""
     known = values[np.isfinite(values)]
-    if known.size and known.min() > 0.0 and known.max() > _DECADES * known.min():
-        axis = axes.xaxis if which == "x" else axes.yaxis
+    if _decades_apart(known):
         set_scale(axis, low=0.8 * float(known.min()), high=1.25 * float(known.max()), log=True)
+
+
+def _decades_apart(values: Floats) -> bool:
+    return bool(values.size and values.min() > 0.0 and values.max() > _DECADES * values.min())
+
+
+@dataclass(frozen=True)
+class ParallelAxis:
+    """One axis.
+
+    Args:
+        label: of it.
+        values: (k,) of the runs; NaN where a run has none. Of words their places among `words`.
+        words: what stands for 0, 1, ...; none where the values are numbers.
+    """
+
+    label: str
+    values: Floats
+    words: tuple[str, ...] = ()
+
+    @property
+    def log(self) -> bool:
+        """The values lie decades apart."""
+        return not self.words and _decades_apart(self.values[np.isfinite(self.values)])
+
+    def places(self) -> Floats:
+        """(k,) where the values lie on the axis, 0 to 1; in the middle where all are one."""
+        values = np.log(self.values) if self.log else self.values
+        known = values[np.isfinite(values)]
+        low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
+        if high <= low:
+            return np.where(np.isfinite(values), 0.5, np.nan)
+        return np.asarray((values - low) / (high - low))
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Places with what is written there."""
+        if self.words:
+            places = ParallelAxis("", np.arange(len(self.words), dtype=np.float64)).places()
+            return [(float(y), short(word)) for y, word in zip(places, self.words, strict=True)]
+        known = self.values[np.isfinite(self.values)]
+        if not known.size:
+            return []
+        low, high = float(known.min()), float(known.max())
+        if low == high:
+            return [(0.5, f"{low:.4g}")]
+        middle = float(np.sqrt(low * high)) if self.log else 0.5 * (low + high)
+        return [(0.0, f"{low:.3g}"), (0.5, f"{middle:.3g}"), (1.0, f"{high:.3g}")]
+
+
+def word_axis(label: str, words: Sequence[str]) -> ParallelAxis:
+    """An axis of what is no number.
+
+    Args:
+        label: of it.
+        words: (k) of the runs; empty where a run has none.
+    """
+    known = tuple(dict.fromkeys(word for word in words if word))
+    values = [float(known.index(word)) if word else np.nan for word in words]
+    return ParallelAxis(label, np.array(values, dtype=np.float64), known)
+
+
+def parallel_figure(axes: Sequence[ParallelAxis], *, misfit: Floats) -> Figure:
+    """Lines of runs across axes, the misfit last.
+
+    Args:
+        axes: what varied and what was found.
+        misfit: (k,) of the runs.
+    """
+    shown = [*axes, ParallelAxis("misfit", misfit)]
+    order = np.argsort(-misfit, kind="stable")
+    order = order[np.isfinite(misfit[order])][-MOST_LINES:]
+    x = np.arange(len(shown), dtype=np.float64)
+    lines = np.stack([axis.places() for axis in shown], axis=1)[order]
+    figure = Figure(figsize=(max(5.0, 1.5 * len(shown) + 1.0), 3.6))
+    panel = figure.subplots()
+    rank = np.linspace(0.25, 0.95, len(order)) if len(order) > 1 else np.array([0.95])
+    colours = colormaps[LENGTHS](Normalize(0.0, 1.0)(rank))
+    paths = [np.column_stack([x, line]) for line in lines]
+    panel.add_collection(LineCollection(paths, colors=list(colours), linewidths=0.8))
+    if len(order):
+        panel.plot(x, lines[-1], color=ACCENT, lw=2.0)
+    for place, axis in zip(x, shown, strict=True):
+        panel.axvline(place, color=FAINT, lw=0.8, zorder=0.5)
+        for y, text in axis.ticks():
+            panel.annotate(
+                text, (place, y), xytext=(3, 0), textcoords="offset points", fontsize=SMALL,
+                va="center", bbox={"fc": "white", "ec": "none", "pad": 0.6, "alpha": 0.8},
+            )  # fmt: skip
+    panel.set_xticks(x, [_folded(axis.label) for axis in shown], fontsize=SMALL)
+    panel.set_yticks([])
+    panel.set_xlim(-0.15, len(shown) - 0.5)
+    panel.set_ylim(-0.05, 1.05)
+    panel.spines[["left", "bottom"]].set_visible(False)
+    panel.tick_params(axis="x", length=0)
+    handles = [key("least misfit", color=ACCENT, lw=2.0)]
+    figure.legend(handles=handles, loc="outside lower center")
+    return figure
+
+
+def _folded(label: str) -> str:
+    """A path in lines, one a key, that stand beside those of others.
+
+    >>> _folded("parameters.E_rock.start (GPa)").splitlines()
+    ['parameters', '.E_rock', '.start (GPa)']
+    """
+    path, unit, rest = label.partition(" (")
+    return "\n.".join(path.split(".")) + unit + rest

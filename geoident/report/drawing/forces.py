@@ -7,7 +7,7 @@ the line where they are positive.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -27,6 +27,7 @@ from geoident.report.drawing.style import (
     SMALL,
     Picture,
     colour,
+    evenly,
     hide_unused,
     key,
     short,
@@ -37,7 +38,9 @@ _MOST_STAGES = 8
 _MOST_DRAWN = 4
 """Stages that are drawn on the line itself."""
 
+_MOST_NAMED = 12
 _KILO = 1e3
+_LINE_STYLES: Sequence[Any] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1, 1, 1)))
 _PER_ROW = 4
 _REACH = 0.22
 """Largest force as drawn, by the diagonal of the line."""
@@ -94,23 +97,22 @@ def _some_stages(stages: Ints, most: int) -> str:
 
 def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
     line = _line(found, name)
-    if line.upright or found.ends.shape[2] != 2:
-        return Picture(
-            f"forces-{count}",
-            f"Forces in {name}",
-            f"{_POSITIVE.replace(' (the ring)', '')} One line a stage. "
-            f"{_some_stages(_present(found, line.members), _MOST_STAGES)}",
-            partial(_beam_figure, found, line),
-        )
     stages = _present(found, line.members)
-    return Picture(
-        f"forces-{count}",
-        f"Forces in {name}",
-        f"{_POSITIVE} A moment is drawn on the side in tension, other forces on the right where "
-        "they are positive, all at the middles of the straight pieces between nodes; the table has "
-        f"those at their ends. Numbers: the extremes. {_some_stages(stages, _MOST_DRAWN)}",
-        partial(_along_figure, found, line),
-    )
+    if line.upright or found.ends.shape[2] != 2:
+        words = (
+            f"{_POSITIVE.replace(' (the ring)', '')} One line a stage. "
+            f"{_some_stages(stages, _MOST_STAGES)}"
+        )
+        draw = partial(_beam_figure, found, line)
+    else:
+        words = (
+            f"{_POSITIVE} A moment is drawn on the side in tension, other forces on the right "
+            "where they are positive, all at the middles of the straight pieces between nodes; the "
+            "table has those at their ends. Numbers: the extremes. "
+            f"{_some_stages(stages, _MOST_DRAWN)}"
+        )
+        draw = partial(_along_figure, found, line)
+    return Picture(f"forces-{count}", f"Forces in {name}", words, draw)
 
 
 @dataclass(frozen=True)
@@ -168,10 +170,9 @@ class _Line:
 def _line(found: MemberForces, name: str) -> _Line:
     members = np.flatnonzero(np.array(found.structures) == name)
     order, turned, label, along = _chain(found.ends[members])
-    members = members[order]
-    ends = found.ends[members]
+    ends = found.ends[members[order]]
     ends = np.where(turned[:, None, None], ends[:, ::-1], ends)
-    return _Line(name, members, np.asarray(turned, dtype=np.bool_), label, along, ends)
+    return _Line(name, members[order], turned, label, along, ends)
 
 
 def _present(found: MemberForces, members: Ints | Bools) -> Ints:
@@ -179,12 +180,8 @@ def _present(found: MemberForces, members: Ints | Bools) -> Ints:
     return np.flatnonzero(np.asarray(np.isfinite(found.axial[members]).any(axis=0)))
 
 
-def _some(stages: Ints, most: int) -> Ints:
-    """Evenly spread stages, so many at most, always the last."""
-    if len(stages) <= most:
-        return stages
-    kept = np.unique(np.linspace(0, len(stages) - 1, most).round().astype(int))
-    return np.asarray(stages[kept])
+def _spread(stages: Ints, most: int) -> Ints:
+    return stages[evenly(len(stages), most)]
 
 
 def _quantities(found: MemberForces, members: Ints) -> list[tuple[str, Floats]]:
@@ -196,30 +193,25 @@ def _quantities(found: MemberForces, members: Ints) -> list[tuple[str, Floats]]:
 
 def _beam_figure(found: MemberForces, line: _Line) -> Figure:
     """Forces against the coordinate of a line, a line for each stage."""
-    stages = _some(_present(found, line.members), _MOST_STAGES)
+    stages = _spread(_present(found, line.members), _MOST_STAGES)
+    styles = [{"color": colour(k), "ls": _LINE_STYLES[k % 4]} for k in range(len(stages))]
     panels = _quantities(found, line.members)
     figure = Figure(figsize=(10.0, 3.6))
     for axes, (title, forces) in zip(
         np.atleast_1d(figure.subplots(1, len(panels), sharey=True)), panels, strict=True
     ):
         axes.axvline(0.0, color=FAINT, lw=0.6)
-        for k, stage in enumerate(stages):
+        for style, stage in zip(styles, stages, strict=True):
             here = line.at_ends(forces, int(stage)) / _KILO
-            axes.plot(here.ravel(), line.along.ravel(), color=colour(k), lw=1.2,
-                      ls=_LINE_STYLES[k % len(_LINE_STYLES)])  # fmt: skip
+            axes.plot(here.ravel(), line.along.ravel(), lw=1.2, **style)
         axes.set_xlabel(title)
         axes.grid(visible=True)
         axes.xaxis.set_major_locator(MaxNLocator(4))
     figure.axes[0].set_ylabel(line.label)
-    handles = [
-        key(short(found.stages[s], 24), color=colour(k), ls=_LINE_STYLES[k % len(_LINE_STYLES)])
-        for k, s in enumerate(stages)
-    ]
+    pairs = zip(styles, stages, strict=True)
+    handles = [key(short(found.stages[stage], 24), **style) for style, stage in pairs]
     figure.legend(handles=handles, loc="outside right upper")
     return figure
-
-
-_LINE_STYLES: Sequence[Any] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1, 1, 1)))
 
 
 def _along_figure(found: MemberForces, line: _Line) -> Figure:
@@ -229,13 +221,12 @@ def _along_figure(found: MemberForces, line: _Line) -> Figure:
         found: forces of all structures.
         line: of one of them.
     """
-    stages = _some(_present(found, line.members), _MOST_DRAWN)
+    stages = _spread(_present(found, line.members), _MOST_DRAWN)
     panels = _quantities(found, line.members)
     reach = _REACH * float(np.linalg.norm(np.ptp(line.ends.reshape(-1, 2), axis=0)))
     low, high = (end(line.ends.reshape(-1, 2), axis=0) for end in (np.min, np.max))
     low, high = low - 1.3 * reach, high + 1.3 * reach
-    columns = max(len(panels), len(stages))
-    rows = min(len(panels), len(stages))
+    rows, columns = sorted((len(panels), len(stages)))
     width = 10.2 / max(columns, 3)
     aspect = float(np.clip((high - low)[1] / (high - low)[0], 0.25, 2.0))
     figure = Figure(figsize=(width * columns, (width * aspect + 0.25) * rows))
@@ -287,7 +278,7 @@ def _right(ends: Floats) -> Floats:
 def _bars_along_figure(found: MemberForces) -> Figure:
     """Bars where they stand, as wide as their force is large, a panel a stage."""
     bars = ~found.per_metre
-    stages = _some(_present(found, bars), _MOST_DRAWN)
+    stages = _spread(_present(found, bars), _MOST_DRAWN)
     forces = found.axial[bars] / _KILO
     largest = float(np.nanmax(np.abs(forces[:, stages]))) or 1.0
     spread = found.ends[bars].reshape(-1, 2)
@@ -328,10 +319,7 @@ def _draw_bar_forces(axes: Axes, ends: Floats, forces: Floats, largest: float) -
     )
 
 
-_MOST_NAMED = 12
-
-
-def _chain(ends: Floats) -> tuple[Ints, Floats, str, Floats]:
+def _chain(ends: Floats) -> tuple[Ints, Bools, str, Floats]:
     """Pieces of a beam in their order along it.
 
     Args:
@@ -372,16 +360,12 @@ def _bar_figure(found: MemberForces, names: list[str]) -> Figure:
     figure = Figure(figsize=(10.0, 1.0 + 2.6 * rows))
     grid = figure.subplots(rows, min(len(names), _PER_ROW), squeeze=False)
     panels = list(grid.ravel())
-    for axes, (name, members) in zip(panels, _bars_of(found, names), strict=False):
-        _draw_bars(axes, found, members)
+    every = np.array(found.structures)
+    for axes, name in zip(panels, names, strict=False):
+        _draw_bars(axes, found, np.flatnonzero(every == name))
         axes.set_title(short(name, 24))
     hide_unused(panels, len(names))
     return figure
-
-
-def _bars_of(found: MemberForces, names: list[str]) -> Iterator[tuple[str, Ints]]:
-    every = np.array(found.structures)
-    return ((name, np.flatnonzero(every == name)) for name in names)
 
 
 def _draw_bars(axes: Axes, found: MemberForces, members: Ints) -> None:

@@ -22,7 +22,6 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from mpl_toolkits.mplot3d import proj3d
 
-from geoident.fem.near import points_in_boxes
 from geoident.model.arrays import Bools, Floats
 from geoident.report.drawing.style import SMALL
 
@@ -43,10 +42,6 @@ _NEAR, _FAR = (0, 5), (5, len(_RINGS))  # rings that are tried first, and those 
 _MOST_ANCHORS = 6  # of a label, around which places are tried
 _OFF_CENTRE = 6.0  # cost of not standing on the anchor, for a label that would best stand there
 _SWEEPS = 2
-_ROUNDED = 1e-9
-"""Part of the size of a surface by which the boxes of its triangles are wider, for rounding."""
-_AHEAD = 1e-3
-"""Part of the size of a surface from which on it lies before a point, and not at it."""
 _ON_LINE, _ON_MARK, _LEADERS_CROSS, _LEADER_ON_LABEL = 8.0, 12.0, 25.0, 60.0
 
 
@@ -406,44 +401,3 @@ def _side(a: Floats, b: Floats, c: Floats) -> Floats:
     """Positive where c lies on the left of the line from a to b."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
-
-
-def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
-    """(k,) which points in space are hidden behind a surface, seen from far away.
-
-    Only triangles are asked in whose box a point lies as the eye sees them. The ray from a point to
-    the eye meets the plane of a triangle at two weights and at a distance that are linear in the
-    point; the distance is found only where the ray goes through the triangle.
-
-    Args:
-        points: (k, 3) points.
-        triangles: (m, 3, 3) corners of the triangles of the surface.
-        towards: (3,) direction to the eye.
-    """
-    u, v = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    across = np.cross(towards, v)
-    volume = np.einsum("ij,ij->i", u, across)
-    met = np.flatnonzero(np.abs(volume) > 1e-200)  # others are seen from their edge
-    found = np.zeros(len(points), dtype=bool)
-    if not len(met):
-        return found
-    a, u, v, over = triangles[met, 0], u[met], v[met], 1.0 / volume[met, None]
-    first, second, depth = across[met] * over, np.cross(u, towards) * over, np.cross(u, v) * over
-    origin = a.mean(axis=0)  # near all, for the sake of rounding
-    a = a - origin
-    start = [np.einsum("ij,ij->i", normal, a) for normal in (first, second)]
-    size = float((triangles.max(axis=(0, 1)) - triangles.min(axis=(0, 1))).max())
-    seen = np.linalg.svd(towards[None])[2][1:].T  # two directions across
-    corners = (triangles[met] - origin) @ seen
-    low, high = corners.min(axis=1) - _ROUNDED * size, corners.max(axis=1) + _ROUNDED * size
-    point, triangle = points_in_boxes((points - origin) @ seen, low, high)
-    here = points[point] - origin
-    s, t = (
-        np.einsum("ij,ij->i", here, normal[triangle]) - at[triangle]
-        for normal, at in zip((first, second), start, strict=True)
-    )
-    through = np.flatnonzero((s >= 0) & (t >= 0) & (s + t <= 1))
-    point, triangle, here = point[through], triangle[through], here[through]
-    ahead = np.einsum("ij,ij->i", depth[triangle], here - a[triangle])
-    found[point[ahead > _AHEAD * size]] = True
-    return found

@@ -1,8 +1,6 @@
-"""An opening in closed form: a sketch, the ground reaction curve, how far it yields, stresses."""
+"""Openings: in closed form a sketch, ground reaction and stresses; a tunnel face that advances."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from geoident.model.arrays import Floats
-from geoident.model.results.opening import GroundReaction
+from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.result import Result
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import (
@@ -21,16 +19,16 @@ from geoident.report.drawing.style import (
     MM,
     SMALL,
     Picture,
+    arrow,
     colour,
+    evenly,
     key,
     short,
+    stress_unit,
 )
 from geoident.report.text.layout import number
 
-_GROUND, _YIELDED = "#e8e8e3", "#c9b79c"
-_SOFT = 1e6
-"""Mean in-situ stress, Pa, below which stresses are shown in kPa."""
-
+_GROUND, _YIELDED, _LOST = "#e8e8e3", "#c9b79c", "#e4e4e4"
 _MOST_STAGES = 5
 
 
@@ -62,13 +60,7 @@ def opening_pictures(result: Result) -> tuple[Picture, ...]:
 
 def _unit(found: GroundReaction) -> tuple[str, float]:
     """Unit of stresses, and how many Pa it has."""
-    return ("kPa", 1e3) if float(np.abs(found.in_situ).max()) < _SOFT else ("MPa", 1e6)
-
-
-def _last(values: Floats) -> float:
-    """The last finite value; NaN if there is none."""
-    known = values[np.isfinite(values)]
-    return float(known[-1]) if known.size else float("nan")
+    return stress_unit(float(np.abs(found.in_situ).max()))
 
 
 def sketch_figure(result: Result, found: GroundReaction) -> Figure:
@@ -76,7 +68,8 @@ def sketch_figure(result: Result, found: GroundReaction) -> Figure:
     figure = Figure(figsize=(6.2, 6.2))
     axes = figure.subplots()
     a, (x, y) = found.radius, found.centre
-    yielded = _last(found.stage_plastic_radius)
+    known = found.stage_plastic_radius[np.isfinite(found.stage_plastic_radius)]
+    yielded = float(known[-1]) if known.size else np.nan
     points = np.concatenate([result.gauges.first, result.gauges.second])
     points = points[np.isfinite(points).all(axis=1)]
     away = np.abs(points - found.centre).max(initial=0.0)
@@ -100,7 +93,6 @@ def _draw_stress(axes: Axes, found: GroundReaction, edge: float) -> None:
     """Arrows from the four sides with the stresses at the centre."""
     unit, size = _unit(found)
     x, y = found.centre
-    arrow: Any = {"arrowstyle": "-|>", "color": ACCENT, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
     for k, name in enumerate(("xx", "yy")):
         stress = float(found.in_situ[k])
         for side in (-1.0, 1.0):
@@ -110,7 +102,7 @@ def _draw_stress(axes: Axes, found: GroundReaction, edge: float) -> None:
                 if stress < 0.0:
                     ends = ends[::-1]
                 tail, head = ends + found.centre
-                axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow)
+                axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=arrow(ACCENT, 1.6))
         place = np.array([x, y])
         place[k] -= 0.84 * edge
         place[1 - k] += 0.17 * edge
@@ -187,9 +179,7 @@ def _draw_stages(axes: Axes, found: GroundReaction, x: Floats, y: Floats) -> Non
 
 def _draw_stresses(axes: Axes, found: GroundReaction) -> None:
     unit, size = _unit(found)
-    numbers = np.arange(len(found.stages))
-    if len(numbers) > _MOST_STAGES:
-        numbers = numbers[np.linspace(0, len(numbers) - 1, _MOST_STAGES).round().astype(int)]
+    numbers = evenly(len(found.stages), _MOST_STAGES)
     for k, stage in enumerate(numbers):
         axes.plot(found.radii, found.hoop[stage] / size, color=colour(k), lw=1.2)
         axes.plot(found.radii, found.radial[stage] / size, "--", color=colour(k), lw=1.2)
@@ -204,3 +194,52 @@ def _draw_stresses(axes: Axes, found: GroundReaction) -> None:
         *(key(short(found.stages[stage], 16), color=colour(k)) for k, stage in enumerate(numbers)),
         key("radial", color="black", ls="--"), key("around", color="black"),
     ])  # fmt: skip
+
+
+def advance_pictures(result: Result) -> tuple[Picture, ...]:
+    """The profile with the stages on it; none for a case without distances to a face."""
+    found = result.advance
+    if found is None or not found.stages:
+        return ()
+    lost = ""
+    if found.lost is not None:
+        lost = f" Grey: the {100.0 * found.lost:.3g} % of the motion before the first gauges read "
+        lost += "zero (dashed)."
+    caption = (
+        "Line: part of its final motion that the wall without support has made, by the distance of "
+        "its section behind the face; dots: the stages. Squares: part of the stress that is "
+        f"released at each of them.{lost}"
+    )
+    title = "Motion of the wall and released stress as the face goes on"
+    return (Picture("face-profile", title, caption, lambda: advance_figure(found)),)
+
+
+def advance_figure(found: FaceAdvance) -> Figure:
+    """The profile over the distance, the stages, what they release, and where gauges read zero."""
+    figure = Figure(figsize=(7.2, 3.6))
+    axes = figure.subplots()
+    axes.plot(found.distance, 100.0 * found.share, color=COMPUTED, lw=1.4)
+    x, share, released = found.stage_distance, 100.0 * found.stage_share, found.stage_released
+    axes.plot(x, share, "o", color=MEASURED, ms=4.5)
+    axes.plot(x, 100.0 * released, "s", color=ACCENT, ms=4.0, mfc="white")
+    axes.axvline(0.0, color=FAINT, lw=0.9, ls=":")
+    keys = [
+        key(f"profile ({found.law})", color=COMPUTED, lw=1.4),
+        key("motion at the stages", color=MEASURED, marker="o", ls="", ms=4.5),
+        key("stress released", color=ACCENT, marker="s", ls="", ms=4.0, mfc="white"),
+    ]
+    zeros = np.unique(x[found.stage_zero])
+    for at in zeros:
+        axes.axvline(at, color=MEASURED, lw=0.8, ls="--")
+    if found.lost is not None:
+        axes.axhspan(0.0, 100.0 * found.lost, color=_LOST, lw=0.0, zorder=0)
+        keys.append(key("gauges read zero", color=MEASURED, lw=0.8, ls="--"))
+    names = [short(name, 18) for name in found.stages]
+    curve = np.column_stack([found.distance, 100.0 * found.share])
+    place_labels(axes, np.column_stack([x, share]), names, avoid=[curve])
+    axes.set_ylim(0.0, 105.0)
+    axes.set_xlabel("section behind the face (m)")
+    axes.set_ylabel("part of the whole (%)")
+    axes.grid()
+    figure.legend(handles=keys, loc="outside upper center", ncols=4)
+    return figure

@@ -11,17 +11,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.results.result import Result
-from geoident.report.drawing.fields.motion import displacement_size
 from geoident.report.drawing.fields.panels import (
-    bands,
+    common_bands,
     draw_gauge_lines,
     draw_lines,
     finish,
     shade,
-    weighted,
 )
 from geoident.report.drawing.gauges.course import draw_computed, draw_measured
-from geoident.report.drawing.scene import Scene
+from geoident.report.drawing.scene import Scene, SheetView
 from geoident.report.drawing.style import (
     COMPUTED,
     LENGTHS,
@@ -62,14 +60,14 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
     """
     rows = _busiest(result)
     gauge_part: Figure | SubFigure
-    if scene is not None and scene.sheets:
-        aspect = scene.window(scene.sheets[0]).aspect
+    if scene is not None and scene.views:
+        view, aspect = scene.views[0], scene.views[0].window.aspect
         left = float(np.clip(_TALLEST / aspect + 0.7, *_FIELD))
         columns, lines, height = _grid(len(rows), _WIDTH - left)
         tall = min((left - 0.7) * aspect, _TALLEST)
         figure = Figure(figsize=(_WIDTH, max(height, tall + 1.25)))
         parts = figure.subfigures(1, 2, width_ratios=[left, _WIDTH - left], squeeze=False)
-        _draw_field(parts[0, 0].subplots(), scene, left)
+        _draw_field(parts[0, 0].subplots(), view, left)
         gauge_part = parts[0, 1]
     else:
         columns, lines, height = _grid(len(rows), _WIDTH)
@@ -98,7 +96,7 @@ def _grid(n: int, width: float) -> tuple[int, int, float]:
 
 def _since(scene: Scene | None) -> str:
     """What has to be known of the field, if there is one."""
-    if scene is None or not scene.sheets or not 0 < scene.zero_state < scene.last_fitted:
+    if scene is None or not scene.views or not 0 < scene.zero_state < scene.last_fitted:
         return ""
     return f"Left: since {scene.stage(scene.zero_state)}, where most gauges were zeroed. "
 
@@ -123,26 +121,23 @@ def _draw_channel(axes: Axes, result: Result, row: int) -> None:
     axes.grid(axis="y")
 
 
-def _draw_field(axes: Axes, scene: Scene, width: float) -> None:
+def _draw_field(axes: Axes, view: SheetView, width: float) -> None:
     """Displacements after the last fitted stage in a part of so many inches."""
-    sheet, state = scene.sheets[0], scene.last_fitted
-    window = scene.window(sheet)
+    scene, state = view.scene, view.scene.last_fitted
     zero = scene.zero_state if scene.zero_state < state else 0
-    size = displacement_size(scene, sheet, state, since=zero)
-    scale = bands(weighted(scene, sheet, state, window, size), LENGTHS)
-    shading = shade(axes, scene, sheet, state, size, scale)
-    draw_lines(axes, scene, sheet, state)
-    draw_gauge_lines(axes, scene, sheet)
-    finish(axes, scene, sheet, window, state)
-    where = f", section {sheet.plane}" if sheet.plane is not None else ""
+    size = view.displacement_size(state, since=zero)
+    shading = shade(axes, view, state, size, common_bands(view, [state], [size], LENGTHS))
+    draw_lines(axes, view, state)
+    draw_gauge_lines(axes, view)
+    finish(axes, view, state)
     axes.set_title("")
     figure = axes.get_figure()
     assert figure is not None
     bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.8, aspect=35)
     bar.ax.xaxis.set_major_locator(MaxNLocator(max(3, int(_TICKS * width))))
     since = f"since {short(scene.stage(zero), 20)}" if zero else scene.since
-    said = f"displacement after {short(scene.stage(state), 20)}, {since} (mm){where}"
-    bar.set_label("\n".join(wrap(said, int(_LETTERS * width))))
+    words = f"displacement after {short(scene.stage(state), 20)}, {since} (mm){view.where}"
+    bar.set_label("\n".join(wrap(words, int(_LETTERS * width))))
 
 
 def _busiest(result: Result) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, Iteration, ParameterTable, Result
-from geoident.report.drawing.gauges.course import unknown
+from geoident.report.drawing.gauges.axis import unknown
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import (
     ACCENT,
@@ -23,6 +24,7 @@ from geoident.report.drawing.style import (
     SMALL,
     Picture,
     colour,
+    labelled,
     marker,
     short,
 )
@@ -37,40 +39,38 @@ def quality_pictures(result: Result) -> tuple[Picture, ...]:
     """1:1 plot, residuals, history and correlation, as far as there is something to show."""
     found = []
     if np.isfinite(standardized(result)).any():
-        found += [_one_to_one_picture(result), _residual_picture(result)]
+        words = "All readings; on the line, computed and measured are equal."
+        draw = partial(one_to_one_figure, result)
+        found.append(Picture("one-to-one", "Computed against measured", words, draw))
+        words, draw = _residual_words(result), partial(residual_figure, result)
+        found.append(Picture("residuals", "Standardized residuals", words, draw))
     if len(result.history) > 1:
-        found.append(_history_picture(result))
-    if len(_determined(result.parameters)) > 1:
-        found.append(_correlation_picture(result))
+        words = (
+            "Left: misfit (weighted squares, priors included) at each trial. Right: parameters "
+            "that are determined, divided by their final values."
+        )
+        found.append(
+            Picture("history", "Course of the search", words, partial(history_figure, result))
+        )
+    if np.count_nonzero(result.parameters.determined) > 1:
+        words = (
+            "Near 1 or -1 the readings determine a combination of two parameters better than "
+            "either. A dash: not determined."
+        )
+        draw = partial(correlation_figure, result.parameters)
+        found.append(Picture("correlation", "Correlation of the parameters", words, draw))
     return tuple(found)
-
-
-def _one_to_one_picture(result: Result) -> Picture:
-    return Picture(
-        "one-to-one",
-        "Computed against measured",
-        "All readings; on the line, computed and measured are equal.",
-        lambda: one_to_one_figure(result),
-    )
 
 
 def one_to_one_figure(result: Result) -> Figure:
     """Computed over measured readings, equal scales, a panel for each unit."""
-    units = _units_read(result)
+    shown, rows = result.gauges.shown_units, np.flatnonzero(_both(result).any(axis=1))
+    units = list(dict.fromkeys(shown[row] for row in rows))
     figure = Figure(figsize=(4.8 * len(units), 4.9))
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         _draw_one_to_one(axes, result, unit)
         axes.legend(loc="upper left")
     return figure
-
-
-def _units_read(result: Result) -> list[str]:
-    """Units of the readings that have a computed counterpart."""
-    both = np.asarray(_both(result).any(axis=1))
-    shown = result.gauges.shown_units
-    return list(
-        dict.fromkeys(unit for unit, any_ in zip(shown, both.tolist(), strict=True) if any_)
-    )
 
 
 def _both(result: Result) -> Bools:
@@ -94,8 +94,8 @@ def _draw_one_to_one(axes: Axes, result: Result, unit: str) -> None:
     margin = 0.05 * (high - low) or 1.0
     ends = low - margin, high + margin
     axes.plot(ends, ends, "-", color=COMPUTED, lw=1, zorder=0, label="computed = measured")
-    names = [f"{name} ({unit})" if unit else name for name in ("measured", "computed")]
-    axes.set(xlim=ends, ylim=ends, xlabel=names[0], ylabel=names[1])
+    across, up = labelled("measured", unit), labelled("computed", unit)
+    axes.set(xlim=ends, ylim=ends, xlabel=across, ylabel=up)
     axes.set_aspect("equal")
     axes.grid()
 
@@ -106,23 +106,17 @@ def _draw_dots(axes: Axes, x: Floats, y: Floats, *, used: bool, **style: Any) ->
     axes.plot(x, y, "o", color=MEASURED, mfc=face, mew=0.8, **style)
 
 
-def _residual_picture(result: Result) -> Picture:
+def _residual_words(result: Result) -> str:
+    """What has to be known of the residuals, and what is left out where there are many."""
     rows = _residual_rows(result)
-    left = len(result.gauges.channels) - len(rows)
-    more = f" The {len(rows)} channels that deviate most." if left else ""
-    return Picture(
-        "residuals",
-        "Standardized residuals",
+    beyond = int(np.count_nonzero(np.abs(np.nan_to_num(standardized(result))) > OUTLIER))
+    named = f" Of {beyond}, the {_MOST_NAMES} farthest." if beyond > _MOST_NAMES else ""
+    few = len(rows) < len(result.gauges.channels)
+    more = f" The {len(rows)} channels that deviate most." if few else ""
+    return (
         f"Measured minus computed, {in_sd_note(result)} Beyond {OUTLIER:g} the stage is named."
-        f"{_of_many(result)}{more}",
-        lambda: residual_figure(result),
+        f"{named}{more}"
     )
-
-
-def _of_many(result: Result) -> str:
-    """What is said where more dots are beyond the limit than are named."""
-    count = int(np.count_nonzero(np.abs(np.nan_to_num(standardized(result))) > OUTLIER))
-    return f" Of {count}, the {_MOST_NAMES} farthest." if count > _MOST_NAMES else ""
 
 
 def _residual_rows(result: Result) -> list[int]:
@@ -178,20 +172,10 @@ def _name_outliers(axes: Axes, residual: Floats, table: GaugeTable) -> None:
     )
 
 
-def _history_picture(result: Result) -> Picture:
-    return Picture(
-        "history",
-        "Course of the search",
-        "Left: misfit (weighted squares, priors included) at each trial. Right: parameters that "
-        "are determined, divided by their final values.",
-        lambda: history_figure(result),
-    )
-
-
 def history_figure(result: Result) -> Figure:
     """Objective and parameters over the trials."""
     history = [i for i in result.history if np.isfinite(i.objective)]
-    names = _determined(result.parameters)
+    names = np.flatnonzero(result.parameters.determined).tolist()
     figure = Figure(figsize=(10 if names else 5.5, 3.3))
     panels = figure.subplots(1, 2 if names else 1, squeeze=False)[0]
     _draw_objective(panels[0], history)
@@ -221,37 +205,14 @@ def _draw_objective(axes: Axes, history: Sequence[Iteration]) -> None:
 def _draw_traces(
     axes: Axes, result: Result, history: Sequence[Iteration], names: Sequence[int]
 ) -> None:
+    x = [n for n, step in enumerate(history) if step.note != "rejected"]
     for k, i in enumerate(names):
-        final = result.parameters.values[i]
-        trace = np.array([step.values[i] for step in history if step.note != "rejected"])
-        x = [n for n, step in enumerate(history) if step.note != "rejected"]
-        axes.plot(
-            x,
-            trace / (final or 1.0),
-            "-",
-            marker=marker(k),
-            ms=3.5,
-            lw=1,
-            color=colour(k),
-            label=short(result.parameters.names[i]),
-        )
+        final = result.parameters.values[i] or 1.0
+        axes.plot(x, [history[n].values[i] / final for n in x], "-", marker=marker(k), ms=3.5,
+                  lw=1, color=colour(k), label=short(result.parameters.names[i]))  # fmt: skip
     axes.axhline(1, color=FAINT, lw=0.6, zorder=0)
     axes.set_ylabel("value / final value")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-
-
-def _determined(parameters: ParameterTable) -> list[int]:
-    return [int(i) for i in np.flatnonzero(parameters.determined)]
-
-
-def _correlation_picture(result: Result) -> Picture:
-    return Picture(
-        "correlation",
-        "Correlation of the parameters",
-        "Near 1 or -1 the readings determine a combination of two parameters better than either. "
-        "A dash: not determined.",
-        lambda: correlation_figure(result.parameters),
-    )
 
 
 def correlation_figure(parameters: ParameterTable) -> Figure:

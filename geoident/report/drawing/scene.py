@@ -1,20 +1,22 @@
-"""What the pictures of one result have in common: planes, windows, stages and derived fields."""
+"""What the pictures of one result have in common: case, planes, windows, stages, derived fields."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
+from geoident.errors import InputError
 from geoident.fem.location import Locator, Site
+from geoident.io.case.file import parse_case
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
-from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace, element_centres
-from geoident.report.drawing.style import short
+from geoident.report.drawing.style import MM, short
 from geoident.report.text.case import axis_names
 
 MOST_STAGES = 12
@@ -57,10 +59,7 @@ class Scene:
         self.only = only
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
-        self._areas: dict[tuple[Sheet, int], tuple[Ints, Floats]] = {}
-        self._lines: dict[tuple[Sheet, int], tuple[Trace, Trace]] = {}
         self._sections: dict[Plane, Sheet] = {}
-        self._stresses: dict[Sheet, tuple[Ints, Floats]] = {}
 
     @property
     def solid(self) -> bool:
@@ -68,12 +67,18 @@ class Scene:
         return self.fields.mesh.dim == 3
 
     @cached_property
-    def sheets(self) -> tuple[Sheet, ...]:
+    def views(self) -> tuple[SheetView, ...]:
         """The plane, or cuts through the gauges, the one with most of them first."""
-        if not self.solid:
-            return (self._maker.flat(),)
-        sheets = [self.section(plane) for plane in gauge_planes(self.result.gauges, self.box)]
-        return tuple(sheet for sheet in sheets if len(sheet.triangles))
+        sheets = (
+            [self._maker.flat()]
+            if not self.solid
+            else [
+                self.section(plane)
+                for plane in planes_through(gauge_points(self.result.gauges), self.box)
+            ]
+        )
+        met = [sheet for sheet in sheets if len(sheet.triangles)]
+        return tuple(SheetView(self, sheet, number) for number, sheet in enumerate(met, start=1))
 
     def section(self, plane: Plane) -> Sheet:
         """The cut through a solid along a plane, made once."""
@@ -177,39 +182,9 @@ class Scene:
         return np.asarray(self.fields.displacement[state] - self.fields.displacement[since])
 
     @cached_property
-    def _locator(self) -> Locator:
+    def locator(self) -> Locator:
+        """Finds the elements in which points lie."""
         return Locator(self.fields.mesh)
-
-    def sites(self, sheet: Sheet, state: int, places: Floats) -> list[Site | None]:
-        """The present elements in which places of a sheet lie; None where there is none.
-
-        Args:
-            sheet: a plane, or a section of a solid.
-            state: number of the state.
-            places: (k, 2) on it, m.
-        """
-        points = places
-        if sheet.plane is not None:
-            points = np.insert(places, sheet.plane.axis, sheet.plane.value, axis=1)
-        each = [tuple(point) for point in points.tolist()]
-        self._locator.find(each)
-        return [self._locator.best(point, self.fields.present[state]) for point in each]
-
-    def stress_at(self, sheet: Sheet, state: int, which: int) -> Floats:
-        """A principal stress (n,) at the n points of a sheet, Pa; NaN where nothing is present.
-
-        Args:
-            sheet: a section or an outside of the mesh.
-            state: number of the state.
-            which: 0 for the largest.
-        """
-        if sheet not in self._stresses:
-            elements = sheet.elements_behind
-            self._stresses[sheet] = elements, principal_stresses(self.fields.stress[:, elements])
-        elements, stresses = self._stresses[sheet]
-        values = np.full(self.fields.mesh.n_elements, np.nan)
-        values[elements] = stresses[state, :, which]
-        return sheet.of_corners(sheet.corners.average(values, self.fields.present[state]))
 
     @cached_property
     def moved(self) -> Bools:
@@ -223,59 +198,22 @@ class Scene:
         centres = element_centres(self.fields.mesh)[self.moved]
         return np.vstack([gauge_points(self.result.gauges), centres])
 
-    def lines(self, sheet: Sheet, state: int) -> tuple[Trace, Trace]:
-        """Where groups meet on a sheet in a state, and where the ground ends; found once."""
-        key = (sheet, state)
-        if key not in self._lines:
-            self._lines[key] = (
-                sheet.borders(self.borders_label(state)),
-                sheet.outline(self.fields.present[state]),
-            )
-        return self._lines[key]
-
-    def areas(self, sheet: Sheet, state: int, window: Window) -> tuple[Ints, Floats]:
-        """Triangles (m, 3) of a sheet that are present in a window, and their areas (m,), m2.
-
-        Args:
-            sheet: the sheet.
-            state: number of the state at which they are present.
-            window: what is looked at.
-        """
-        key = (sheet, state)
-        if key not in self._areas:
-            triangles = sheet.triangles[self.fields.present[state][sheet.element]]
-            a, b, c = (sheet.xy[corner] for corner in triangles.T)
-            centre = (a + b + c) / 3
-            inside = ((centre >= window.low) & (centre <= window.high)).all(axis=1)
-            (ux, uy), (vx, vy) = (b - a)[inside].T, (c - a)[inside].T
-            self._areas[key] = triangles[inside], 0.5 * np.abs(ux * vy - uy * vx)
-        return self._areas[key]
-
     def borders_label(self, state: int) -> Ints:
         """Labels (n_elements,) for `Sheet.borders`: groups of what is present, -1 for the rest."""
         return np.where(self.fields.present[state], self._maker.label, -1)
 
-    def window(self, sheet: Sheet) -> Window:
-        """The part of a sheet with the gauges and the construction, and a margin, in the mesh."""
-        axes = list(sheet.axes)
-        near = self.near[:, axes]
-        low, high = self.box[0][axes], self.box[1][axes]
-        if not len(near) or not np.all(np.ptp(near, axis=0) > 0):
-            return Window(low, high)
-        return Window(*box_around(near, (low, high)))
-
-    def magnification(self, sheet_size: float, *, share: float = 0.05) -> float:
-        """A round factor that makes the largest displacement a share of a size (m)."""
+    def magnification(self, size: float) -> float:
+        """A round factor that makes the largest displacement a twentieth of a size (m)."""
         largest = max(
             float(np.linalg.norm(self.displacement(s), axis=1).max()) for s in self.key_states
         )
-        return round_down(share * sheet_size / largest) if largest > 0 else 1.0
+        return round_down(0.05 * size / largest) if largest > 0 else 1.0
 
     @cached_property
     def gauge_motion(self) -> tuple[Floats, Floats]:
         """Gauge points (k, dim), m, and displacements (n_states, k, dim); NaN where absent."""
         points = np.unique(gauge_points(self.result.gauges).round(6), axis=0)
-        locator, fields = self._locator, self.fields
+        locator, fields = self.locator, self.fields
         places = [tuple(point) for point in points.tolist()]
         locator.find(places)
         motion = np.full((self.n_states, *points.shape), np.nan)
@@ -288,6 +226,131 @@ class Scene:
                     )
                     motion[state, k] = site.shapes @ moved
         return points, motion
+
+
+class SheetView:
+    """A sheet of a scene, in the window around the gauges and the construction.
+
+    Args:
+        scene: what is drawn.
+        sheet: the plane, or a section of a solid.
+        number: of the section.
+    """
+
+    def __init__(self, scene: Scene, sheet: Sheet, number: int = 1) -> None:
+        self.scene = scene
+        self.sheet = sheet
+        self.across = list(sheet.axes)
+        self.tag = f"section-{number}-" if scene.solid else ""
+        self.where = f", section {sheet.plane}" if sheet.plane is not None else ""
+        self._areas: dict[int, tuple[Ints, Floats]] = {}
+        self._lines: dict[int, tuple[Trace, Trace]] = {}
+
+    @cached_property
+    def window(self) -> Window:
+        """The part with the gauges and the construction, and a margin, in the mesh."""
+        near = self.scene.near[:, self.across]
+        low, high = (corner[self.across] for corner in self.scene.box)
+        if not len(near) or not np.all(np.ptp(near, axis=0) > 0):
+            return Window(low, high)
+        return Window(*box_around(near, (low, high)))
+
+    def lines(self, state: int) -> tuple[Trace, Trace]:
+        """Where groups meet in a state, and where the ground ends."""
+        if state not in self._lines:
+            present = self.scene.fields.present[state]
+            borders = self.sheet.borders(self.scene.borders_label(state))
+            self._lines[state] = borders, self.sheet.outline(present)
+        return self._lines[state]
+
+    def areas(self, state: int) -> tuple[Ints, Floats]:
+        """Triangles (m, 3) in the window that are present in a state, and their areas (m,), m2."""
+        if state not in self._areas:
+            sheet = self.sheet
+            triangles = sheet.triangles[self.scene.fields.present[state][sheet.element]]
+            a, b, c = (sheet.xy[corner] for corner in triangles.T)
+            centre = (a + b + c) / 3
+            inside = ((centre >= self.window.low) & (centre <= self.window.high)).all(axis=1)
+            (ux, uy), (vx, vy) = (b - a)[inside].T, (c - a)[inside].T
+            self._areas[state] = triangles[inside], 0.5 * np.abs(ux * vy - uy * vx)
+        return self._areas[state]
+
+    def weighted(self, state: int, value: Floats) -> Floats:
+        """(2, m) means of a quantity on the present triangles in the window, and their areas.
+
+        Args:
+            state: number of the state.
+            value: (n,) at the points of the sheet.
+        """
+        triangles, areas = self.areas(state)
+        a, b, c = triangles.T
+        mean = (value[a] + value[b] + value[c]) / 3
+        return np.stack([mean, areas])[:, np.isfinite(mean)]
+
+    def displacement_size(self, state: int, *, since: int = 0) -> Floats:
+        """Length (n,) of the displacement since another state at the n points, mm."""
+        moved = self.sheet.of_nodes(self.scene.displacement(state, since=since))
+        return np.asarray(MM * np.linalg.norm(moved, axis=1))
+
+    @cached_property
+    def _principal(self) -> tuple[Ints, Floats]:
+        """Elements (k,) behind the sheet with their principal stresses (n_states, k, 3), Pa."""
+        elements = self.sheet.elements_behind
+        return elements, principal_stresses(self.scene.fields.stress[:, elements])
+
+    def stress(self, state: int, which: int) -> Floats:
+        """A principal stress (n,) at the n points, Pa; NaN where nothing is present.
+
+        Args:
+            state: number of the state.
+            which: 0 for the least: the largest compression.
+        """
+        fields, (elements, stresses) = self.scene.fields, self._principal
+        values = np.full(fields.mesh.n_elements, np.nan)
+        values[elements] = stresses[state, :, which]
+        return self.sheet.of_corners(self.sheet.corners.average(values, fields.present[state]))
+
+    def sites(self, state: int, places: Floats) -> list[Site | None]:
+        """The present elements in which places (k, 2), m, lie; None where there is none."""
+        points, plane = places, self.sheet.plane
+        if plane is not None:
+            points = np.insert(places, plane.axis, plane.value, axis=1)
+        each = [tuple(point) for point in points.tolist()]
+        self.scene.locator.find(each)
+        present = self.scene.fields.present[state]
+        return [self.scene.locator.best(point, present) for point in each]
+
+    def holds(self, points: Floats) -> Bools:
+        """Which points (k, dim), m, lie on it, within a hundredth of the size of the model."""
+        plane = self.sheet.plane
+        if plane is None:
+            return np.ones(len(points), dtype=bool)
+        near = 1e-2 * float((self.scene.box[1] - self.scene.box[0]).max())
+        return np.asarray(np.abs(points[:, plane.axis] - plane.value) <= near)
+
+    def gauges(self) -> Iterator[tuple[str, Floats]]:
+        """Name and ends (k, 2), m, of each channel that lies on it."""
+        table = self.scene.result.gauges
+        for name, first, second in zip(table.gauges, table.first, table.second, strict=True):
+            ends = np.array([end for end in (first, second) if np.isfinite(end).all()])
+            if len(ends) and self.holds(ends).all():
+                yield name, ends[:, self.across]
+
+
+@lru_cache(maxsize=8)  # A page asks for the case of each of few results several times.
+def _case_of_text(text: str) -> Case | None:
+    """The case of a result from its text, without readings; None where it cannot be read."""
+    try:
+        return parse_case(
+            text, "case.yaml", overrides=["readings=[]"], with_mesh=False, with_texts=False
+        ).case
+    except InputError:
+        return None
+
+
+def case_of(result: Result) -> Case | None:
+    """The case of a result without its readings; None where this version cannot read it."""
+    return _case_of_text(result.case_resolved)
 
 
 def principal_stresses(stress: Floats) -> Floats:
@@ -331,16 +394,6 @@ def gauge_points(gauges: GaugeTable) -> Floats:
     return np.asarray(ends[np.isfinite(ends).all(axis=1)])
 
 
-def gauge_planes(gauges: GaugeTable, box: tuple[Floats, Floats]) -> tuple[Plane, ...]:
-    """For up to two coordinates, the plane across it that holds most gauge points.
-
-    Args:
-        gauges: with points in three dimensions.
-        box: corners (dim,) of the mesh; planes on its border are moved inside by a hair.
-    """
-    return planes_through(gauge_points(gauges), box)
-
-
 def planes_through(points: Floats, box: tuple[Floats, Floats]) -> tuple[Plane, ...]:
     """For up to two coordinates, the plane across it that holds most of some points.
 
@@ -355,13 +408,10 @@ def planes_through(points: Floats, box: tuple[Floats, Floats]) -> tuple[Plane, .
         values, counts = np.unique(points[:, axis].round(3), return_counts=True)
         found.append((int(counts.max()), axis, float(values[np.argmax(counts)])))
     best = sorted(found, key=lambda each: (-each[0], each[1]))[:2]
-    return tuple(Plane(axis, _inside(value, axis, box)) for _, axis, value in best)
-
-
-def _inside(value: float, axis: int, box: tuple[Floats, Floats]) -> float:
-    low, high = float(box[0][axis]), float(box[1][axis])
-    inset = 1e-6 * (high - low)
-    return min(max(value, low + inset), high - inset)
+    axes = [axis for _, axis, _ in best]
+    inset = 1e-6 * (box[1] - box[0])
+    inside = np.clip([value for *_, value in best], (box[0] + inset)[axes], (box[1] - inset)[axes])
+    return tuple(Plane(axis, float(value)) for axis, value in zip(axes, inside, strict=True))
 
 
 def round_down(value: float) -> float:

@@ -17,8 +17,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array, vstack
 
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import FaceTable, face_table, patches
@@ -49,52 +51,6 @@ class Plane:
 
     def __str__(self) -> str:
         return f"{'xyz'[self.axis]} = {round(self.value, 2):z.6g} m"
-
-
-@dataclass(frozen=True)
-class Means:
-    """Weighted means of what is known somewhere: a sparse matrix, at hand without scipy's.
-
-    Args:
-        count: (n,) terms of each mean, at least one.
-        column: (k,) of what they are means, one mean after the other.
-        weight: (k,) of each term.
-    """
-
-    count: Ints
-    column: Ints
-    weight: Floats
-
-    def __len__(self) -> int:
-        return len(self.count)
-
-    @cached_property
-    def first(self) -> Ints:
-        """(n,) the first term of each mean."""
-        return np.cumsum(self.count) - self.count
-
-    def __matmul__(self, values: Floats) -> Floats:
-        """The means (n, ...) of values (m, ...)."""
-        if not len(self):
-            return np.empty((0, *values.shape[1:]))
-        weight = self.weight.reshape(-1, *(1,) * (values.ndim - 1))
-        return np.asarray(np.add.reduceat(weight * values[self.column], self.first))
-
-    def between(self, a: Ints, b: Ints, w: Floats) -> Means:
-        """The means (k,) at the weights w (k,) from those in rows a to those in rows b.
-
-        Args:
-            a: (k,) rows where w is 0.
-            b: (k,) rows where w is 1.
-            w: (k,) weights.
-        """
-        rows, share = np.stack([a, b], axis=1).ravel(), np.stack([1 - w, w], axis=1).ravel()
-        count = self.count[rows]
-        ends = np.cumsum(count)
-        within = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - count, count)
-        terms = np.repeat(self.first[rows], count) + within
-        weight = self.weight[terms] * np.repeat(share, count)
-        return Means(count.reshape(-1, 2).sum(axis=1), self.column[terms], weight)
 
 
 @dataclass(frozen=True)
@@ -155,8 +111,8 @@ class Sheet:
     plane: Plane | None
     corners: DoubledCorners
     faces: FaceTable
-    at_nodes: Means
-    at_corners: Means
+    at_nodes: csr_array
+    at_corners: csr_array
     triangles: Ints
     element: Ints
 
@@ -174,7 +130,7 @@ class Sheet:
     def elements_behind(self) -> Ints:
         """Elements (k,) that have a corner from which a point of the sheet has a value."""
         asked = np.zeros(len(self.corners.node), dtype=bool)
-        asked[self.at_corners.column] = True
+        asked[self.at_corners.indices] = True
         return np.unique(self.corners.element[asked[self.corners.corner]])
 
     def of_nodes(self, values: Floats) -> Floats:
@@ -243,9 +199,7 @@ class SheetMaker:
 
     def flat(self) -> Sheet:
         """The sheet of a plane mesh."""
-        made = self._pieces(np.ones(self.mesh.n_elements, dtype=bool))
-        return Sheet(self.mesh, None, self.corners, self.faces, made.at_nodes, made.at_corners,
-                     made.simplices, made.element)  # fmt: skip
+        return self._sheet(None, *self._pieces(np.ones(self.mesh.n_elements, dtype=bool)))
 
     def cut(self, plane: Plane) -> Sheet:
         """The sheet in which a plane cuts a mesh of solids."""
@@ -254,85 +208,59 @@ class SheetMaker:
             (away[block.nodes] < 0).any(axis=1) & (away[block.nodes] > 0).any(axis=1)
             for block in self.mesh.blocks
         ]
-        made = self._pieces(np.concatenate(met))
-        distance = np.asarray(made.at_nodes @ self.mesh.points[:, plane.axis]) - plane.value
+        at_nodes, at_corners, tets, element = self._pieces(np.concatenate(met))
+        distance = np.asarray(at_nodes @ self.mesh.points[:, plane.axis]) - plane.value
         distance = _never_zero(distance, self.mesh, plane)
-        pairs, element = _cut_tets(made.simplices, distance, made.element)
-        pairs = np.sort(pairs.reshape(-1, 2), axis=1)
-        n = len(made.at_nodes)
+        pairs, element = _cut_tets(tets, distance, element)
+        pairs, n = np.sort(pairs.reshape(-1, 2), axis=1), len(distance)
         unique, point = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
         a, b = unique // n, unique % n
         w = distance[a] / (distance[a] - distance[b])
-        return Sheet(self.mesh, plane, self.corners, self.faces, made.at_nodes.between(a, b, w),
-                     made.at_corners.between(a, b, w), point.reshape(-1, 3), element)  # fmt: skip
+        means = (_between(matrix, a, b, w) for matrix in (at_nodes, at_corners))
+        return self._sheet(plane, *means, point.reshape(-1, 3), element)
 
-    def _pieces(self, chosen: Bools) -> _Pieces:
-        """The triangles or tetrahedra of some elements (n_elements,)."""
+    def _sheet(self, plane: Plane | None, *parts: Any) -> Sheet:
+        return Sheet(self.mesh, plane, self.corners, self.faces, *parts)
+
+    def _pieces(self, chosen: Bools) -> tuple[csr_array, csr_array, Ints, Ints]:
+        """The triangles or tetrahedra of some elements (n_elements,), as a `Sheet` has them.
+
+        Their points are the doubled corners, and after these the inner points of elements.
+        """
         n_corners, n_nodes = len(self.corners.node), self.mesh.n_nodes
-        first = n_corners
-        one = np.ones(n_corners)
-        nodes = [_Entries(np.arange(n_corners), self.corners.node, one)]
-        corners = [_Entries(np.arange(n_corners), np.arange(n_corners), one)]
-        simplices, elements = [], []
+        every, one = np.arange(n_corners), np.ones((n_corners, 1))
+        nodes = [_means(self.corners.node[:, None], one, n_nodes)]
+        corners = [_means(every[:, None], one, n_corners)]
+        simplices, elements, first = [], [], n_corners
         for (block, span), doubled in zip(spans(self.mesh.blocks), self.corners.of, strict=True):
             rows = np.flatnonzero(chosen[span])
             parts = _parts_of(block.kind)
             own = doubled[rows]
-            inner = len(parts.of_nodes)
-            if inner:
+            if inner := len(parts.of_nodes):
                 label = self.label[span][rows]
-                number, count, which = _inner_points(block.nodes[rows], parts, label, n_nodes)
+                number, which = _inner_points(block.nodes[rows], parts, label, n_nodes)
                 own = np.hstack([own, first + number])
-                chosen_row, local = which // inner, which % inner
-                at = np.repeat(first + np.arange(count), block.nodes.shape[1])
-                nodes.append(_Entries(at, block.nodes[rows][chosen_row].ravel(),
-                                      parts.of_nodes[local].ravel()))  # fmt: skip
-                at = np.repeat(first + np.arange(count), doubled.shape[1])
-                corners.append(_Entries(at, doubled[rows][chosen_row].ravel(),
-                                        parts.of_corners[local].ravel()))  # fmt: skip
-                first += count
+                row, local = rows[which // inner], which % inner
+                nodes.append(_means(block.nodes[row], parts.of_nodes[local], n_nodes))
+                corners.append(_means(doubled[row], parts.of_corners[local], n_corners))
+                first += len(which)
             simplices.append(own[:, parts.simplices].reshape(-1, parts.simplices.shape[1]))
             elements.append(np.repeat(span.start + rows, len(parts.simplices)))
-        return _Pieces(
-            _means(nodes, first),
-            _means(corners, first),
-            np.concatenate(simplices),
-            np.concatenate(elements),
-        )
+        at_nodes, at_corners = (vstack(means, format="csr") for means in (nodes, corners))
+        return at_nodes, at_corners, np.concatenate(simplices), np.concatenate(elements)
 
 
-@dataclass(frozen=True)
-class _Pieces:
-    """Triangles or tetrahedra (m, 3 or 4) between points, and the elements (m,) that they are of.
-
-    ``at_nodes`` (n_points, n_nodes) and ``at_corners`` (n_points, n_doubled) are the weights of
-    nodes and of doubled corners in the points; the first n_doubled points are these corners.
-    """
-
-    at_nodes: Means
-    at_corners: Means
-    simplices: Ints
-    element: Ints
+def _means(columns: Ints, weights: Floats, n: int) -> csr_array:
+    """The means (m, n) with the terms (m, k), without those that are rounding errors."""
+    rows = np.repeat(np.arange(len(columns)), columns.shape[1])
+    kept = np.abs(weights.ravel()) > _ROUNDING
+    terms = weights.ravel()[kept], (rows[kept], columns.ravel()[kept])
+    return csr_array(terms, shape=(len(columns), n))
 
 
-@dataclass(frozen=True)
-class _Entries:
-    """Terms of means."""
-
-    row: Ints
-    column: Ints
-    value: Floats
-
-
-def _means(parts: list[_Entries], n: int) -> Means:
-    """The means of n points, each of which has a term."""
-    row, column, value = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("row", "column", "value")
-    )
-    kept = np.flatnonzero(np.abs(value) > _ROUNDING)
-    order = kept[np.argsort(row[kept], kind="stable")]
-    return Means(np.bincount(row[order], minlength=n), column[order], value[order])
+def _between(means: csr_array, a: Ints, b: Ints, w: Floats) -> csr_array:
+    """The means at the weights w (k,) from those in the rows a (k,) to those in the rows b."""
+    return csr_array(diags_array(1 - w) @ means[a] + diags_array(w) @ means[b])
 
 
 @dataclass(frozen=True)
@@ -397,10 +325,8 @@ _SMALLER = {
 """Corners to smaller triangles (tetrahedra); a pair is the middle between two of the corners."""
 
 
-def _inner_points(
-    nodes: Ints, parts: _SubElements, label: Ints, n_nodes: int
-) -> tuple[Ints, int, Ints]:
-    """Numbers (m, k) of the inner points of elements; how many there are; where each is first.
+def _inner_points(nodes: Ints, parts: _SubElements, label: Ints, n_nodes: int) -> tuple[Ints, Ints]:
+    """Numbers (m, k) of the inner points of elements; where each of them is first.
 
     Neighbours of one label share those that are nodes.
 
@@ -414,8 +340,8 @@ def _inner_points(
     own = np.arange(m * k).reshape(m, k) + (int(label.max(initial=0)) + 1) * n_nodes
     shared = label[:, None] * n_nodes + nodes[:, np.maximum(parts.node, 0)]
     keys = np.where(parts.node >= 0, shared, own)
-    unique, first, number = np.unique(keys, return_index=True, return_inverse=True)
-    return number.reshape(m, k), len(unique), first
+    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    return number.reshape(m, k), first
 
 
 def group_labels(mesh: Mesh) -> Ints:

@@ -11,31 +11,30 @@ from typing import Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from geoident.fem.faces import patches
 from geoident.model.arrays import Bools, Floats
 from geoident.model.cells import CELLS
 from geoident.report.drawing.fields.panels import bands
-from geoident.report.drawing.fields.polygons import Polygons
-from geoident.report.drawing.labels import hidden, place_labels
+from geoident.report.drawing.labels import place_labels
+from geoident.report.drawing.polygons import Polygons
 from geoident.report.drawing.scene import Scene, box_around
 from geoident.report.drawing.sheets import Plane, Sheet, Trace
-from geoident.report.drawing.style import GAUGE, LENGTHS, MM, Picture, box_axes, short
+from geoident.report.drawing.space import Box, add_faces, add_lines, frame, hidden, towards
+from geoident.report.drawing.style import GAUGE, LENGTHS, MM, Picture, short
 
 _VIEW = {0: (22.0, -145.0), 1: (22.0, -60.0), 2: (40.0, -55.0)}
 _PLACE, _MOTION, _VALUE = slice(0, 3), slice(3, 6), 6
 """Columns of polygons: m, m, mm."""
 _WIDTH = 7.4
 _MOST_NAMES = 30
+_SHADOW = 0.1  # darkness of what faces along x
 _SIDE = 0.1  # free on both sides of a view, of its width
-
-_Box = tuple[Floats, Floats]
 
 
 def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
     """Surface views; nothing for a plane model."""
-    if not scene.solid or not scene.sheets:
+    if not scene.solid or not scene.views:
         return ()
     sheet = _opening(scene)
     low, high = box_around(scene.near, scene.box)
@@ -66,9 +65,8 @@ def solid_pictures(scene: Scene) -> tuple[Picture, ...]:
 
 def _opening(scene: Scene) -> Sheet:
     """The section along which the model is opened: an upright one, the best of those."""
-    upright = [s for s in scene.sheets if s.plane is not None and s.plane.axis != 2]
-    sideways = [s for s in upright if s.plane is not None and s.plane.axis == 0]
-    return (sideways or upright or list(scene.sheets))[0]
+    sheets = [view.sheet for view in scene.views]
+    return min(sheets, key=lambda sheet: sheet.plane.axis if sheet.plane is not None else 2)
 
 
 def surface_figure(scene: Scene, opened: Sheet | None, factor: float) -> Figure:
@@ -94,7 +92,8 @@ def surface_figure(scene: Scene, opened: Sheet | None, factor: float) -> Figure:
         _draw_lines(axes, view, state, factor)
         if opened is not None and factor == 0.0:
             _draw_gauges(axes, view, polygons)
-        _finish(axes, view, scene.title(state))
+        frame(axes, view.box, view.angles, zoom=0.82)
+        axes.set_title(scene.title(state), loc="left")
     below = figure.add_axes((0.2, 0.12, 0.6, 0.022))
     bar = figure.colorbar(
         ScalarMappable(scale["norm"], scale["cmap"]), cax=below, orientation="horizontal"
@@ -122,19 +121,12 @@ class _View:
             self.angles = elevation, azimuth
             self.cuts = self._visible_cuts()
 
-    @property
-    def towards(self) -> Floats:
-        """(3,) direction to the eye."""
-        elevation, azimuth = np.radians(self.angles)
-        level = np.cos(elevation)
-        return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-
     def _visible_cuts(self) -> list[Sheet]:
         """Cuts along the sides of the box that are turned to the eye and lie in the ground."""
         found = []
         size = self.scene.box[1] - self.scene.box[0]
         for axis in range(3):
-            value = self.box[1 if self.towards[axis] > 0 else 0][axis]
+            value = self.box[1 if towards(self.angles)[axis] > 0 else 0][axis]
             room = min(value - self.scene.box[0][axis], self.scene.box[1][axis] - value)
             if room > 1e-7 * size[axis]:
                 found.append(self.scene.section(Plane(axis, float(value))))
@@ -162,14 +154,14 @@ class _View:
 
     def _faces(self, state: int, table: Floats) -> list[Floats]:
         """Outer faces of the ground, kind by kind."""
-        mesh, faces = self.scene.fields.mesh, self.scene.sheets[0].faces
+        mesh, faces = self.scene.fields.mesh, self.scene.views[0].sheet.faces
         return [
             table[patch.nodes[:, : CELLS[patch.kind].n_corners]]
             for patch in patches(mesh, faces, faces.free(self.scene.fields.present[state]))
         ]
 
 
-def _opened_box(scene: Scene, opened: Sheet) -> _Box:
+def _opened_box(scene: Scene, opened: Sheet) -> Box:
     """The box around the gauges behind a section."""
     low, high = box_around(scene.near, scene.box)
     plane = opened.plane
@@ -187,16 +179,9 @@ def _side(scene: Scene, plane: Plane) -> float:
 
 def _means(polygons: Polygons) -> Floats:
     """(2, n) mean value and area of polygons."""
-    points, there = polygons.points, polygons.filled[:, 2:]
-    area = 0.5 * (np.linalg.norm(_fan(polygons), axis=2) * there).sum(axis=1)
-    value = (points[:, :, _VALUE] * polygons.filled).sum(axis=1) / polygons.count
+    area = 0.5 * np.linalg.norm(polygons.normals, axis=2).sum(axis=1)
+    value = (polygons.points[:, :, _VALUE] * polygons.filled).sum(axis=1) / polygons.count
     return np.stack([value, area])
-
-
-def _fan(polygons: Polygons) -> Floats:
-    """(n, k - 2, 3) normals of the triangles of polygons, twice as long as these are large."""
-    p = polygons.points[:, :, :3]
-    return np.asarray(np.cross(p[:, 1:-1] - p[:, :1], p[:, 2:] - p[:, :1]))
 
 
 def _draw_bands(axes: Any, polygons: Polygons, factor: float, scale: dict[str, Any]) -> None:
@@ -209,24 +194,11 @@ def _draw_bands(axes: Any, polygons: Polygons, factor: float, scale: dict[str, A
         value = levels[0] - 1.0 if k < 0 else levels[-1] + 1.0 if k + 1 == len(levels) else middle
         colour = scale["cmap"](scale["norm"](value))
         moved = part.points[:, :, _PLACE] + factor * part.points[:, :, _MOTION]
-        shade = _light(part)
-        corners += Polygons(moved, part.count).corners(_PLACE)
+        shade = part.brightness(_SHADOW)
+        corners += Polygons(moved, part.count).corners()
         colours.append(np.c_[np.array(colour[:3])[None] * shade[:, None], np.ones(len(part))])
     rgba = np.concatenate(colours)
-    # One collection, since matplotlib sorts by depth only within each.
-    axes.add_collection3d(
-        Poly3DCollection(
-            corners, facecolors=rgba, edgecolors=rgba, linewidths=0.15, rasterized=True, zorder=1
-        )
-    )
-
-
-def _light(polygons: Polygons) -> Floats:
-    """(n,) brightness of polygons by their inclination, 0.86 to 1."""
-    normal = (_fan(polygons) * polygons.filled[:, 2:, None]).sum(axis=1)
-    length = np.linalg.norm(normal, axis=1)
-    share = np.abs(normal) / np.where(length > 0, length, 1.0)[:, None]
-    return np.asarray(np.clip((share**2) @ np.array([0.9, 0.95, 1.0]), 0.86, 1.0))
+    add_faces(axes, corners, rgba, edgecolors=rgba, linewidths=0.15)
 
 
 def _draw_lines(axes: Any, view: _View, state: int, factor: float) -> None:
@@ -235,14 +207,11 @@ def _draw_lines(axes: Any, view: _View, state: int, factor: float) -> None:
     for sheet in view.cuts:
         borders = sheet.borders(scene.borders_label(state))
         outline = sheet.outline(scene.fields.present[state])
-        for trace, style in ((borders, {"colors": "white", "linewidths": 0.4}),
-                             (outline, {"colors": "black", "linewidths": 0.9})):  # fmt: skip
-            ends = _inside(trace, scene, state, factor, view.box)
-            if len(ends):
-                axes.add_collection3d(Line3DCollection(list(ends), zorder=2, **style))
+        for trace, colour, width in ((borders, "white", 0.4), (outline, "black", 0.9)):
+            add_lines(axes, _inside(trace, scene, state, factor, view.box), colour, width)
 
 
-def _inside(trace: Trace, scene: Scene, state: int, factor: float, box: _Box) -> Floats:
+def _inside(trace: Trace, scene: Scene, state: int, factor: float, box: Box) -> Floats:
     """Those lines (k, 2, 3) of a trace that lie in a box, moved."""
     ends = trace.at(scene.fields.mesh.points)
     room = 1e-6 * float((scene.box[1] - scene.box[0]).max())
@@ -256,7 +225,8 @@ def _draw_gauges(axes: Any, view: _View, polygons: Polygons) -> None:
     every = np.stack([table.first, table.second], axis=1)
     known: Bools = np.asarray(np.isfinite(every).all(axis=2))
     behind = np.zeros(known.shape, dtype=bool)
-    behind[known] = hidden(every[known] + 1e-6 * view.towards, _triangles(polygons), view.towards)
+    eye, surface = towards(view.angles), polygons.triangles[:, :, _PLACE]
+    behind[known] = hidden(every[known] + 1e-6 * eye, surface, eye)
     names: dict[str, list[Floats]] = {}
     lines = []
     for k in np.flatnonzero(known.any(axis=1) & ~behind.any(axis=1)):
@@ -267,21 +237,3 @@ def _draw_gauges(axes: Any, view: _View, polygons: Polygons) -> None:
     if len(names) <= _MOST_NAMES:
         place_labels(axes, [np.array(ends) for ends in names.values()],
                      [short(name, 20) for name in names], avoid=lines, colour=GAUGE)  # fmt: skip
-
-
-def _triangles(polygons: Polygons) -> Floats:
-    """(m, 3, 3) polygons as triangles."""
-    points, there = polygons.points[:, :, :3], polygons.filled
-    parts = [
-        points[there[:, k + 1]][:, [0, k, k + 1]] for k in range(1, polygons.points.shape[1] - 1)
-    ]
-    return np.concatenate(parts)
-
-
-def _finish(axes: Any, view: _View, title: str) -> None:
-    low, high = view.box
-    box_axes(axes, low, high)
-    axes.set_box_aspect(high - low, zoom=0.82)
-    axes.set_proj_type("ortho")
-    axes.view_init(*view.angles)
-    axes.set_title(title, loc="left")

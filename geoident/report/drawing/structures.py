@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from geoident.forward.structures.placing import hinge_nodes, straight_pieces
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
@@ -53,9 +54,6 @@ def draw_structures(axes: Any, case: Case, mesh: Mesh, *, names: bool = True) ->
 def structure_lines(structure: Structure, mesh: Mesh) -> list[Floats]:
     """Lines (2, dim) of a structure, m."""
     if isinstance(structure, Beam):
-        # 0.2 s, for structures alone
-        from geoident.forward.structures.placing import straight_pieces  # noqa: PLC0415
-
         return list(mesh.points[straight_pieces(mesh, structure.group)])
     return [np.array(pair, dtype=np.float64) for pair in structure.ends]
 
@@ -78,8 +76,6 @@ def _draw_ends(axes: Any, bars: Bars) -> dict[str, Any]:
 def _draw_hinges(axes: Any, mesh: Mesh, beam: Beam) -> dict[str, Any]:
     if not beam.hinges:
         return {}
-    from geoident.forward.structures.placing import hinge_nodes  # noqa: PLC0415 - see above
-
     nodes = [hinge_nodes(mesh, beam, hinge) for hinge in beam.hinges]
     style: dict[str, Any] = {"ls": "", "marker": "o", "ms": 4, "mfc": "white", "color": INK}
     axes.plot(*mesh.points[np.concatenate(nodes)].T, zorder=6, **style)

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
+import numpy as np
 from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Ints
 
 COMPUTED = "#1f4e79"
 MEASURED = "#262626"
@@ -37,13 +38,12 @@ DIVERGING = "PuOr"
 SMALL = 7.0
 MIDDLE = 8.5
 
-_SHORT = 0.3
-"""Of the longest side of a box: along a shorter one numbers would stand on each other."""
 _Item = TypeVar("_Item")
 Progress = Callable[[str, float], None]
 """Is told which figure is drawn, and what share of all figures, 0 to 1, is done."""
 _DPI = 200  # of what is drawn as pixels
 _COLUMNS = 3
+_SOFT = 1e6  # stresses below, Pa, are shown in kPa
 _RC: Any = {
     "svg.hashsalt": "geoident",
     "svg.fonttype": "none",
@@ -105,7 +105,15 @@ def image(picture: Picture, suffix: str) -> bytes:
     }[suffix]
     buffer = io.BytesIO()
     with drawing_style():
-        picture.draw().savefig(buffer, format=suffix, dpi=_DPI, metadata=metadata)
+        figure = picture.draw()
+        figure.set_dpi(_DPI)
+        if (
+            suffix == "svg"
+        ):  # without the layout for a bounding box, which takes a third of the time
+            canvas: Any = FigureCanvasSVG(figure)
+            canvas.print_svg(buffer, metadata=metadata)
+        else:
+            figure.savefig(buffer, format=suffix, dpi=_DPI, metadata=metadata)
     return buffer.getvalue()
 
 
@@ -149,6 +157,20 @@ def key(label: str, **style: Any) -> Line2D:
     return Line2D([], [], label=label, **style)
 
 
+def arrow(paint: str, width: float) -> dict[str, Any]:
+    """The look of an arrow from point to point, as ``annotate`` takes it."""
+    return {"arrowstyle": "-|>", "color": paint, "lw": width, "shrinkA": 0, "shrinkB": 0}
+
+
+def stress_unit(size: float) -> tuple[str, float]:
+    """The unit in which stresses of such a size, Pa, are shown, and how many Pa it has.
+
+    >>> stress_unit(2e5), stress_unit(3e6)
+    (('kPa', 1000.0), ('MPa', 1000000.0))
+    """
+    return ("kPa", 1e3) if size < _SOFT else ("MPa", 1e6)
+
+
 def short(text: str, most: int = 18) -> str:
     """A name cut to so many characters.
 
@@ -156,6 +178,24 @@ def short(text: str, most: int = 18) -> str:
     ('bench 1', 'a stage with a ve…')
     """
     return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def evenly(n: int, most: int) -> Ints:
+    """Numbers of n things, of more than so many evenly spaced ones, always the first and the last.
+
+    >>> evenly(3, 4).tolist(), evenly(9, 3).tolist()
+    ([0, 1, 2], [0, 4, 8])
+    """
+    return np.linspace(0, n - 1, min(n, most)).round().astype(np.int64)
+
+
+def labelled(name: str, unit: str) -> str:
+    """A name with its unit, for an axis.
+
+    >>> labelled("E", "GPa"), labelled("K0", "")
+    ('E (GPa)', 'K0')
+    """
+    return f"{name} ({unit})" if unit else name
 
 
 def stage_ticks(axes: Axes, stages: tuple[str, ...], *, most: int = 14) -> None:
@@ -177,21 +217,6 @@ def hide_unused(panels: list[Axes], used: int) -> None:
     """Remove the panels after the used ones."""
     for axes in panels[used:]:
         axes.remove()
-
-
-def box_axes(axes: Any, low: Floats, high: Floats) -> None:
-    """Limits, names and numbers of the axes of a view in space, fewer along its short sides.
-
-    Args:
-        axes: of the view.
-        low: (3,) lower corner of the box, m.
-        high: (3,) upper corner of the box, m.
-    """
-    for name, first, last in zip("xyz", low, high, strict=True):
-        getattr(axes, f"set_{name}lim")(first, last)
-        getattr(axes, f"set_{name}label")(f"{name} (m)")
-        share = (last - first) / float((high - low).max())
-        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4 if share > _SHORT else 1))
 
 
 def panel_grid(

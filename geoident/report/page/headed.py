@@ -2,76 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 
-from geoident.model.results.head import NO_HEAD, ReportHead
+from geoident.model.results.head import ReportHead
 from geoident.report.page.blocks import Draw, PagePart, body, contents
 from geoident.report.page.html import Html, page, tag
 from geoident.report.page.logo import logo_element
 
 
-@dataclass(frozen=True)
-class PageHead:
-    """The head of a page.
-
-    Args:
-        title: of the page, where `said` has none.
-        created: when what it shows was computed, ISO 8601; several for a comparison.
-        versions: of geoident that computed it.
-        said: for whom it is made, by whom.
-        logo: content of the file of the logo.
-    """
-
-    title: str
-    created: Collection[str]
-    versions: Collection[str]
-    said: ReportHead = NO_HEAD
-    logo: bytes = field(default=b"", repr=False)
-
-    @property
-    def shown(self) -> str:
-        """The title of the page."""
-        return self.said.title or self.title
-
-
-def headed_page(head: PageHead, parts: Sequence[PagePart], draw: Draw) -> str:
+def headed_page(
+    title: str,
+    origins: Sequence[tuple[str, Mapping[str, str]]],
+    parts: Sequence[PagePart],
+    draw: Draw,
+    head: ReportHead,
+    logo: bytes,
+) -> str:
     """A page with its head, a list of contents and numbered parts.
 
     Args:
-        head: above all.
+        title: of the page, where the head has none.
+        origins: of each result, when it was computed (ISO 8601), and versions by name.
         parts: of the page; those without content are left out.
         draw: makes the figures.
+        head: for whom it is made, by whom.
+        logo: content of the file of the logo; empty for none.
     """
-    said, title = head.said, head.shown
-    right = ", ".join(part for part in (said.client, _revision(said), said.date) if part)
+    title = head.title or title
+    days = ", ".join(sorted({created.partition("T")[0] for created, _ in origins}))
+    versions = ", ".join(sorted({each.get("geoident", "") for _, each in origins} - {""}))
+    rows = {
+        "Project": head.project,
+        "Client": head.client,
+        "Author": head.author,
+        "Revision": head.revision,
+        "Date": head.date,
+        "Computed": f"{days}, geoident {versions}",
+    }
+    entries = [tag(*pair) for name, text in rows.items() if text
+               for pair in (("dt", name), ("dd", text))]  # fmt: skip
+    picture = logo_element(logo, head.logo) if logo else Html("")
+    words = tag("div", tag("h1", title), tag("dl", *entries))
+    revision = f"revision {head.revision}" if head.revision else ""
+    right = ", ".join(part for part in (head.client, revision, head.date) if part)
     return page(
         f"{title} - geoident",
-        _head(head),
+        tag("header", tag("div", words, picture, class_="head")),
         contents(parts),
         tag("main", body(parts, draw)),
-        margins=(said.project or title, right if said.project else ""),
+        margins=(head.project or title, right if head.project else ""),
     )
-
-
-def _revision(head: ReportHead) -> str:
-    return f"revision {head.revision}" if head.revision else ""
-
-
-def _head(head: PageHead) -> Html:
-    said = head.said
-    versions = ", ".join(sorted(set(head.versions) - {""}))
-    computed = ", ".join(sorted({created.partition("T")[0] for created in head.created}))
-    rows = [
-        ("Project", said.project),
-        ("Client", said.client),
-        ("Author", said.author),
-        ("Revision", said.revision),
-        ("Date", said.date),
-        ("Computed", f"{computed}, geoident {versions}"),
-    ]
-    entries = [tag(name, text) for key, text in rows if text for name, text in
-               (("dt", key), ("dd", text))]  # fmt: skip
-    picture = logo_element(head.logo, said.logo) if head.logo else Html("")
-    words = tag("div", tag("h1", head.shown), tag("dl", *entries))
-    return tag("header", tag("div", words, picture, class_="head"))

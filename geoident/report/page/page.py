@@ -12,7 +12,7 @@ from dataclasses import replace
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import Album, album, comparison
-from geoident.report.drawing.style import Picture, svg_files
+from geoident.report.drawing.style import svg_files
 from geoident.report.page.blocks import (
     Block,
     Draw,
@@ -21,7 +21,7 @@ from geoident.report.page.blocks import (
     TitledTable,
     section,
 )
-from geoident.report.page.headed import PageHead, headed_page
+from geoident.report.page.headed import headed_page
 from geoident.report.page.html import Html, joined, table, tag
 from geoident.report.text import (
     accuracies,
@@ -53,9 +53,6 @@ from geoident.report.text.result import compared_outcomes, counts_text, outcome_
 
 _MOST_OUTLIERS = 20
 
-_SIGNS = ("signs",)
-"""Figures of conventions."""
-
 _SMALL = ("one-to-one", "correlation")
 """Figures that find room beside each other."""
 
@@ -81,18 +78,14 @@ def report_page(
     else:
         title = "Comparison of " + ", ".join(label for label, _ in results)
         sections = _compared(results)
-    origins = [result.provenance for _, result in results]
-    versions = [one.versions.get("geoident", "") for one in origins]
-    above = PageHead(title, [one.created for one in origins], versions, head, logo)
-    return headed_page(above, sections, draw)
+    origins = [(one.provenance.created, one.provenance.versions) for _, one in results]
+    return headed_page(title, origins, sections, draw, head, logo)
 
 
 def _compared(results: Labelled) -> tuple[PagePart, ...]:
     """What several results say side by side; of each alone, what is not said so."""
     few = len(results) <= _MOST_RUNS
-    runs = tuple(
-        _run(number, label, result, few=few) for number, (label, result) in enumerate(results, 1)
-    )
+    runs = [_run(n, label, result, few=few) for n, (label, result) in enumerate(results, 1)]
     return (
         section("Outcomes", TitledTable("Outcomes", compared_outcomes(results))),
         section(
@@ -108,9 +101,8 @@ def _compared(results: Labelled) -> tuple[PagePart, ...]:
 def _run(number: int, label: str, result: Result, *, few: bool) -> PagePart:
     """What one of several results says."""
     title = case_title(result)
-    pictures = album(result, prefix=f"{number}-") if few else None
-    shown = () if pictures is None else (*pictures.overview[:1], *pictures.quality)
-    kept = tuple(p for p in shown if p.name.endswith(("-overview", "-residuals")))
+    every = album(result, prefix=f"{number}-").all if few else ()
+    kept = tuple(p for p in every if p.name.endswith(("-overview", "-residuals")))
     found = section(
         f"{label}: {title}" if title else label,
         tag("p", " ".join(outcome_sentences(result))),
@@ -130,9 +122,13 @@ def _provenances(results: Labelled) -> tuple[PagePart, ...]:
 def _parts(result: Result) -> tuple[PagePart, ...]:
     """All sections of one result."""
     pictures = album(result)
-    search = _of_the_search(pictures)
+    # figures for those who want to know how the answer was found, and what pairs say better
+    pairs = any(p.name == "pairs" for p in pictures.parameters)
+    names = {"history", "correlation"} if pairs else {"history"}
+    search = tuple(p for p in pictures.quality if p.name in names)
     fit = [p for p in pictures.quality if p not in search]
     tested, backtested = _backtest(result), result.kind == "backtest"
+    readings = reading_table(result)
     return (
         section(
             "Summary",
@@ -153,10 +149,10 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             TitledTable(accuracies.TITLE, accuracies.accuracies_table(result.accuracies)),
         ),
         section(rivals.MODELS_TITLE, *_models(result)),
-        section(model_error.TITLE, _model_error(result)),
+        section(model_error.TITLE, _paragraph(model_error.model_error_text(result.model_error))),
         section(surface.TITLE, *_surface(result)),
         section(rivals.TITLE, TitledTable(rivals.TITLE, rivals.rivals_table(result))),
-        section("Gauges", Figures(tuple(p for p in pictures.readings if p.name not in _SIGNS))),
+        section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),
         section("Displacements and stresses", Figures(pictures.fields)),
         section(
             "How well it fits",
@@ -180,9 +176,9 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
                     result.gauges,
                     few_of(int(read_or_predicted(result).sum())),
                 ),
-                reading_table(result),
+                readings,
             ),
-            _in_sd(result),
+            _paragraph(in_sd_note(result) if readings.rows else "", class_="note"),
             closed=True,
         ),
         section("Predictions tested", *(() if backtested else tested), closed=True),
@@ -199,16 +195,8 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         ),
         section("Notes", joined([tag("p", note) for note in result.notes if note]), closed=True),
         section("Provenance", _provenance(result), closed=True),
-        section("Case file", _case(result), closed=True),
+        section("Case file", *_case(result), closed=True),
     )
-
-
-def _of_the_search(pictures: Album) -> tuple[Picture, ...]:
-    """Figures for those who want to know how the answer was found, and what others say better."""
-    names = {"history"}
-    if any(p.name == "pairs" for p in pictures.parameters):
-        names.add("correlation")
-    return tuple(p for p in pictures.quality if p.name in names)
 
 
 def _model(result: Result, pictures: Album) -> PagePart:
@@ -228,19 +216,13 @@ def _model(result: Result, pictures: Album) -> PagePart:
         TitledTable("Construction", construction_table(case, numbers)),
         TitledTable("Structures", structures_table(case, numbers)),
         TitledTable("Supports", supports_table(case, numbers)),
-        Figures((*pictures.model, *(p for p in pictures.readings if p.name in _SIGNS))),
+        Figures((*pictures.model, *(p for p in pictures.readings if p.name == "signs"))),
     )
 
 
-def _in_sd(result: Result) -> Html:
-    """What the residuals of the table of readings are divided by."""
-    rows = reading_table(result).rows
-    return tag("p", in_sd_note(result), class_="note") if rows else Html("")
-
-
-def _model_error(result: Result) -> Html:
-    text = model_error.model_error_text(result.model_error)
-    return tag("p", text) if text else Html("")
+def _paragraph(text: str, **attributes: str) -> Html:
+    """A paragraph; nothing of nothing."""
+    return tag("p", text, **attributes) if text else Html("")
 
 
 def _surface(result: Result) -> tuple[Block, ...]:
@@ -355,7 +337,6 @@ def _hash(text: str) -> Html:
     return tag("span", text or "-", class_="hash")
 
 
-def _case(result: Result) -> Html:
-    if not result.case_resolved:
-        return Html("")
-    return joined([tag("p", "With defaults and overrides."), tag("pre", result.case_resolved)])
+def _case(result: Result) -> tuple[Html, ...]:
+    text = result.case_resolved
+    return (tag("p", "With defaults and overrides."), tag("pre", text)) if text else ()

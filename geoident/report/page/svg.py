@@ -64,7 +64,7 @@ def figure_element(svg: bytes, *, name: str, title: str, caption: str) -> Html:
         caption: what more is to be said.
     """
     picture = inline_svg(svg, name=name, text=title)
-    width = ElementTree.fromstring(picture).attrib["width"]
+    (width,) = re.findall(r'^<svg[^>]* width="([^"]+)"', picture)
     words = tag("figcaption", tag("b", f"{title}. "), caption)
     drawing = tag("div", picture, class_="drawing")
     return tag("figure", drawing, words, id=f"figure-{name}", style=f"--width: {width}")

@@ -20,7 +20,7 @@ from geoident.io.result.file import read_result, write_result
 from geoident.io.text.atomic import output_error
 from geoident.model.results.many.campaign import CampaignTable, RunRecord
 from geoident.report.drawing.campaign import campaign_pictures
-from geoident.report.page.campaign import campaign_page
+from geoident.report.page.many import page_of_many
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import campaign_text, outcome_sentences
 from geoident.workflow.campaign import one_run
@@ -225,7 +225,7 @@ def test_failed_runs_are_named_and_only_those_that_may_end_otherwise_are_repeate
     again, executor, _ = computed()
     assert executor.begun == ["lost"]
     assert again.exit_code == 7
-    page = campaign_page(again, draw=lambda pictures: [])
+    page = page_of_many(again, draw=lambda pictures: [])
     assert "never" in page
 
 
@@ -448,5 +448,5 @@ def test_all_runs_of_the_least_misfit_are_named_and_a_page_without_title_names_i
     assert "The runs b and c have the least misfit, 1." in " ".join(outcome_sentences(table))
     alone = replace(table, runs=runs[:2], total=2)
     assert "The run b has the least misfit, 1." in " ".join(outcome_sentences(alone))
-    page = campaign_page(table, draw=lambda pictures: [])
+    page = page_of_many(table, draw=lambda pictures: [])
     assert "<h1>Campaign many.yaml</h1>" in page

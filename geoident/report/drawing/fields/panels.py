@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
@@ -22,21 +23,15 @@ from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Bools, Floats
 from geoident.report.drawing.lines import add_segments
-from geoident.report.drawing.scene import Scene, Window
-from geoident.report.drawing.sheets import Sheet
-from geoident.report.drawing.style import (
-    DIVERGING,
-    GAUGE,
-    Picture,
-    hide_unused,
-)
+from geoident.report.drawing.scene import SheetView, Window
+from geoident.report.drawing.style import DIVERGING, GAUGE, Picture, hide_unused
 
 _SIDE = 0.15
 _NEGATIVE: Any = (0, (0.6, 2.2))
 """Lines between bands on the negative side, where signs differ: dots."""
 _WIDTH = 7.4
 _BANDS = 12
-TOP = (0.5, 1.0)
+_TOP = (0.5, 1.0)
 """Where a panel stands in its room over a scale of colours: under the title, which else is cut."""
 
 _NARROW = 17  # letters over a panel, of four in a row
@@ -58,70 +53,43 @@ class ColouredField:
     """
 
     label: str
-    at: Callable[[Sheet, int], Floats]
+    at: Callable[[SheetView, int], Floats]
     colours: str
 
 
 def contours(
-    scene: Scene, sheet: Sheet, name: str, title: str, caption: str, quantity: ColouredField
+    view: SheetView, name: str, title: str, caption: str, quantity: ColouredField
 ) -> Picture:
     """The picture of a quantity stage by stage.
 
     Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
+        view: what is drawn.
         name: of the picture.
         title: what it shows.
         caption: what has to be known.
         quantity: at the points of the sheet.
     """
-    shown, stages = len(scene.states), scene.n_states - 1
+    shown, stages = len(view.scene.states), view.scene.n_states - 1
     more = f" Drawn are {shown} of {stages} stages." if 1 < shown < stages else ""
-    return Picture(
-        name,
-        f"{title}, stage by stage",
-        caption + more,
-        partial(contour_figure, scene, sheet, quantity),
-    )
+    draw = partial(field_figure, view, quantity, view.scene.states)
+    title = f"{title}{view.where}, stage by stage"
+    return Picture(f"{view.tag}{name}", title, caption + more, draw)
 
 
-def contour_figure(scene: Scene, sheet: Sheet, quantity: ColouredField) -> Figure:
-    """A quantity after every stage, one scale of colours for all.
-
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        quantity: at its points.
-    """
-    window = scene.window(sheet)
-    figure, panels = panel_figure(scene, window, len(scene.states))
-    shading = _draw_all(panels, scene, sheet, quantity, scene.states)
-    bar = figure.colorbar(shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45)
-    bar.set_label(quantity.label)
+def field_figure(view: SheetView, quantity: ColouredField, states: Sequence[int]) -> Figure:
+    """A quantity in some states, one scale of colours for all."""
+    figure, panels = panel_figure(view, len(states))
+    colour_bar(figure, _draw_all(panels, view, quantity, states), panels, quantity.label)
     return figure
 
 
-def table_figure(scene: Scene, sheet: Sheet, columns: Sequence[ColouredField]) -> Figure:
-    """Several quantities side by side, each with its own colours, at the key states.
-
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        columns: the quantities; a single one has its states side by side.
-    """
-    window, states = scene.window(sheet), scene.key_states
-    if len(columns) == 1:
-        figure, panels = panel_figure(scene, window, len(states), extra=0.9)
-        shading = _draw_all(panels, scene, sheet, columns[0], states)
-        bar = figure.colorbar(
-            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45
-        )
-        bar.set_label(columns[0].label)
-        return figure
-    across = 2 if window.aspect < 0.45 else len(columns)
+def table_figure(view: SheetView, columns: Sequence[ColouredField]) -> Figure:
+    """Several quantities side by side, each with its own colours, at the key states."""
+    aspect, states = view.window.aspect, view.scene.key_states
+    across = 2 if aspect < 0.45 else len(columns)
     down = len(columns) // across
     width = _WIDTH / across
-    height = down * (len(states) * ((width - 0.35) * window.aspect + 0.36) + 0.95)
+    height = down * (len(states) * ((width - 0.35) * aspect + 0.36) + 0.95)
     figure = Figure(figsize=(_WIDTH, height))
     grid = figure.subplots(down * len(states), across, squeeze=False)
     for k, quantity in enumerate(columns):
@@ -129,13 +97,29 @@ def table_figure(scene: Scene, sheet: Sheet, columns: Sequence[ColouredField]) -
         panels = list(grid[first : first + len(states), k % across])
         for n, axes in enumerate(panels):
             axes.tick_params(labelbottom=n == len(states) - 1, labelleft=k % across == 0)
-        shading = _draw_all(panels, scene, sheet, quantity, states)
-        bar = figure.colorbar(
-            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.95, aspect=22, format="%g"
-        )
-        bar.ax.xaxis.set_major_locator(FixedLocator(_few(shading.norm)))
-        bar.set_label(quantity.label)
+        shading = _draw_all(panels, view, quantity, states)
+        style = {"shrink": 0.95, "aspect": 22, "format": "%g"}
+        below = colour_bar(figure, shading, panels, quantity.label, **style)
+        below.ax.xaxis.set_major_locator(FixedLocator(_few(shading.norm)))
     return figure
+
+
+def colour_bar(
+    figure: Figure, shading: ScalarMappable, panels: Sequence[Axes], label: str, **style: Any
+) -> Colorbar:
+    """The scale of colours below panels, which stand at the top of their room.
+
+    Args:
+        figure: of the panels.
+        shading: the colours.
+        panels: that have them.
+        label: what they mean.
+        style: other than that of one scale for a whole figure.
+    """
+    look = {"location": "bottom", "panchor": _TOP, "shrink": 0.6, "aspect": 45, **style}
+    bar = figure.colorbar(shading, ax=panels, **look)
+    bar.set_label(label)
+    return bar
 
 
 def _few(norm: Any) -> list[float]:
@@ -147,68 +131,57 @@ def _few(norm: Any) -> list[float]:
 
 
 def _draw_all(
-    panels: Sequence[Axes],
-    scene: Scene,
-    sheet: Sheet,
-    quantity: ColouredField,
-    states: Sequence[int],
+    panels: Sequence[Axes], view: SheetView, quantity: ColouredField, states: Sequence[int]
 ) -> ScalarMappable:
     """A quantity in one panel for each of some states, in one scale of colours."""
-    window = scene.window(sheet)
-    values = [quantity.at(sheet, state) for state in states]
-    shown = [
-        weighted(scene, sheet, state, window, value)
-        for value, state in zip(values, states, strict=True)
-    ]
-    scale = bands(np.hstack(shown), quantity.colours)
+    values = [quantity.at(view, state) for state in states]
+    scale = common_bands(view, states, values, quantity.colours)
     for axes, state, value in zip(panels, states, values, strict=True):
-        shade(axes, scene, sheet, state, value, scale)
-        draw_lines(axes, scene, sheet, state)
-        finish(axes, scene, sheet, window, state)
+        shade(axes, view, state, value, scale)
+        draw_lines(axes, view, state)
+        finish(axes, view, state)
     return ScalarMappable(scale["norm"], scale["cmap"])
 
 
+def common_bands(
+    view: SheetView, states: Sequence[int], values: Sequence[Floats], colours: str
+) -> dict[str, Any]:
+    """The bands of a quantity in some states.
+
+    Args:
+        view: what is drawn.
+        states: the states.
+        values: (n,) at the points of the sheet in each of them.
+        colours: as `bands` has them.
+    """
+    shown = [view.weighted(state, value) for state, value in zip(states, values, strict=True)]
+    return bands(np.hstack(shown), colours)
+
+
 def panel_figure(
-    scene: Scene, window: Window, n: int, *, extra: float = 0.75
+    view: SheetView, n: int, *, extra: float = 0.75, aspect: float | None = None
 ) -> tuple[Figure, list[Axes]]:
     """A figure with panels of the aspect of a window.
 
     Args:
-        scene: what is drawn.
-        window: what each panel shows.
+        view: what each panel shows.
         n: number of panels.
         extra: height beside the panels, inches.
+        aspect: height by width; None for that of the view.
     """
-    longest = max((len(scene.title(state)) for state in scene.states), default=0)
-    few = window.aspect < 0.8 or n in (3, 5, 6) or longest > _NARROW
-    most = 2 if window.aspect < 0.45 else 3 if few else 4
-    columns = min(n, most)
+    aspect = aspect or view.window.aspect
+    longest = max((len(view.scene.title(state)) for state in view.scene.states), default=0)
+    few = aspect < 0.8 or n in (3, 5, 6) or longest > _NARROW
+    columns = min(n, 2 if aspect < 0.45 else 3 if few else 4)
     rows = -(-n // columns)
     width = min(_WIDTH / columns, 6.0)
-    height = rows * ((width - 0.45) * window.aspect + 0.32) + extra
+    height = rows * ((width - 0.45) * aspect + 0.32) + extra
     figure = Figure(figsize=(max(width * columns, 4.5), height), layout="compressed")
     panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
     hide_unused(panels, n)
     for k, axes in enumerate(panels[:n]):
         axes.tick_params(labelbottom=k + columns >= n, labelleft=k % columns == 0)
     return figure, panels[:n]
-
-
-def weighted(scene: Scene, sheet: Sheet, state: int, window: Window, value: Floats) -> Floats:
-    """(2, m) means of a quantity on the present triangles inside the window, and their areas.
-
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        state: number of the state.
-        window: what is shown.
-        value: (n,) at the points of the sheet.
-    """
-    triangles, areas = scene.areas(sheet, state, window)
-    a, b, c = triangles.T
-    mean = (value[a] + value[b] + value[c]) / 3
-    known = np.isfinite(mean)
-    return np.stack([mean, areas])[:, known]
 
 
 def bands(shown: Floats, colours: str) -> dict[str, Any]:
@@ -227,10 +200,9 @@ def bands(shown: Floats, colours: str) -> dict[str, Any]:
     low, high = float(levels[0]), float(levels[-1])
     known = shown[0] if shown.size else np.zeros(1)
     below, above = bool(known.min() < low), bool(known.max() > high)
-    ends: dict[tuple[bool, bool], Literal["neither", "both", "min", "max"]]
-    ends = {(True, False): "min", (False, True): "max", (True, True): "both",
-            (False, False): "neither"}  # fmt: skip
-    extend = ends[below, above]
+    extend: Literal["neither", "both", "min", "max"] = (
+        ("both" if above else "min") if below else ("max" if above else "neither")
+    )
     middles = (levels[:-1] + levels[1:]) / 2
     step = levels[1] - levels[0]
     middles = np.r_[[low - step / 2] * below, middles, [high + step / 2] * above]
@@ -264,8 +236,7 @@ def _two_sided(levels: Floats) -> bool:
 
 def shade(
     axes: Axes,
-    scene: Scene,
-    sheet: Sheet,
+    view: SheetView,
     state: int,
     value: Floats,
     scale: dict[str, Any],
@@ -276,15 +247,14 @@ def shade(
 
     Args:
         axes: where to draw.
-        scene: what is drawn.
-        sheet: a section or an outside of it.
+        view: what is drawn.
         state: number of the state.
         value: (n,) at the points of the sheet; NaN stays white.
         scale: of `bands`.
         xy: (n, 2) where the points are drawn, m; None for where they are.
     """
-    known = np.asarray(np.isfinite(value[sheet.triangles]).all(axis=1))
-    ground = ground_of(scene, sheet, state, known, xy=xy)
+    known = np.asarray(np.isfinite(value[view.sheet.triangles]).all(axis=1))
+    ground = ground_of(view, state, known, xy=xy)
     values, levels = np.nan_to_num(value), scale["levels"]
     if ground is not None:
         beyond = {**scale, "extend": "both"}  # beyond its ends it has the colours of these
@@ -298,18 +268,18 @@ def shade(
 
 
 def ground_of(
-    scene: Scene, sheet: Sheet, state: int, known: Bools | bool = True, *, xy: Floats | None = None
+    view: SheetView, state: int, known: Bools | bool = True, *, xy: Floats | None = None
 ) -> Triangulation | None:
     """The triangles of a sheet that are present in a state; None where there are none.
 
     Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
+        view: what is drawn.
         state: number of the state.
         known: (m,) which of the m triangles may be shown.
         xy: (n, 2) where the points are drawn, m; None for where they are.
     """
-    present = scene.fields.present[state][sheet.element] & known
+    sheet = view.sheet
+    present = view.scene.fields.present[state][sheet.element] & known
     x, y = (sheet.xy if xy is None else xy).T
     return Triangulation(x, y, sheet.triangles[present]) if present.any() else None
 
@@ -336,85 +306,43 @@ def add_levels(
         axes.tricontour(ground, values, levels=here, zorder=2, **{"colors": "black", **style})
 
 
-def draw_lines(
-    axes: Axes, scene: Scene, sheet: Sheet, state: int, *, on_white: bool = False
-) -> None:
-    """Where the ground ends, and faintly where groups meet.
-
-    Args:
-        axes: where to draw.
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        state: number of the state.
-        on_white: no field lies behind the lines.
-    """
-    points = scene.fields.mesh.points
-    faint = _FAINT_ON_WHITE if on_white else _FAINT_ON_FIELD
-    borders, outline = scene.lines(sheet, state)
-    add_lines(axes, scene, sheet, borders.at(points), **faint)
-    add_lines(axes, scene, sheet, outline.at(points), color="black", lw=0.7)
+def draw_lines(axes: Axes, view: SheetView, state: int, *, on_white: bool = False) -> None:
+    """Where the ground ends, and faintly where groups meet; on colours or on white."""
+    points = view.scene.fields.mesh.points
+    borders, outline = view.lines(state)
+    add_lines(axes, view, borders.at(points), **(_FAINT_ON_WHITE if on_white else _FAINT_ON_FIELD))
+    add_lines(axes, view, outline.at(points), color="black", lw=0.7)
 
 
-def add_lines(axes: Axes, scene: Scene, sheet: Sheet, ends: Floats, **style: Any) -> None:
-    """Line segments, as far as they lie in the window.
-
-    Args:
-        axes: where to draw.
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        ends: (k, 2, dim), m.
-        style: of the lines.
-    """
-    window = scene.window(sheet)
-    add_segments(axes, ends[:, :, list(sheet.axes)], (window.low, window.high), **style)
+def add_lines(axes: Axes, view: SheetView, ends: Floats, **style: Any) -> None:
+    """Line segments (k, 2, dim), m, as far as they lie in the window."""
+    window = view.window
+    add_segments(axes, ends[:, :, view.across], (window.low, window.high), **style)
 
 
-def finish(axes: Axes, scene: Scene, sheet: Sheet, window: Window, state: int) -> None:
+def finish(axes: Axes, view: SheetView, state: int, window: Window | None = None) -> None:
     """Title, limits, equal scales and names of the axes.
 
     Args:
         axes: where to draw.
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        window: what is shown.
+        view: what is drawn.
         state: number of the state.
+        window: what is shown; None for that of the view.
     """
-    axes.set_title(scene.title(state))
+    (x0, y0), (x1, y1) = (window or view.window).low, (window or view.window).high
+    axes.set_title(view.scene.title(state))
     axes.set_aspect("equal")
-    axes.set_xlim(window.low[0], window.high[0])
-    axes.set_ylim(window.low[1], window.high[1])
-    across, up = sheet.axes
+    axes.set_xlim(x0, x1)
+    axes.set_ylim(y0, y1)
+    across, up = (f"{view.scene.axis_names[k]} (m)" for k in view.across)
     ticks = axes.xaxis.get_tick_params(), axes.yaxis.get_tick_params()
-    axes.set_xlabel(f"{scene.axis_names[across]} (m)" if ticks[0].get("labelbottom", True) else "")
-    axes.set_ylabel(f"{scene.axis_names[up]} (m)" if ticks[1].get("labelleft", True) else "")
+    axes.set_xlabel(across if ticks[0].get("labelbottom", True) else "")
+    axes.set_ylabel(up if ticks[1].get("labelleft", True) else "")
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.yaxis.set_major_locator(MaxNLocator(5))
 
 
-def draw_gauge_lines(axes: Axes, scene: Scene, sheet: Sheet) -> None:
-    """The gauges as lines between their points, as far as they lie on the sheet.
-
-    Args:
-        axes: where to draw.
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-    """
-    table = scene.result.gauges
-    for first, second in zip(table.first, table.second, strict=True):
-        ends = np.array([end for end in (first, second) if np.isfinite(end).all()])
-        if len(ends) and on_sheet(scene, sheet, ends).all():
-            axes.plot(*ends[:, list(sheet.axes)].T, "-o", color=GAUGE, lw=0.7, ms=1.8)
-
-
-def on_sheet(scene: Scene, sheet: Sheet, points: Floats) -> Bools:
-    """Which points (k, dim) lie on a sheet, within a hundredth of the model's size.
-
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        points: (k, dim) m.
-    """
-    if sheet.plane is None:
-        return np.ones(len(points), dtype=bool)
-    near = 1e-2 * float((scene.box[1] - scene.box[0]).max())
-    return np.asarray(np.abs(points[:, sheet.plane.axis] - sheet.plane.value) <= near)
+def draw_gauge_lines(axes: Axes, view: SheetView) -> None:
+    """The gauges as lines between their points, as far as they lie on the sheet."""
+    for _, ends in view.gauges():
+        axes.plot(*ends.T, "-o", color=GAUGE, lw=0.7, ms=1.8)

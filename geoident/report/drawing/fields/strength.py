@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from geoident.fem.kinematics import block_geometry, kinematics_of, strain_points
 from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.yielding.hoek_brown import hoek_brown, hoek_brown_share
 from geoident.forward.yielding.surfaces import curved_surface, in_principal_stresses, yield_planes
@@ -15,47 +16,36 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.dual import ParameterPoint
 from geoident.report.drawing.fields.panels import (
-    TOP,
     ColouredField,
     add_levels,
-    bands,
+    colour_bar,
+    common_bands,
     draw_lines,
+    field_figure,
     finish,
     ground_of,
     panel_figure,
     shade,
-    table_figure,
-    weighted,
 )
 from geoident.report.drawing.model.construction import construction_of, values_of
-from geoident.report.drawing.scene import Scene
-from geoident.report.drawing.sheets import Sheet
+from geoident.report.drawing.scene import Scene, SheetView, principal_stresses
 from geoident.report.drawing.style import Picture, key
 
 _MOST = 1.2  # of the strength; nothing but rounding and means over elements goes beyond 1
 _ZONE = "#7a1f00"
 
 
-def strength_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple[Picture, ...]:
-    """Utilisation where strengths are known, and yielded zones where anything yields.
-
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-        tag: before the names of the pictures.
-        where: behind their titles.
-    """
-    found = []
+def strength_pictures(view: SheetView) -> tuple[Picture, ...]:
+    """Utilisation where strengths are known, and yielded zones where anything yields."""
+    scene, found = view.scene, []
     if scene.case is not None and any(m.yields for m in scene.case.materials.values()):
-        found.append(
-            Picture(
-                f"{tag}utilisation",
-                f"Utilisation of the strength{where}",
-                "Shear stress by the shear strength at the same mean stress, with the strengths "
-                "that were found: 100 % yields. Mean stresses of elements.",
-                partial(utilisation_figure, scene, sheet),
-            )
+        words = (
+            "Shear stress by the shear strength at the same mean stress, with the strengths that "
+            "were found: 100 % yields. Mean stresses of elements."
         )
+        title = f"Utilisation of the strength{view.where}"
+        draw = partial(utilisation_figure, view)
+        found.append(Picture(f"{view.tag}utilisation", title, words, draw))
     if scene.fields.yielded.any():
         words = "Line: the zone that has yielded up to this stage."
         if _has_strain(scene):
@@ -63,30 +53,20 @@ def strength_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple
                 " Colours: equivalent plastic strain, the square root of 2/3 of the squares of the "
                 "plastic strains; total strains without the elastic ones."
             )
-        found.append(
-            Picture(
-                f"{tag}yielded",
-                f"Yielded zones{where}",
-                words,
-                partial(yielded_figure, scene, sheet),
-            )
-        )
+        title, draw = f"Yielded zones{view.where}", partial(yielded_figure, view)
+        found.append(Picture(f"{view.tag}yielded", title, words, draw))
     return tuple(found)
 
 
-def utilisation_figure(scene: Scene, sheet: Sheet) -> Figure:
-    """Utilisation at the key states.
+def utilisation_figure(view: SheetView) -> Figure:
+    """Utilisation at the key states."""
+    scene, corners = view.scene, view.sheet.corners
 
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-    """
-
-    def at(sheet: Sheet, state: int) -> Floats:
+    def at(view: SheetView, state: int) -> Floats:
         known = np.isfinite(values := utilisation(scene, state))
-        return sheet.of_corners(sheet.corners.average(100.0 * values, known))
+        return view.sheet.of_corners(corners.average(100.0 * values, known))
 
-    return table_figure(scene, sheet, [ColouredField("utilisation (%)", at, "YlOrRd")])
+    return field_figure(view, ColouredField("utilisation (%)", at, "YlOrRd"), scene.key_states)
 
 
 def utilisation(scene: Scene, state: int) -> Floats:
@@ -95,8 +75,7 @@ def utilisation(scene: Scene, state: int) -> Floats:
     found = np.full(scene.fields.mesh.n_elements, np.nan)
     if case is None:
         return found
-    values = values_of(case, scene.result.parameters)
-    point = ParameterPoint(values, ())
+    point = ParameterPoint(values_of(case.parameters, scene.result.parameters), ())
     stress = scene.fields.stress[state]
     for material, elements in _materials_at(scene, case, state):
         if material.yields:
@@ -107,13 +86,13 @@ def utilisation(scene: Scene, state: int) -> Floats:
 def _share(material: Material, point: ParameterPoint, stress: Floats, solid: bool) -> Floats:
     """(k,) by which the deviators of stresses (k, 6) reach the surface, seen from their mean."""
     mean = stress[:, :3].mean(axis=1)
+    principal = principal_stresses(stress)[:, ::-1]
     curved = curved_surface(material)
     if curved is not None:
-        shown = _principal(stress)
-        return hoek_brown_share(hoek_brown(curved, point), mean, shown - mean[:, None])
+        return hoek_brown_share(hoek_brown(curved, point), mean, principal - mean[:, None])
     planes = yield_planes(material, point, 6 if solid else 4)
     normals, distances = planes.normals.value, planes.distances.value
-    shown = _principal(stress) if in_principal_stresses(material) else stress[:, : normals.shape[1]]
+    shown = principal if in_principal_stresses(material) else stress[:, : normals.shape[1]]
     isotropic = np.zeros(normals.shape[1])
     isotropic[:3] = 1.0
     deviator = shown - mean[:, None] * isotropic
@@ -121,14 +100,6 @@ def _share(material: Material, point: ParameterPoint, stress: Floats, solid: boo
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(room > 0, (deviator @ normals.T) / room, np.inf)
     return np.asarray(share.max(axis=1))
-
-
-def _principal(stress: Floats) -> Floats:
-    """(k, 3) principal values of stresses (k, 6), descending."""
-    xx, yy, zz, xy, yz, xz = stress.T
-    rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
-    tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    return np.asarray(np.linalg.eigvalsh(tensor)[:, ::-1])
 
 
 def _materials_at(scene: Scene, case: Case, state: int) -> list[tuple[Material, Ints]]:
@@ -140,10 +111,8 @@ def _materials_at(scene: Scene, case: Case, state: int) -> list[tuple[Material, 
         if name is not None:
             number[mesh.groups[group]] = names.index(name)
     for stage in scene.history(state):
-        for group, name in {
-            **case.stages[stage - 1].install,
-            **case.stages[stage - 1].change,
-        }.items():
+        now = case.stages[stage - 1]
+        for group, name in {**now.install, **now.change}.items():
             number[mesh.groups[group]] = names.index(name)
     number[~scene.fields.present[state]] = -1
     return [
@@ -168,13 +137,6 @@ def plastic_strain(scene: Scene) -> Floats | None:
     case, fields = scene.case, scene.fields
     if case is None or not _has_strain(scene):
         return None
-    # 0.1 s, for ground that yields alone
-    from geoident.fem.kinematics import (  # noqa: PLC0415
-        block_geometry,
-        kinematics_of,
-        strain_points,
-    )
-
     kinematics = kinematics_of(case.analysis)
     geometries = tuple(
         block_geometry(fields.mesh.points, b, kinematics) for b in fields.mesh.blocks
@@ -182,7 +144,7 @@ def plastic_strain(scene: Scene) -> Floats | None:
     points = strain_points(fields.mesh, geometries, kinematics)
     n_elements, s = fields.mesh.n_elements, points.n_strain
     volume = np.bincount(points.element, points.volume, minlength=n_elements)
-    point = ParameterPoint(values_of(case, scene.result.parameters), ())
+    point = ParameterPoint(values_of(case.parameters, scene.result.parameters), ())
     made = construction_of(case, fields.mesh)
     changed = {group for stage in case.stages for group in stage.change}
     steady = made.placed == 0
@@ -205,45 +167,37 @@ def plastic_strain(scene: Scene) -> Floats | None:
     return found
 
 
-def yielded_figure(scene: Scene, sheet: Sheet) -> Figure:
-    """Plastic strain in colours and the outline of what has yielded, stage by stage.
-
-    Args:
-        scene: what is drawn.
-        sheet: a section or an outside of it.
-    """
-    window, strains = scene.window(sheet), plastic_strain(scene)
+def yielded_figure(view: SheetView) -> Figure:
+    """Plastic strain in colours and the outline of what has yielded, stage by stage."""
+    scene, strains = view.scene, plastic_strain(view.scene)
     states = [s for s in scene.states if scene.fields.yielded[s].any()] or list(scene.states[-1:])
-    figure, panels = panel_figure(scene, window, len(states), extra=1.0)
-    shown = {state: _strain_at(sheet, scene, strains, state) for state in states}
-    seen = [weighted(scene, sheet, state, window, shown[state]) for state in states]
-    scale = bands(np.hstack(seen), "Oranges")
-    for axes, state in zip(panels, states, strict=True):
-        shading = shade(axes, scene, sheet, state, shown[state], scale)
-        draw_lines(axes, scene, sheet, state)
-        _draw_zone(axes, scene, sheet, state)
-        finish(axes, scene, sheet, window, state)
+    figure, panels = panel_figure(view, len(states), extra=1.0)
+    values = [_strain_at(view, strains, state) for state in states]
+    scale = common_bands(view, states, values, "Oranges")
+    for axes, state, value in zip(panels, states, values, strict=True):
+        shading = shade(axes, view, state, value, scale)
+        draw_lines(axes, view, state)
+        _draw_zone(axes, view, state)
+        finish(axes, view, state)
     if strains is not None:
-        bar = figure.colorbar(
-            shading, ax=panels, location="bottom", panchor=TOP, shrink=0.6, aspect=45
-        )
-        bar.set_label("equivalent plastic strain (%)")
+        colour_bar(figure, shading, panels, "equivalent plastic strain (%)")
     figure.legend(handles=[key("yielded zone", color=_ZONE, lw=1.4)], loc="outside upper center")
     return figure
 
 
-def _strain_at(sheet: Sheet, scene: Scene, strains: Floats | None, state: int) -> Floats:
+def _strain_at(view: SheetView, strains: Floats | None, state: int) -> Floats:
     """(n,) plastic strain at the points of a sheet, %; zero where the ground is elastic."""
-    value = np.zeros(scene.fields.mesh.n_elements) if strains is None else 100.0 * strains[state]
-    value = np.where(scene.fields.yielded[state], np.nan_to_num(value), 0.0)
-    return sheet.of_corners(sheet.corners.average(value, scene.fields.present[state]))
+    fields, sheet = view.scene.fields, view.sheet
+    value = np.zeros(fields.mesh.n_elements) if strains is None else 100.0 * strains[state]
+    value = np.where(fields.yielded[state], np.nan_to_num(value), 0.0)
+    return sheet.of_corners(sheet.corners.average(value, fields.present[state]))
 
 
-def _draw_zone(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
+def _draw_zone(axes: Axes, view: SheetView, state: int) -> None:
     """The line inside which elements have yielded."""
-    present = scene.fields.present[state]
-    share = sheet.corners.average(scene.fields.yielded[state].astype(float), present)
-    ground = ground_of(scene, sheet, state)
+    fields, sheet = view.scene.fields, view.sheet
+    share = sheet.corners.average(fields.yielded[state].astype(float), fields.present[state])
+    ground = ground_of(view, state)
     if ground is not None:
         share = np.nan_to_num(sheet.of_corners(share))
         add_levels(axes, ground, share, [0.5], colors=_ZONE, linewidths=1.1)

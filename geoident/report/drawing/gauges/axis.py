@@ -1,18 +1,19 @@
-"""What readings are drawn over and how far their axes reach: dates or stages; shared limits."""
+"""What is drawn of readings, over what and how far: values, bands, dates or stages, limits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from geoident.io.text.dates import date_text
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.result import GaugeTable, Result
+from geoident.model.results.result import Result
 from geoident.report.drawing.gauges.instruments import Instrument
 from geoident.report.drawing.style import FAINT, SMALL, stage_ticks
 from geoident.report.text.case import stage_dates
@@ -111,10 +112,9 @@ def value_limits(
         stages: those that are drawn; None for all.
     """
     ends: dict[str, list[float]] = {}
-    low, high = extremes(result, stages)
+    low, high = _extremes(result, stages)
     for one in shown:
-        rows = list(one.rows)
-        inside = np.concatenate([low[rows], high[rows]])
+        inside = np.concatenate([low[list(one.rows)], high[list(one.rows)]])
         ends.setdefault(one.quantity, [0.0] if _is_change(one) else []).extend(
             inside[np.isfinite(inside)].tolist()
         )
@@ -132,7 +132,7 @@ def _with_margin(values: list[float]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def extremes(result: Result, stages: Sequence[int] | None = None) -> tuple[Floats, Floats]:
+def _extremes(result: Result, stages: Sequence[int] | None) -> tuple[Floats, Floats]:
     """(n_channels,) least and largest of what is drawn of each channel, in units; NaN for nothing.
 
     Args:
@@ -141,30 +141,20 @@ def extremes(result: Result, stages: Sequence[int] | None = None) -> tuple[Float
     """
     gauges = result.gauges
     chosen = list(range(len(gauges.stages))) if stages is None else list(stages)
-    tables = [gauges.in_units(computed_of(result))]
-    prediction = result.prediction
-    if prediction is not None:
-        tables += [gauges.in_units(end) for end in (prediction.lower95, prediction.upper95)]
-    every = np.concatenate([table[:, chosen] for table in tables], axis=1)
+    drawn = gauges.in_units(computed_of(result)), *bands_of(result)
+    every = np.concatenate([table[:, chosen] for table in drawn], axis=1)
     every = np.where(np.isfinite(every), every, np.nan)
     low, high = np.fmin.reduce(every, axis=1), np.fmax.reduce(every, axis=1)
-    names = {gauges.stages[k] for k in chosen}
-    read = gauges.readings
+    names, read = {gauges.stages[k] for k in chosen}, gauges.readings
     half = NORMAL_95 * np.nan_to_num(read.sd)
+    size = gauges.in_units(np.ones((len(gauges.channels), 1)))[:, 0]
     rows = {name: row for row, name in enumerate(gauges.channels)}
     for k in np.flatnonzero(np.isfinite(read.value)).tolist():
         row = rows.get(read.channel[k])
         if row is not None and read.stage[k] in names:
-            size = _unit_size(gauges, row)
-            low[row] = np.fmin(low[row], (read.value[k] - half[k]) / size)
-            high[row] = np.fmax(high[row], (read.value[k] + half[k]) / size)
+            low[row] = np.fmin(low[row], size[row] * (read.value[k] - half[k]))
+            high[row] = np.fmax(high[row], size[row] * (read.value[k] + half[k]))
     return low, high
-
-
-def _unit_size(gauges: GaugeTable, row: int) -> float:
-    """The unit of a channel in SI."""
-    ones = np.ones((len(gauges.channels), 1))
-    return 1.0 / float(gauges.in_units(ones)[row, 0])
 
 
 def computed_of(result: Result) -> Floats:
@@ -173,5 +163,59 @@ def computed_of(result: Result) -> Floats:
     if prediction is None:
         return gauges.computed
     found = np.where(np.isfinite(prediction.mean) & ~gauges.used, prediction.mean, gauges.computed)
-    loose = np.isfinite(prediction.mean) & ~np.isfinite(prediction.sd)
-    return np.where(loose, np.nan, found)
+    return np.where(unknown(result), np.nan, found)
+
+
+def bands_of(result: Result) -> tuple[Floats, Floats]:
+    """(n_channels, n_stages) ends of the 95 % bands, in units; NaN where there is none."""
+    gauges, prediction = result.gauges, result.prediction
+    if prediction is None:
+        none = np.full(gauges.computed.shape, np.nan)
+        return none, none
+    low, high = (gauges.in_units(end) for end in (prediction.lower95, prediction.upper95))
+    known = np.isfinite(low) & np.isfinite(high)
+    return np.where(known, low, np.nan), np.where(known, high, np.nan)
+
+
+def unknown(result: Result) -> Bools:
+    """(n_channels, n_stages) predicted without being determined."""
+    prediction = result.prediction
+    if prediction is None:
+        return np.zeros(result.gauges.computed.shape, dtype=bool)
+    return np.asarray(np.isfinite(prediction.mean) & ~np.isfinite(prediction.sd))
+
+
+def last_fitted(result: Result) -> int:
+    """The last stage whose readings were used, -1 if none."""
+    used = np.flatnonzero(result.gauges.used.any(axis=0))
+    return int(used.max()) if used.size else -1
+
+
+def draw_dots(
+    axes: Axes,
+    along: Floats,
+    read: Floats,
+    sd: Floats,
+    used: Bools,
+    *,
+    upright: bool = False,
+    **style: Any,
+) -> None:
+    """Readings with the half width of their 95 % interval; hollow where they are not used.
+
+    Args:
+        axes: where to draw.
+        along: (k,) places.
+        read: (k,) readings; NaN for none.
+        sd: (k,) standard deviations.
+        used: (k,) which are used.
+        upright: places go upwards, readings to the right.
+        style: of the dots, their ``color`` among it.
+    """
+    error = NORMAL_95 * np.nan_to_num(sd)
+    for part, face in ((used, style["color"]), (~used, "white")):
+        here = np.isfinite(read) & part
+        if here.any():
+            x, y, bar = (read, along, "xerr") if upright else (along, read, "yerr")
+            look = {"ms": 3.2, "lw": 0.7, "mew": 0.7, "mfc": face, bar: error[here], **style}
+            axes.errorbar(x[here], y[here], **look)

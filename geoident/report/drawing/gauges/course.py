@@ -1,7 +1,7 @@
 """Readings over time, or over the stages where there are no dates, and over the way of the face.
 
 Measured: dots with bars; computed: lines; predicted: bands. Instruments that read the same quantity
-share a scale.
+share a scale. Of several results the same gauges stand one over the other.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.result import Result
+from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.gauges.axis import (
     StageAxis,
+    bands_of,
     computed_of,
+    draw_dots,
+    last_fitted,
     stage_axis,
+    unknown,
     value_limits,
 )
 from geoident.report.drawing.gauges.instruments import (
@@ -38,18 +41,24 @@ from geoident.report.drawing.style import (
     SMALL,
     Picture,
     colour,
+    evenly,
     key,
     marker,
     paged,
     panel_grid,
     short,
+    stage_ticks,
 )
+from geoident.report.text.case import gauge_quantity
 
 _MOST_CHANNELS = 8
 """Channels of one instrument that a panel over time shows."""
 
 _PER_FIGURE = 12
-BAND = 0.22
+_COMPARED_PER_FIGURE = 15
+_LEAST_ROUNDS = 3
+_STYLES = ("-", "--", "-.", ":")
+_BAND = 0.22
 """Opacity of bands."""
 
 
@@ -73,7 +82,7 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
         partial(readings_figure, result),
         most=_PER_FIGURE,
         picture=("readings", f"Gauges over {over}", caption),
-        label=_name,
+        label=lambda one: one.name,
     )
 
 
@@ -89,43 +98,53 @@ def _over_time(result: Result) -> tuple[Instrument, ...]:
     every = sorted([*together, *alone], key=lambda one: one.rows)
     order = list(dict.fromkeys(one.quantity for one in every))
     every.sort(key=lambda one: order.index(one.quantity))
-    return tuple(some_channels(one) for one in every)
+    return tuple(_some_channels(one) for one in every)
 
 
-def some_channels(one: Instrument) -> Instrument:
+def _some_channels(one: Instrument) -> Instrument:
     """An instrument; of one of many channels, evenly spaced ones."""
-    if len(one.rows) <= _MOST_CHANNELS:
-        return one
-    some = np.unique(np.linspace(0, len(one.rows) - 1, _MOST_CHANNELS).round().astype(int))
-    return replace(
-        one,
-        rows=tuple(one.rows[k] for k in some),
-        labels=tuple(one.labels[k] for k in some),
-    )
+    some = evenly(len(one.rows), _MOST_CHANNELS)
+    rows, labels = ([column[k] for k in some if column] for column in (one.rows, one.labels))
+    return replace(one, rows=tuple(rows), labels=tuple(labels))
 
 
-def _name(one: Instrument) -> str:
-    return one.name
+def readings_figure(
+    result: Result, shown: Sequence[Instrument], *, ways: Mapping[int, Floats] | None = None
+) -> Figure:
+    """A panel for each instrument.
 
-
-def readings_figure(result: Result, shown: Sequence[Instrument]) -> Figure:
-    """A panel for each instrument."""
+    Args:
+        result: of a fit.
+        shown: the instruments.
+        ways: channel to how far (n_stages,) the face has passed its section, m, for the axis; None
+            for dates or stages.
+    """
     axis = stage_axis(result)
-    limits = value_limits(result, [*_over_time(result), *shown])
-    figure, panels = panel_grid(len(shown), height=2.05, extra=0.7, sharex=True)
+    limits = value_limits(result, shown if ways else [*_over_time(result), *shown])
+    extra = 0.8 if ways else 0.7
+    figure, panels = panel_grid(len(shown), height=2.05, extra=extra, sharex=not ways)
     for axes, one in zip(panels, shown, strict=True):
-        _draw_instrument(axes, result, one, axis)
-        _set_values(axes, one, limits[one.quantity])
-    figure.legend(handles=legend(result, shown), loc="outside upper center", ncols=4)
+        own = replace(axis, at=ways[one.rows[0]], dated=False) if ways else axis
+        _draw_instrument(axes, result, one, own)
+        if ways:
+            _finish_way(axes, np.concatenate([ways[each.rows[0]] for each in shown]))
+        else:
+            axis.finish(axes)
+        low, high = limits[one.quantity]
+        axes.set_ylim((high, low) if one.downwards else (low, high))
+    figure.legend(handles=_legend(result, shown), loc="outside upper center", ncols=4)
     return figure
 
 
-def _set_values(axes: Axes, one: Instrument, limits: tuple[float, float]) -> None:
-    """The axis of the values; settlements go down."""
-    axes.set_ylim(limits[::-1] if one.downwards else limits)
+def _finish_way(axes: Axes, every: Floats) -> None:
+    """The axis of the way of the face, m, for the places (k,) of all panels."""
+    margin = 0.04 * np.ptp(every)
+    axes.set_xlim(every.min() - margin, every.max() + margin)
+    axes.axvline(0.0, color=FAINT, lw=0.7, ls=":")
+    axes.set_xlabel("face past the section (m)")
 
 
-def legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
+def _legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
     """What dots, lines and bands are, as far as there are any."""
     gauges, rows = result.gauges, [row for one in shown for row in one.rows]
     read, used = np.isfinite(gauges.measured[rows]), gauges.used[rows]
@@ -135,66 +154,38 @@ def legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
         found.append(key("measured", **dot))
     if (read & ~used).any():
         found.append(key("measured, not used", mfc="white", **dot))
-    predicted = _predicted(result)[rows]
+    later = np.arange(len(gauges.stages)) > max(last_fitted(result), 0)
+    predicted = np.isfinite(computed_of(result)[rows]) & later
     if (np.isfinite(gauges.computed[rows]) & ~predicted).any():
         found.append(key("computed", color=COMPUTED))
     if predicted.any():
         found.append(key("predicted", color=COMPUTED, ls="--"))
-    if has_band(result)[rows].any():
-        found.append(Patch(color=COMPUTED, alpha=BAND, lw=0, label="95 % band"))
+    if np.isfinite(bands_of(result)[0])[rows].any():
+        found.append(Patch(color=COMPUTED, alpha=_BAND, lw=0, label="95 % band"))
     return found
-
-
-def _predicted(result: Result) -> Bools:
-    """(n_channels, n_stages) where the line is dashed: computed, behind the last fitted stage."""
-    stages = np.arange(len(result.gauges.stages))
-    later = stages > max(last_fitted(result), 0)
-    return np.asarray(np.isfinite(computed_of(result)) & later)
-
-
-def has_band(result: Result) -> Bools:
-    """(n_channels, n_stages) where there is a band."""
-    prediction = result.prediction
-    if prediction is None:
-        return np.zeros(result.gauges.computed.shape, dtype=np.bool_)
-    return np.asarray(np.isfinite(prediction.lower95) & np.isfinite(prediction.upper95))
 
 
 def _draw_instrument(axes: Axes, result: Result, one: Instrument, axis: StageAxis) -> None:
     """The channels of one instrument over time."""
-    single = len(one.rows) == 1
     for k, row in enumerate(one.rows):
-        draw_computed(axes, result, row, COMPUTED if single else colour(k), axis)
-        dots = MEASURED if single else colour(k)
+        line, dots = (COMPUTED, MEASURED) if len(one.rows) == 1 else (colour(k), colour(k))
+        draw_computed(axes, result, row, line, axis)
         draw_measured(axes, result, row, dots, marker(k), axis)
     if unknown(result)[list(one.rows)].any():
         axes.text(0.98, 0.04, "prediction not determined", transform=axes.transAxes, ha="right",
                   fontsize=SMALL, color=FAINT)  # fmt: skip
     axes.axhline(0, color=FAINT, lw=0.5, zorder=0)
-    axis.finish(axes)
     axes.grid(axis="y")
     axes.set_ylabel(one.quantity, fontsize=SMALL)
     axes.set_title(short(one.name, 16))
-    if any(one.labels):
-        _anchor_legend(axes, one)
-
-
-def _anchor_legend(axes: Axes, one: Instrument) -> None:
-    """The anchors on the line of the title, at its right end."""
-    handles = [
-        key(short(label, 6), color=colour(k), marker=marker(k), ms=3, lw=1)
-        for k, label in enumerate(one.labels)
-    ]
-    axes.legend(
-        handles=handles,
-        loc="lower right",
-        bbox_to_anchor=(1.02, 0.97),
-        ncols=min(4, len(handles)),
-        columnspacing=0.8,
-        handlelength=1.0,
-        handletextpad=0.3,
-        borderpad=0.1,
-    )
+    if any(one.labels):  # the anchors on the line of the title, at its right end
+        handles = [
+            key(short(label, 6), color=colour(k), marker=marker(k), ms=3, lw=1)
+            for k, label in enumerate(one.labels)
+        ]
+        axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.02, 0.97),
+                    ncols=min(4, len(handles)), columnspacing=0.8, handlelength=1.0,
+                    handletextpad=0.3, borderpad=0.1)  # fmt: skip
 
 
 def draw_computed(
@@ -216,16 +207,13 @@ def draw_computed(
     fitted, later = numbers <= last, numbers >= max(last, 0)
     axes.plot(x[fitted], computed[fitted], "-", color=paint, lw=1.2)
     axes.plot(x[later], computed[later], "--", color=paint, lw=1.2)
-    if result.prediction is None:
-        return
-    ends95 = (result.prediction.lower95, result.prediction.upper95)
-    low, high = (result.gauges.in_units(end)[row] for end in ends95)
-    known = np.isfinite(low) & np.isfinite(high)
-    ends = np.where(known, low, np.nan), np.where(known, high, np.nan)
-    axes.fill_between(x, *ends, color=paint, alpha=BAND, lw=0)
+    low, high = (end[row] for end in bands_of(result))
+    known = np.isfinite(low)
+    if known.any():
+        axes.fill_between(x, low, high, color=paint, alpha=_BAND, lw=0)
     before, after = np.r_[False, known[:-1]], np.r_[known[1:], False]
     alone = known & ~before & ~after
-    axes.vlines(x[alone], low[alone], high[alone], color=paint, alpha=BAND, lw=5)
+    axes.vlines(x[alone], low[alone], high[alone], color=paint, alpha=_BAND, lw=5)
 
 
 def draw_measured(
@@ -242,45 +230,26 @@ def draw_measured(
         axis: where the stages lie, on which dated readings stand at their dates; None for numbers.
     """
     if axis is not None and axis.dated:
-        x, read, error, used = _each_reading(result, row, axis)
+        x, read, sd, used = _each_reading(result, row, axis)
     else:
         table = result.gauges
         x = np.arange(len(table.stages), dtype=np.float64) if axis is None else axis.at
         read, sd = (table.in_units(column)[row] for column in (table.measured, table.sd))
-        error, used = NORMAL_95 * np.nan_to_num(sd), table.used[row]
-    for part, face in ((used, paint), (~used, "white")):
-        here = np.isfinite(read) & part
-        if here.any():
-            axes.errorbar(x[here], read[here], yerr=error[here], ms=3.2, lw=0.7, fmt=dots,
-                          color=paint, mfc=face, mew=0.7)  # fmt: skip
+        used = table.used[row]
+    draw_dots(axes, x, read, sd, used, color=paint, fmt=dots)
 
 
 def _each_reading(
     result: Result, row: int, axis: StageAxis
 ) -> tuple[Floats, Floats, Floats, Bools]:
-    """Place, value, half width and use of every reading that counts of a channel, in units."""
+    """Place, value, deviation and use of every reading that counts of a channel, in units."""
     table, gauges = result.gauges.readings, result.gauges
     found = [(j, k) for (i, j), rows in gauges.rows.items() if i == row for k in rows.tolist()]
     found.sort(key=lambda pair: pair[1])
     rows = np.array([k for _, k in found], dtype=np.int64)
     x = np.array([axis.of_reading(j, float(table.time[k])) for j, k in found])
     unit = gauges.in_units(np.ones((len(gauges.channels), 1)))[row, 0]
-    sd = NORMAL_95 * np.nan_to_num(table.sd[rows])
-    return x, table.value[rows] * unit, sd * unit, table.used[rows]
-
-
-def unknown(result: Result) -> Bools:
-    """(n_channels, n_stages) predicted without being determined."""
-    prediction = result.prediction
-    if prediction is None:
-        return np.zeros(result.gauges.computed.shape, dtype=bool)
-    return np.asarray(np.isfinite(prediction.mean) & ~np.isfinite(prediction.sd))
-
-
-def last_fitted(result: Result) -> int:
-    """The last stage whose readings were used, -1 if none."""
-    used = np.flatnonzero(result.gauges.used.any(axis=0))
-    return int(used.max()) if used.size else -1
+    return x, unit * table.value[rows], unit * table.sd[rows], table.used[rows]
 
 
 def face_pictures(result: Result) -> tuple[Picture, ...]:
@@ -294,46 +263,11 @@ def face_pictures(result: Result) -> tuple[Picture, ...]:
     )
     return paged(
         shown,
-        partial(face_figure, result, ways=ways),
+        partial(readings_figure, result, ways=ways),
         most=_PER_FIGURE,
         picture=("face", "Motions over the distance to the face", caption),
-        label=_name,
+        label=lambda one: one.name,
     )
-
-
-def face_figure(
-    result: Result, shown: Sequence[Instrument], *, ways: Mapping[int, Floats]
-) -> Figure:
-    """A panel for each instrument, over the distance of the face.
-
-    Args:
-        result: of a fit.
-        shown: the instruments.
-        ways: channel to how far (n_stages,) the face has passed its section, m.
-    """
-    limits = value_limits(result, shown)
-    figure, panels = panel_grid(len(shown), height=2.05, extra=0.8)
-    every = np.concatenate([ways[one.rows[0]] for one in shown])
-    margin = 0.04 * np.ptp(every)
-    for axes, one in zip(panels, shown, strict=True):
-        axis = StageAxis(result.gauges.stages, ways[one.rows[0]], dated=False)
-        for k, row in enumerate(one.rows):
-            paint = COMPUTED if len(one.rows) == 1 else colour(k)
-            draw_computed(axes, result, row, paint, axis)
-            dots = MEASURED if len(one.rows) == 1 else colour(k)
-            draw_measured(axes, result, row, dots, marker(k), axis)
-        axes.set_xlim(every.min() - margin, every.max() + margin)
-        _set_values(axes, one, limits[one.quantity])
-        axes.axvline(0.0, color=FAINT, lw=0.7, ls=":")
-        axes.axhline(0.0, color=FAINT, lw=0.5, zorder=0)
-        axes.set_title(short(one.name, 16))
-        axes.set_ylabel(one.quantity, fontsize=SMALL)
-        axes.set_xlabel("face past the section (m)")
-        axes.grid(axis="y")
-        if any(one.labels):
-            _anchor_legend(axes, one)
-    figure.legend(handles=legend(result, shown), loc="outside upper center", ncols=4)
-    return figure
 
 
 def _ways(result: Result) -> dict[int, Floats]:
@@ -382,4 +316,49 @@ def _faces(result: Result) -> tuple[int, float, Floats] | None:
     return None
 
 
-_LEAST_ROUNDS = 3
+def compared_gauge_pictures(results: Labelled) -> tuple[Picture, ...]:
+    """The gauges of several results (with their labels), one over the other."""
+    caption = "Lines: computed and predicted by every result. Dots: readings of the first result."
+    return paged(
+        list(dict.fromkeys(c for _, result in results for c in result.gauges.channels)),
+        partial(compared_figure, results),
+        most=_COMPARED_PER_FIGURE,
+        picture=("compared-gauges", "Gauges side by side", caption),
+        label=str,
+    )
+
+
+def compared_figure(results: Labelled, channels: Sequence[str]) -> Figure:
+    """A panel for each channel."""
+    figure, panels = panel_grid(len(channels), height=2.2, extra=0.8)
+    for axes, channel in zip(panels, channels, strict=True):
+        _draw_compared(axes, [result for _, result in results], channel)
+    handles = [
+        key(short(label, 30), color=colour(k), ls=_STYLES[k % len(_STYLES)])
+        for k, (label, _) in enumerate(results)
+    ]
+    handles.append(key("measured", color=MEASURED, marker="o", ls="", ms=4))
+    figure.legend(handles=handles, loc="outside upper center", ncols=4)
+    return figure
+
+
+def _draw_compared(axes: Axes, results: Sequence[Result], channel: str) -> None:
+    stages = tuple(dict.fromkeys(stage for result in results for stage in result.gauges.stages))
+    read = False
+    for k, result in enumerate(results):
+        table = result.gauges
+        if channel not in table.channels:
+            continue
+        row = table.channels.index(channel)
+        x = [stages.index(stage) for stage in table.stages]
+        values, style = table.in_units(computed_of(result))[row], _STYLES[k % len(_STYLES)]
+        axes.plot(x, values, style, color=colour(k), lw=1.2)
+        if not read and table.stages == stages:
+            draw_measured(axes, result, row, MEASURED, "o")
+            read = True
+    stage_ticks(axes, stages)
+    axes.set_title(short(channel, 24))
+    owner = next(result for result in results if channel in result.gauges.channels)
+    gauge = owner.gauges.gauges[owner.gauges.channels.index(channel)]
+    axes.set_ylabel(gauge_quantity(owner, gauge), fontsize=SMALL)
+    axes.grid(axis="y")

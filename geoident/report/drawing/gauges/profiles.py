@@ -16,11 +16,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from geoident.model.arrays import Floats, Ints
-from geoident.model.results.bands import NORMAL_95
+from geoident.model.arrays import Floats
 from geoident.model.results.result import Result
-from geoident.report.drawing.gauges.axis import computed_of, value_limits
-from geoident.report.drawing.gauges.course import has_band, last_fitted
+from geoident.report.drawing.gauges.axis import (
+    bands_of,
+    computed_of,
+    draw_dots,
+    last_fitted,
+    value_limits,
+)
 from geoident.report.drawing.gauges.instruments import (
     CASING,
     EXTENSOMETER,
@@ -34,6 +38,7 @@ from geoident.report.drawing.style import (
     FAINT,
     SMALL,
     Picture,
+    evenly,
     key,
     marker,
     paged,
@@ -85,13 +90,9 @@ def profile_pictures(result: Result) -> tuple[Picture, ...]:
             partial(profiles_figure, result, kind=own),
             most=most,
             picture=(name, title, f"{caption} {_HOW}"),
-            label=_name,
+            label=lambda one: one.name,
         )
     return tuple(found)
-
-
-def _name(one: Instrument) -> str:
-    return one.name
 
 
 def profiles_figure(
@@ -124,9 +125,7 @@ def _stages(result: Result, shown: Sequence[Instrument]) -> list[int]:
     moved = np.abs(np.nan_to_num(computed_of(result)[rows])) > 0.0
     moved |= np.abs(np.nan_to_num(table.measured[rows])) > 0.0
     every = np.flatnonzero(moved.any(axis=0))
-    if len(every) > _MOST_STAGES:
-        every = every[np.linspace(0, len(every) - 1, _MOST_STAGES).round().astype(int)]
-    return [int(stage) for stage in every]
+    return [int(stage) for stage in every[evenly(len(every), _MOST_STAGES)]]
 
 
 def _legend(result: Result, shown: Sequence[Instrument], stages: Sequence[int]) -> list[Any]:
@@ -141,7 +140,7 @@ def _legend(result: Result, shown: Sequence[Instrument], stages: Sequence[int]) 
         )
         for k, stage in enumerate(stages)
     ]
-    if has_band(result)[np.ix_(rows, stages)].any():
+    if np.isfinite(bands_of(result)[0][np.ix_(rows, stages)]).any():
         handles.append(Patch(color=FAINT, alpha=0.3, lw=0, label="95 % band"))
     return handles
 
@@ -152,19 +151,28 @@ def _stage_colour(k: int, n: int) -> Any:
 
 def _draw_profile(axes: Axes, result: Result, one: Instrument, stages: Sequence[int]) -> None:
     """Readings along an instrument: upright down a casing or a plumb line."""
-    upright, last = one.line in _UPRIGHT, last_fitted(result)
-    places, rows = _ordered(one)
-    computed = result.gauges.in_units(computed_of(result))[rows]
+    gauges, upright, last = result.gauges, one.line in _UPRIGHT, last_fitted(result)
+    order = np.argsort(one.places, kind="stable")
+    places, rows = np.array(one.places)[order], np.array(one.rows)[order]
+    drawn = computed_of(result), gauges.measured, gauges.sd
+    computed, read, sd = (gauges.in_units(table)[rows] for table in drawn)
+    low, high = (end[rows] for end in bands_of(result))
     foot = [] if one.fixed is None else [one.fixed]
     for k, stage in enumerate(stages):
         paint = _stage_colour(k, len(stages))
-        values = computed[:, stage]
-        if np.abs(np.nan_to_num(values)).any():  # it stands
-            along, read = _with_foot(places, values, foot)
+        if np.abs(np.nan_to_num(computed[:, stage])).any():  # it stands
+            along, values = _with_foot(places, computed[:, stage], foot)
             style = "-" if stage <= last else "--"
-            axes.plot(*((read, along) if upright else (along, read)), style, color=paint, lw=1.1)
-        _draw_band(axes, result, one, stage, paint)
-        _draw_dots(axes, result, one, stage, paint, marker(k))
+            axes.plot(
+                *((values, along) if upright else (along, values)), style, color=paint, lw=1.1
+            )
+        known = np.isfinite(low[:, stage])
+        if known.any():
+            fill = axes.fill_betweenx if upright else axes.fill_between
+            fill(places[known], low[known, stage], high[known, stage], color=paint, alpha=_BAND,
+                 lw=0)  # fmt: skip
+        draw_dots(axes, places, read[:, stage], sd[:, stage], gauges.used[rows, stage],
+                  upright=upright, color=paint, fmt=marker(k))  # fmt: skip
     axes.set_title(short(one.name, 26))
     (axes.axvline if upright else axes.axhline)(0, color=FAINT, lw=0.5, zorder=0)
     labels = (one.quantity, one.along) if upright else (one.along, one.quantity)
@@ -175,47 +183,9 @@ def _draw_profile(axes: Axes, result: Result, one: Instrument, stages: Sequence[
     axes.grid()
 
 
-def _ordered(one: Instrument) -> tuple[Floats, Ints]:
-    """Places (k,) along the line in their order, and the rows of their channels."""
-    order = np.argsort(one.places, kind="stable")
-    return np.array(one.places)[order], np.array(one.rows)[order]
-
-
 def _with_foot(places: Floats, values: Floats, foot: Sequence[float]) -> tuple[Floats, Floats]:
     """The line through a place that does not move, too."""
     known = np.isfinite(values)
     along, read = np.r_[foot, places[known]], np.r_[np.zeros(len(foot)), values[known]]
     order = np.argsort(along, kind="stable")
     return along[order], read[order]
-
-
-def _draw_band(axes: Axes, result: Result, one: Instrument, stage: int, paint: Any) -> None:
-    """The band of a predicted stage."""
-    if result.prediction is None:
-        return
-    places, rows = _ordered(one)
-    ends95 = (result.prediction.lower95, result.prediction.upper95)
-    low, high = (result.gauges.in_units(end)[rows, stage] for end in ends95)
-    known = np.isfinite(low) & np.isfinite(high)
-    if known.any():
-        fill = axes.fill_betweenx if one.line in _UPRIGHT else axes.fill_between
-        fill(places[known], low[known], high[known], color=paint, alpha=_BAND, lw=0)
-
-
-def _draw_dots(
-    axes: Axes, result: Result, one: Instrument, stage: int, paint: Any, dots: str
-) -> None:
-    """Readings of a stage with the half width of their 95 % interval; hollow where not used."""
-    places, rows = _ordered(one)
-    table = result.gauges
-    read, sd = (table.in_units(column)[rows, stage] for column in (table.measured, table.sd))
-    error, used = NORMAL_95 * np.nan_to_num(sd), table.used[rows, stage]
-    for part, face in ((used, paint), (~used, "white")):
-        here = np.isfinite(read) & part
-        if not here.any():
-            continue
-        style = {"fmt": dots, "color": paint, "mfc": face, "ms": 3.2, "lw": 0.7, "mew": 0.7}
-        if one.line in _UPRIGHT:
-            axes.errorbar(read[here], places[here], xerr=error[here], **style)
-        else:
-            axes.errorbar(places[here], read[here], yerr=error[here], **style)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Material
@@ -104,30 +106,17 @@ def marked_places(mesh: Mesh, made: Construction) -> Iterator[tuple[str, Floats]
 
 
 def _connected(mesh: Mesh, members: Ints) -> list[Ints]:
-    """Elements (k,) in parts that share nodes."""
-    chosen = np.zeros(mesh.n_elements, dtype=bool)
-    chosen[members] = True
-    label = np.arange(mesh.n_nodes)  # in the end the lowest node of each part
-    corners = [
-        block.nodes[np.flatnonzero(chosen[span]), : CELLS[block.kind].n_corners]
-        for block, span in spans(mesh.blocks)
-    ]
-    while True:
-        before = label.copy()
-        for nodes in corners:
-            lowest = np.repeat(label[nodes].min(axis=1), nodes.shape[1])
-            np.minimum.at(label, label[nodes].ravel(), lowest)  # parts that touch become one
-            np.minimum.at(label, nodes.ravel(), lowest)
-        while not np.array_equal(label[label], label):
-            label = label[label]
-        if np.array_equal(before, label):
-            break
-    part = np.zeros(mesh.n_elements, dtype=np.int64)
-    for nodes, (_, span) in zip(corners, spans(mesh.blocks), strict=True):
-        part[np.flatnonzero(chosen[span]) + span.start] = label[nodes[:, 0]]
-    _, first, own = np.unique(part[members], return_index=True, return_inverse=True)
-    order = np.argsort(members[first])
-    return [members[own == k] for k in order]
+    """Elements (k,) in parts that share corners."""
+    rows, corners = [], []
+    for block, span in spans(mesh.blocks):
+        nodes = block.nodes[:, : CELLS[block.kind].n_corners]
+        rows.append(np.repeat(np.arange(span.start, span.stop), nodes.shape[1]))
+        corners.append(nodes.ravel())
+    ends = np.concatenate(rows), np.concatenate(corners)
+    shape = mesh.n_elements, mesh.n_nodes
+    incidence = csr_array((np.ones(len(ends[0])), ends), shape=shape)[members]
+    part = connected_components(incidence @ incidence.T)[1]
+    return [members[part == k] for k in range(part.max(initial=-1) + 1)]
 
 
 def material_label(
@@ -149,7 +138,7 @@ def material_label(
         if scalar.parameter is not None and scalar.parameter in units:
             said.append(f"{name} = {_identified(scalar, found, *units[scalar.parameter])}")
         elif isinstance(scalar, RockMassModulus):
-            said.append(f"{name} = {stress_text(scalar.value(_values(parameters, found)))}")
+            said.append(f"{name} = {stress_text(scalar.value(values_of(parameters, found)))}")
         elif name.startswith("E") and scalar.parameter is None:
             said.append(f"{name} = {stress_text(scalar.value({}))}")
     said += [f"{name} grows" for name in sorted(grown)]
@@ -158,14 +147,6 @@ def material_label(
     said = list(dict.fromkeys(said))  # GSI may be that of strength and stiffness
     shown = ", ".join(said[:4]) + (", ..." if len(said) > 4 else "")
     return f"{material.name}: {shown}" if shown else material.name
-
-
-def _values(parameters: tuple[Parameter, ...], found: ParameterTable | None) -> Values:
-    """The parameters as they were found, SI, or at their starts."""
-    values = {parameter.name: parameter.start for parameter in parameters}
-    if found is not None:
-        values |= dict(zip(found.names, map(float, found.values), strict=True))
-    return values
 
 
 def constants(record: Any) -> Iterator[tuple[str, Scalar]]:
@@ -209,9 +190,9 @@ def stress_text(value: float) -> str:
     return f"{number(value / 1e3, 3)} kPa"
 
 
-def values_of(case: Case, found: ParameterTable | None) -> Values:
-    """The parameters of a case as found; those that were not, as they start."""
-    values = {parameter.name: parameter.start for parameter in case.parameters}
+def values_of(parameters: tuple[Parameter, ...], found: ParameterTable | None) -> Values:
+    """Parameters as found, SI; those that were not, as they start."""
+    values = {parameter.name: parameter.start for parameter in parameters}
     if found is not None:
         values |= dict(zip(found.names, found.values.tolist(), strict=True))
     return values

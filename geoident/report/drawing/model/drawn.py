@@ -23,6 +23,7 @@ from geoident.report.drawing.model.construction import (
     values_of,
 )
 from geoident.report.drawing.sheets import SheetMaker, element_centres
+from geoident.report.drawing.space import Box
 from geoident.report.drawing.structures import structure_lines
 from geoident.report.drawing.style import key, short
 
@@ -32,8 +33,6 @@ _EDGE = (0.25, 0.25, 0.25)
 _MOST_STAGES = 16
 _WIDEST = 32  # of a label in a legend, letters
 _SLIMMEST = np.array([0.6, 0.3, 0.0])  # least sides of a window, of the largest one
-
-Box = tuple[Floats, Floats]
 
 
 class DrawnModel:
@@ -49,7 +48,7 @@ class DrawnModel:
         self.case = case
         self.mesh = mesh
         self.found = found
-        self.values: Values = values_of(case, found)
+        self.values: Values = values_of(case.parameters, found)
         self.made = construction_of(case, mesh)
         self.maker = SheetMaker(mesh)
 
@@ -82,7 +81,17 @@ class DrawnModel:
     @cached_property
     def gauges(self) -> dict[str, list[Floats]]:
         """Lines (2, dim) or points (1, dim), m, of each gauge."""
-        return gauge_lines(self.case)
+        lines: dict[str, list[Floats]] = {}
+        for channel in self.case.channels:
+            ends = [point for point in (channel.first, channel.second) if point is not None]
+            lines.setdefault(channel.gauge, []).append(np.array(ends, dtype=np.float64))
+        return lines
+
+    @property
+    def gauge_points(self) -> Floats:
+        """(k, dim) points of all gauges, m."""
+        lines = [line for lines in self.gauges.values() for line in lines]
+        return np.vstack([np.empty((0, self.mesh.dim)), *lines])
 
     @cached_property
     def box(self) -> Box:
@@ -92,7 +101,7 @@ class DrawnModel:
     @cached_property
     def near(self) -> Box:
         """The box around gauges, structures and all that moves, with a margin, in the mesh, m."""
-        points = [line for lines in self.gauges.values() for line in lines]
+        points = [self.gauge_points] if self.gauges else []
         for structure in self.case.structures.values():
             points += structure_lines(structure, self.mesh)
         if self.made.moved.any():
@@ -148,26 +157,13 @@ class DrawnModel:
     def stage_keys(self) -> list[Any]:
         """The numbers of the stages with their names."""
         names = self.case.stage_names[1:]
+        words = [f"{n}  {short(name, 26)}" for n, name in enumerate(names, start=1)]
         if len(names) > _MOST_STAGES:
-            first = [*range(_MOST_STAGES - 2), len(names) - 1]
-        else:
-            first = list(range(len(names)))
-        entries = [key(f"{n + 1}  {short(names[n], 26)}", color="none") for n in first]
-        if len(names) > _MOST_STAGES:
-            entries.insert(-1, key("...", color="none"))
-        return entries
+            words[_MOST_STAGES - 2 : -1] = ["..."]
+        return [key(text, color="none") for text in words]
 
 
 def _wrapped(label: str) -> str:
     """A label of a legend on two lines at most, as wide as there is room."""
     lines = wrap(label, _WIDEST, subsequent_indent="  ")
     return "\n".join([*lines[:1], *(short(line, _WIDEST) for line in lines[1:2])])
-
-
-def gauge_lines(case: Case) -> dict[str, list[Floats]]:
-    """Of each gauge, its lines: (2, dim) from point to point, (1, dim) for a point by itself, m."""
-    lines: dict[str, list[Floats]] = {}
-    for channel in case.channels:
-        ends = [point for point in (channel.first, channel.second) if point is not None]
-        lines.setdefault(channel.gauge, []).append(np.array(ends, dtype=np.float64))
-    return lines

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.results.result import ParameterTable, Result
-from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.model.drawn import DrawnModel
 from geoident.report.drawing.model.plane import plane_figure
 from geoident.report.drawing.model.solid import solid_figure
+from geoident.report.drawing.scene import case_of
 from geoident.report.drawing.style import Picture, image
 
 

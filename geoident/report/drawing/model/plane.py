@@ -18,8 +18,9 @@ from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.model.actions import LOAD, WATER, draw_supports, water_levels
 from geoident.report.drawing.model.construction import marked_places
-from geoident.report.drawing.model.drawn import Box, DrawnModel
+from geoident.report.drawing.model.drawn import DrawnModel
 from geoident.report.drawing.sheets import Sheet
+from geoident.report.drawing.space import Box
 from geoident.report.drawing.structures import draw_structures
 from geoident.report.drawing.style import GAUGE, key, short
 
@@ -137,20 +138,19 @@ def _draw_panel(
     """All of the model inside a box; what its marks mean."""
     draw_materials(axes, model, sheet, box, width=width)
     size = float((box[1] - box[0]).max())
-    meanings: dict[str, Any] = {}
     keys = draw_supports(axes, model.case, model.mesh, box)
     draw_gauges(axes, model.case, model.gauges, names=names)
     keys += draw_structures(axes, model.case, model.mesh, names=names)
     keys += _draw_loads(axes, model, size, box, names=names)
-    keys += _draw_water(axes, model, names=True)
+    _draw_water(axes, model)
     if names:
         places = list(marked_places(model.mesh, model.made))
-        kept = [(n, x[((x >= box[0]) & (x <= box[1])).all(axis=1)]) for n, x in places]
-        inside = [(n, x) for n, x in kept if len(x)]
-        place_labels(axes, [x for _, x in inside], [n for n, _ in inside], centred=True,
-                     size=LETTERS + 1, weight="bold")  # fmt: skip
+        kept = [(x[((x >= box[0]) & (x <= box[1])).all(axis=1)], n) for n, x in places]
+        inside = [(x, n) for x, n in kept if len(x)]
+        if inside:
+            place_labels(axes, *zip(*inside, strict=True), centred=True, size=LETTERS + 1,
+                         weight="bold")  # fmt: skip
         keys += gauge_keys(model.case)
-    meanings |= {handle.get_label(): handle for handle in keys}
     axes.set_xlim(box[0][0], box[1][0])
     axes.set_ylim(box[0][1], box[1][1])
     axes.set_aspect("equal")
@@ -158,7 +158,7 @@ def _draw_panel(
     axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.set_xlabel(f"{model.axis_names[0]} (m)")
     axes.set_ylabel(f"{model.axis_names[1]} (m)")
-    return meanings
+    return {handle.get_label(): handle for handle in keys}
 
 
 def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, width: float) -> None:
@@ -281,14 +281,12 @@ def _inside_box(points: Floats, box: Box) -> Bools:
     return np.asarray(((points >= box[0] - 1e-9) & (points <= box[1] + 1e-9)).all(axis=1))
 
 
-def _draw_water(axes: Axes, model: DrawnModel, *, names: bool) -> list[Any]:
+def _draw_water(axes: Axes, model: DrawnModel) -> None:
     """The level of the water in the pores."""
     for label, line in water_levels(model.case, model.mesh, model.values).items():
         axes.plot(*line.T, color=WATER, lw=1.0, ls=(0, (5, 2)), zorder=4)
-        if names:
-            inner = np.linspace(line[0], line[-1], 21)[1:-1]
-            place_labels(axes, [inner], [label], avoid=[line], colour=WATER, size=LETTERS)
-    return []
+        inner = np.linspace(line[0], line[-1], 21)[1:-1]
+        place_labels(axes, [inner], [label], avoid=[line], colour=WATER, size=LETTERS)
 
 
 def draw_legend(

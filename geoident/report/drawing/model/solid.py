@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from geoident.fem.faces import patches
 from geoident.forward.actions.supports import all_supports, support_nodes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import spans
-from geoident.report.drawing.labels import hidden, place_labels
+from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.model.actions import LOAD, WATER
 from geoident.report.drawing.model.construction import marked_places
 from geoident.report.drawing.model.drawn import DrawnModel
@@ -26,14 +25,18 @@ from geoident.report.drawing.model.plane import (
     draw_materials,
     gauge_keys,
 )
+from geoident.report.drawing.polygons import Polygons
 from geoident.report.drawing.scene import planes_through
 from geoident.report.drawing.sheets import Sheet, element_centres
+from geoident.report.drawing.space import Box, add_faces, add_lines, frame, hidden, towards
 from geoident.report.drawing.structures import draw_structures
-from geoident.report.drawing.style import box_axes, short
+from geoident.report.drawing.style import short
 
 _VIEW = (24.0, -58.0)  # elevation and azimuth, degrees
 _SHARP = 0.9  # cosine of the angle between faces from which on their edge is drawn
+_EYE = towards(_VIEW)
 _EDGE = (0.15, 0.15, 0.15)
+_SHADOW = 0.16  # darkness of what faces along x
 _TALLEST = 2.9
 _MOST_PLACES = 12  # at which the name of a material may stand
 _ON = 1e-2  # of the model's size: how near to a section a gauge counts as on it
@@ -45,7 +48,7 @@ def solid_figure(model: DrawnModel) -> Figure:
     Args:
         model: what is drawn.
     """
-    planes = planes_through(_gauge_points(model), model.box)
+    planes = planes_through(model.gauge_points, model.box)
     sheets = [sheet for sheet in map(model.maker.cut, planes) if len(sheet.triangles)]
     windows = [_window(model, sheet) for sheet in sheets]
     below = max((min(_TALLEST, _aspect(w) * (WIDTH / 2 - 0.7)) for w in windows), default=0.5)
@@ -64,17 +67,12 @@ def solid_figure(model: DrawnModel) -> Figure:
     return figure
 
 
-def _gauge_points(model: DrawnModel) -> Floats:
-    lines = [line for lines in model.gauges.values() for line in lines]
-    return np.vstack([np.empty((0, 3)), *lines])
-
-
-def _window(model: DrawnModel, sheet: Sheet) -> tuple[Floats, Floats]:
+def _window(model: DrawnModel, sheet: Sheet) -> Box:
     across = list(sheet.axes)
     return model.near[0][across], model.near[1][across]
 
 
-def _aspect(window: tuple[Floats, Floats]) -> float:
+def _aspect(window: Box) -> float:
     return float((window[1][1] - window[0][1]) / (window[1][0] - window[0][0]))
 
 
@@ -83,10 +81,12 @@ def _draw_outside(axes: Any, model: DrawnModel) -> None:
     there = model.made.material >= 0
     faces, owner = outer_faces(model, there)
     colours = model.element_colours[owner]
-    add_faces(axes, model, faces, colours, alpha=1.0)
-    surface = _triangles(model, faces)
+    ground = _polygons(model, faces)
+    _add_faces(axes, ground, colours, alpha=1.0)
+    surface = ground.triangles
     edges = model.mesh.points[_zone_edges(model, np.where(there, model.zones, -1))]
-    _add_lines(axes, edges[~hidden(edges.mean(axis=1), surface, _towards())], lw=0.5)
+    visible = ~hidden(edges.mean(axis=1), surface, _EYE)
+    add_lines(axes, edges[visible], _EDGE, 0.5)
     _frame(axes, model.box)
     named, nearest = [], [np.empty((0, 3))]
     for support in all_supports(model.case):
@@ -97,7 +97,7 @@ def _draw_outside(axes: Any, model: DrawnModel) -> None:
         moved = " (moved)" if support.moves else ""
         named.append(f"{short(support.group)}: {held}{moved}")
     places = np.vstack(nearest)
-    seen = np.flatnonzero(~hidden(places, surface, _towards()))
+    seen = np.flatnonzero(~hidden(places, surface, _EYE))
     _draw_loads(axes, model, surface)
     place_labels(axes, places[seen], [named[k] for k in seen], size=LETTERS, centred=True)
     axes.set_title("the whole model; what is held along which axis")
@@ -107,7 +107,7 @@ def _draw_loads(axes: Any, model: DrawnModel, surface: Floats) -> None:
     """Arrows of the loads whose tips can be seen, with their names."""
     size = 0.12 * float((model.box[1] - model.box[0]).max())
     for load in model.loads:
-        seen = ~hidden(load.tips, surface, _towards())
+        seen = ~hidden(load.tips, surface, _EYE)
         tips, arrows = load.tips[seen], size * load.arrows[seen]
         if not len(tips):
             continue
@@ -126,11 +126,11 @@ def _draw_inside(axes: Any, model: DrawnModel) -> list[Any]:
     for chosen, alpha in ((weak, 0.45), (made.moved & there, 0.55)):
         faces, owner = outer_faces(model, chosen)
         faces, owner = _near_faces(model, faces, owner)
-        add_faces(axes, model, faces, model.element_colours[owner], alpha=alpha)
+        _add_faces(axes, _polygons(model, faces), model.element_colours[owner], alpha=alpha)
     shown = (made.moved | weak) & there
     edges = model.mesh.points[_zone_edges(model, np.where(shown, model.zones, -1))]
     kept = ((edges >= near[0] - 1e-9) & (edges <= near[1] + 1e-9)).all(axis=(1, 2))
-    _add_lines(axes, edges[kept], lw=0.6)
+    add_lines(axes, edges[kept], _EDGE, 0.6)
     _frame(axes, near, zoom=1.15)
     keys = draw_structures(axes, model.case, model.mesh)
     draw_gauges(axes, model.case, model.gauges, names=True)
@@ -177,9 +177,7 @@ def _spread(middles: Floats) -> Floats:
     return np.asarray(middles[order[:: -(-len(order) // _MOST_PLACES)]])
 
 
-def _draw_section(
-    axes: Any, model: DrawnModel, sheet: Sheet, window: tuple[Floats, Floats]
-) -> None:
+def _draw_section(axes: Any, model: DrawnModel, sheet: Sheet, window: Box) -> None:
     """A section with the gauges on it."""
     plane = sheet.plane
     assert plane is not None
@@ -244,53 +242,14 @@ def _near_faces(model: DrawnModel, faces: list[Ints], owner: Ints) -> tuple[list
     return kept, np.concatenate(owners)
 
 
-def add_faces(
-    axes: Any, model: DrawnModel, faces: list[Ints], colours: Floats, *, alpha: float
-) -> None:
-    """Faces in their colours, darker where they lean; far ones are drawn first.
-
-    Args:
-        axes: of space.
-        model: with the mesh.
-        faces: corners (n, 3 or 4), kind by kind.
-        colours: (sum of n, 3).
-        alpha: opacity.
-    """
-    polygons: list[Floats] = []
-    light = [np.empty(0)]
-    for nodes in faces:
-        corners = model.mesh.points[nodes]
-        polygons += list(corners)
-        light.append(_light(corners))
-    if not polygons:
-        return
-    shade = colours * np.concatenate(light)[:, None]
-    # One collection, since matplotlib sorts by depth only within each.
-    axes.add_collection3d(
-        Poly3DCollection(
-            polygons,
-            facecolors=np.c_[shade, np.full(len(shade), alpha)],
-            linewidths=0.0,
-            rasterized=True,
-            zorder=1,
-        )
-    )
+def _polygons(model: DrawnModel, faces: list[Ints]) -> Polygons:
+    return Polygons.of([np.empty((0, 3, 3)), *(model.mesh.points[nodes] for nodes in faces)])
 
 
-def _light(corners: Floats) -> Floats:
-    """(n,) brightness of faces (n, n_corners, 3) by their inclination, 0.78 to 1."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    share = np.abs(normal) / np.where(length > 0, length, 1.0)[:, None]
-    return np.asarray(np.clip((share**2) @ np.array([0.84, 0.92, 1.0]), 0.78, 1.0))
-
-
-def _triangles(model: DrawnModel, faces: list[Ints]) -> Floats:
-    """(m, 3, 3) the faces as triangles."""
-    parts = [np.empty((0, 3), np.int64)]
-    for nodes in faces:
-        parts += [nodes[:, [0, k, k + 1]] for k in range(1, nodes.shape[1] - 1)]
-    return np.asarray(model.mesh.points[np.concatenate(parts)])
+def _add_faces(axes: Any, faces: Polygons, colours: Floats, *, alpha: float) -> None:
+    """Faces in their colours (n, 3), darker where they lean."""
+    shade = colours * faces.brightness(_SHADOW)[:, None]
+    add_faces(axes, faces.corners(), np.c_[shade, np.full(len(shade), alpha)], linewidths=0.0)
 
 
 def _zone_edges(model: DrawnModel, zones: Ints) -> Ints:
@@ -323,21 +282,6 @@ def _sharp_edges(points: Floats, faces: list[Ints]) -> Ints:
     return np.asarray(unique[(count != 2) | (least < _SHARP)])
 
 
-def _add_lines(axes: Any, ends: Floats, *, lw: float) -> None:
-    if len(ends):
-        axes.add_collection3d(Line3DCollection(list(ends), colors=[_EDGE], linewidths=lw, zorder=2))
-
-
-def _towards() -> Floats:
-    """Direction (3,) from the model to the eye."""
-    elevation, azimuth = np.radians(_VIEW)
-    level = np.cos(elevation)
-    return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-
-
-def _frame(axes: Any, box: tuple[Floats, Floats], *, zoom: float = 1.0) -> None:
-    box_axes(axes, *box)
-    axes.set_box_aspect(box[1] - box[0], zoom=zoom)
-    axes.set_proj_type("ortho")
-    axes.view_init(*_VIEW)
+def _frame(axes: Any, box: Box, *, zoom: float = 1.0) -> None:
+    frame(axes, box, _VIEW, zoom=zoom)
     axes.grid(visible=False)

@@ -7,12 +7,13 @@ a fit is normal: an ellipse there, cut at the bounds.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.stats import gaussian_kde
 
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
@@ -73,6 +74,11 @@ class _Axis:
         """SI values (...) on the scale of the unit."""
         return scaled(self.size * values, log=self.log)
 
+    def normal(self, mean: float, sd: float) -> tuple[float, float]:
+        """A mean and a standard deviation, SI, on the scale, as those of a normal distribution."""
+        mean, sd = self.size * mean, self.size * sd
+        return (float(np.log(mean)), sd / mean) if self.log else (mean, sd)
+
     def shown(self, places: Floats) -> Floats:
         """Places (...) on the scale as values in the unit."""
         return unscaled(places, log=self.log)
@@ -87,7 +93,7 @@ def pair_pictures(result: Result) -> tuple[Picture, ...]:
     if len(rows) < 2:
         return ()
     more = f" The first {_MOST} parameters of {len(rows)}." if len(rows) > _MOST else ""
-    rival = " Crosses: other minima that are nearly as low." if _rival_values(result) else ""
+    rival = " Crosses: other minima that are nearly as low." if len(_rivals(result)) else ""
     return (
         Picture(
             "pairs",
@@ -102,13 +108,12 @@ def pair_pictures(result: Result) -> tuple[Picture, ...]:
 
 def _known_rows(table: ParameterTable) -> list[int]:
     variance = np.diag(table.covariance) if table.covariance.size else np.empty(0)
-    known = table.determined & np.isfinite(variance) & (variance > 0.0)
-    return [int(row) for row in np.flatnonzero(known)]
+    return np.flatnonzero(table.determined & (variance > 0.0) & np.isfinite(variance)).tolist()
 
 
-def _rival_values(result: Result) -> list[Floats]:
-    rivals = result.rivals
-    return [] if rivals is None else list(rivals.values[1:])
+def _rivals(result: Result) -> Floats:
+    """(k, n_parameters) values of the other minima, SI."""
+    return np.empty((0, 0)) if result.rivals is None else result.rivals.values[1:]
 
 
 def pair_figure(result: Result) -> Figure:
@@ -122,7 +127,7 @@ def pair_figure(result: Result) -> Figure:
 
     def pair(panel: Axes, x: _Axis, y: _Axis) -> None:
         _draw_ellipses(panel, table, x, y)
-        for values in _rival_values(result):
+        for values in _rivals(result):
             panel.plot(values[x.row] * x.size, values[y.row] * y.size, "x", ms=5, color=ACCENT)
 
     handles = [
@@ -136,17 +141,10 @@ def _axis_of_fit(table: ParameterTable, row: int, *, log: bool) -> _Axis:
     """The axis around an estimate, not beyond the bounds."""
     unit = unit_of(table, table.names[row])
     low, high = shown_bounds(table, row, unit, log=log)
-    middle, sd = _on_scale(table, row, unit, log=log)
-    ends = unscaled(np.array([middle - _REACH * sd, middle + _REACH * sd]), log=log)
-    first, last = max(low, float(ends[0])), min(high, float(ends[1]))
-    return _Axis(table.names[row], unit, log, row, first, last, table.priors[row])
-
-
-def _on_scale(table: ParameterTable, row: int, unit: Unit, *, log: bool) -> tuple[float, float]:
-    """Estimate and standard deviation on the scale of a parameter in its unit."""
-    value, sd = float(table.values[row]), float(np.sqrt(table.covariance[row, row]))
-    size = in_unit(1.0, *unit)
-    return (float(np.log(size * value)), sd / value) if log else (size * value, size * sd)
+    axis = _Axis(table.names[row], unit, log, row, low, high, table.priors[row])
+    middle, sd = axis.normal(float(table.values[row]), float(np.sqrt(table.covariance[row, row])))
+    first, last = axis.shown(np.array([middle - _REACH * sd, middle + _REACH * sd]))
+    return replace(axis, low=max(low, float(first)), high=min(high, float(last)))
 
 
 def ellipse(middle: Floats, covariance: Floats, share: float) -> Floats:
@@ -168,12 +166,8 @@ def ellipse(middle: Floats, covariance: Floats, share: float) -> Floats:
 
 def _draw_ellipses(panel: Axes, table: ParameterTable, x: _Axis, y: _Axis) -> None:
     rows = [x.row, y.row]
-    slope = np.array([
-        one.size / (one.size * table.values[one.row] if one.log else 1.0) for one in (x, y)
-    ])  # fmt: skip
+    middle, slope = np.transpose([one.normal(float(table.values[one.row]), 1.0) for one in (x, y)])
     covariance = table.covariance[np.ix_(rows, rows)] * np.outer(slope, slope)
-    middle = np.array([float(one.on_scale(table.values[one.row : one.row + 1])[0]) for one in
-                       (x, y)])  # fmt: skip
     for share, opacity in zip(SHARES[::-1], (0.15, 0.3), strict=True):
         border = ellipse(middle, covariance, share)
         panel.fill(x.shown(border[0]), y.shown(border[1]), color=colour(0), alpha=opacity, lw=0)
@@ -188,23 +182,17 @@ def _draw_prior_limits(panel: Axes, one: _Axis, line: Callable[..., Any]) -> Non
     """The ends of the 95 % interval of a prior."""
     if one.prior is None:
         return
-    middle, sd = _prior_on_scale(one)
+    middle, sd = one.normal(one.prior.mean, one.prior.sd)
     for side in (-NORMAL_95, NORMAL_95):
         end = float(one.shown(np.array([middle + side * sd]))[0])
         if one.low < end < one.high:
             line(end, color=FAINT, lw=0.8, ls="--")
 
 
-def _prior_on_scale(one: _Axis) -> tuple[float, float]:
-    """Middle and standard deviation of a prior on the scale of its parameter, as a normal one."""
-    assert one.prior is not None
-    mean, sd = one.prior.mean * one.size, one.prior.sd * one.size
-    return (float(np.log(mean)), sd / mean) if one.log else (mean, sd)
-
-
 def _draw_density(panel: Axes, table: ParameterTable, one: _Axis) -> None:
     """Density of an estimate and of its prior, both by their largest value."""
-    middle, sd = _on_scale(table, one.row, one.unit, log=one.log)
+    sd_of_value = float(np.sqrt(table.covariance[one.row, one.row]))
+    middle, sd = one.normal(float(table.values[one.row]), sd_of_value)
     places = scaled(np.linspace(one.low, one.high, 301), log=one.log)
     height = np.exp(-0.5 * ((places - middle) / sd) ** 2)
     panel.fill_between(one.shown(places), 0.0, height, color=colour(0), alpha=0.3, lw=0)
@@ -213,7 +201,7 @@ def _draw_density(panel: Axes, table: ParameterTable, one: _Axis) -> None:
         if np.isfinite(end):
             panel.axvline(end * one.size, color=colour(0), lw=0.8, ls=":")
     if one.prior is not None:
-        before, wide = _prior_on_scale(one)
+        before, wide = one.normal(one.prior.mean, one.prior.sd)
         panel.plot(one.shown(places), np.exp(-0.5 * ((places - before) / wide) ** 2), "--",
                    color=FAINT, lw=1.1)  # fmt: skip
     panel.set_ylim(0.0, 1.08)
@@ -285,7 +273,7 @@ def _draw_histogram(panel: Axes, one: _Axis, places: Floats, bins: int) -> None:
         panel.axvline(float(one.shown(end)), color=colour(0), lw=0.8, ls=":")
     top = float(counts.max())
     if one.prior is not None:
-        before, wide = _prior_on_scale(one)
+        before, wide = one.normal(one.prior.mean, one.prior.sd)
         low_end, high_end = scaled(np.array([one.low, one.high]), log=one.log)
         x = np.linspace(float(low_end), float(high_end), 200)
         density = np.exp(-0.5 * ((x - before) / wide) ** 2) / (wide * np.sqrt(2.0 * np.pi))
@@ -322,8 +310,6 @@ def draws_density(draws: Floats) -> tuple[tuple[Floats, Floats], Floats, list[fl
         Places along x (m,) and y (m,), the density (m, m) with y along its rows, and the levels,
         rising; none if all draws lie on a line.
     """
-    from scipy.stats import gaussian_kde  # noqa: PLC0415 - half a second
-
     step = max(1, draws.shape[1] // _MOST_KERNELS)
     thinned = draws[:, ::step]
     reach = _KERNELS_BEYOND * thinned.std(axis=1)

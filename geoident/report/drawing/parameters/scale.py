@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from geoident.model.arrays import Floats
 from geoident.model.results.result import Labelled, ParameterTable, Result
-from geoident.report.drawing.style import short
+from geoident.report.drawing.style import labelled, short
 from geoident.report.text.case import case_mapping
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import Unit
@@ -104,5 +104,4 @@ def with_unit(name: str, unit: Unit, most: int = 16) -> str:
         unit: in which it is shown.
         most: letters of the name at most.
     """
-    shown = shown_unit(*unit)
-    return f"{short(name, most)} ({shown})" if shown else short(name, most)
+    return labelled(short(name, most), shown_unit(*unit))

@@ -6,19 +6,22 @@ grid, as that of a modulus and the stress over it, so stays one valley: drawn fr
 it falls into islands around those that happen to lie near its floor.
 """
 
-# ruff: noqa: PLC0415 - scipy takes half a second, which reports without a scan need not wait
-
 from __future__ import annotations
 
 from collections.abc import Set
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
+from scipy.interpolate import RectBivariateSpline, make_interp_spline
+from scipy.ndimage import binary_erosion
+from scipy.sparse import csr_array, identity, vstack
+from scipy.sparse.linalg import spsolve
+from scipy.stats import chi2
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import Grid, ParameterTable, Result
@@ -34,9 +37,6 @@ from geoident.report.drawing.style import ACCENT, COMPUTED, FAINT, LENGTHS, SMAL
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import unit_of
 from geoident.units import in_unit
-
-if TYPE_CHECKING:
-    from scipy.interpolate import RectBivariateSpline
 
 SHARES = (0.68, 0.95)
 """Of the probability in a region."""
@@ -85,9 +85,7 @@ def region_levels(count: int) -> tuple[float, ...]:
     >>> [round(level, 2) for level in (*region_levels(1), *region_levels(2))]
     [0.99, 3.84, 2.28, 5.99]
     """
-    if count == 2:
-        return tuple(float(-2.0 * np.log1p(-share)) for share in SHARES)
-    return (0.9889465, 3.8414588)
+    return tuple(float(chi2.ppf(share, count)) for share in SHARES)
 
 
 @dataclass(frozen=True)
@@ -126,12 +124,14 @@ class _Surface:
 
     Args:
         nodes: places of the grid on both scales.
+        misfit: (n_0, n_1) at the places; infinite where there is no solution.
         cells: (n_0 - 1, n_1 - 1) of the grid in which it is to be believed.
         spline: through the misfit.
         log: whether each scale is that of the logarithm.
     """
 
     nodes: tuple[Floats, Floats]
+    misfit: Floats
     cells: Bools
     spline: RectBivariateSpline
     log: tuple[bool, bool]
@@ -150,36 +150,25 @@ class _Surface:
 
 
 def _surface(grid: Grid, logs: Set[str]) -> _Surface:
-    log = tuple(name in logs for name in grid.names)
-    scales = [scaled(axis, log=own) for axis, own in zip(grid.axes, log, strict=True)]
+    first, second = (name in logs for name in grid.names)
+    scales = [scaled(axis, log=own) for axis, own in zip(grid.axes, (first, second), strict=True)]
     order = [np.argsort(axis) for axis in scales]
-    phi = grid.objective[np.ix_(*order)]
     x, y = (axis[own] for axis, own in zip(scales, order, strict=True))
+    phi = grid.objective[np.ix_(*order)]
     known = np.isfinite(phi)
-    degree = [min(_DEGREE, len(axis) - 1) for axis in (x, y)]
-    from scipy.interpolate import RectBivariateSpline
-
-    spline = RectBivariateSpline(x, y, _filled(phi, known), kx=degree[0], ky=degree[1])
-    return _Surface((x, y), _solved(known), spline, (log[0], log[1]))
-
-
-def _solved(known: Bools) -> Bools:
-    """(n_0 - 1, n_1 - 1) cells with a solution at all corners of the points (n_0, n_1)."""
-    return np.asarray(known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:])
+    kx, ky = (min(_DEGREE, n - 1) for n in phi.shape)
+    spline = RectBivariateSpline(x, y, _filled(phi, known), kx=kx, ky=ky)
+    cells = known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:]
+    return _Surface((x, y), np.where(known, phi, np.inf), cells, spline, (first, second))
 
 
-def _away_from_holes(grid: Grid, surface: _Surface) -> _Surface:
+def _away_from_holes(surface: _Surface) -> _Surface:
     """The same without cells beside one without solution, where what is filled in bears.
 
     Unless the lowest point itself lies beside one.
     """
-    from scipy.ndimage import binary_erosion
-
     cells = binary_erosion(surface.cells, np.ones((3, 3), dtype=np.bool_), border_value=1)
-    phi = np.where(np.isfinite(grid.objective), grid.objective, np.inf)
-    scales = zip(grid.axes, surface.log, strict=True)
-    order = [np.argsort(scaled(axis, log=own)) for axis, own in scales]
-    i, j = np.unravel_index(np.argmin(phi[np.ix_(*order)]), phi.shape)
+    i, j = np.unravel_index(np.argmin(surface.misfit), surface.misfit.shape)
     beside = cells[max(i - 1, 0) : i + 1, max(j - 1, 0) : j + 1]
     return replace(surface, cells=np.asarray(cells)) if beside.any() else surface
 
@@ -192,16 +181,13 @@ def refined(grid: Grid, logs: Set[str]) -> FineGrid:
         logs: names of the parameters that are identified on the logarithm.
     """
     surface = _surface(grid, logs)
-    low, high = surface.box
-    return surface.at(
-        *_mesh(*(np.linspace(float(a), float(b), _FINE) for a, b in zip(low, high, strict=True)))
-    )
+    return surface.at(*_places(surface.box.T))
 
 
-def _mesh(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """(k, k) both coordinates of all pairs."""
-    first, second = np.meshgrid(x, y, indexing="ij")
-    return first, second
+def _places(ends: Floats) -> list[Floats]:
+    """(k, k) both coordinates of places all over a box, given by the ends (2, 2) of its sides."""
+    sides = (np.linspace(low, high, _FINE) for low, high in ends)
+    return list(np.meshgrid(*sides, indexing="ij"))
 
 
 def region(grid: Grid, logs: Set[str]) -> FineGrid:
@@ -215,27 +201,24 @@ def region(grid: Grid, logs: Set[str]) -> FineGrid:
         grid: over two parameters.
         logs: names of the parameters that are identified on the logarithm.
     """
-    surface = _away_from_holes(grid, _surface(grid, logs))
+    surface = _away_from_holes(_surface(grid, logs))
     if not surface.cells.any():
         return refined(grid, logs)  # between the places that have a solution there is nothing
     low, high = surface.box
     size, origin, axes = high - low, np.zeros(2), np.eye(2)
     ends = np.array([[0.0, 1.0], [0.0, 1.0]])
     for times in (*_NARROWING, 0.0):
-        s, t = _mesh(*(np.linspace(float(a), float(b), _FINE) for a, b in ends))
+        s, t = _places(ends)
         places = origin + s[..., None] * axes[0] + t[..., None] * axes[1]
         found = surface.at(*np.moveaxis(low + size * places, -1, 0))
         if times == 0.0:
             break
         below = np.nan_to_num(found.rise, nan=np.inf) <= times * _PROFILE_TOP
         inside = places[below]
-        steps = np.ptp(ends, axis=1) / (_FINE - 1)
+        spread = float(np.ptp(ends, axis=1).max()) / (_FINE - 1)
         origin = inside.mean(axis=0)
         if len(inside) > _LEAST_INSIDE:
-            turned = np.linalg.svd(inside - origin, full_matrices=False)[2]
-            spread, axes = float(steps.max()), turned
-        else:
-            spread = float(steps.max())
+            axes = np.linalg.svd(inside - origin, full_matrices=False)[2]
         along = (inside - origin) @ axes.T
         margin = 3.0 * spread + 0.05 * np.ptp(along, axis=0)
         ends = np.stack([along.min(axis=0) - margin, along.max(axis=0) + margin], axis=1)
@@ -255,9 +238,6 @@ def _filled(phi: Floats, known: Bools) -> Floats:
     What is filled in makes the third differences along both axes least, so that it goes on as a
     square does: a step there would make a spline swing far around.
     """
-    from scipy.sparse import csr_array, identity, vstack
-    from scipy.sparse.linalg import spsolve
-
     if known.all():
         return phi
     numbers = np.arange(phi.size).reshape(phi.shape)
@@ -340,8 +320,6 @@ def _fine_line(at: Floats, phi: Floats, *, log: bool) -> tuple[Floats, Floats]:
         return at, phi
     nodes = scaled(at, log=log)
     fine = np.linspace(nodes[0], nodes[-1], 20 * _FINE)
-    from scipy.interpolate import make_interp_spline
-
     line = make_interp_spline(nodes, phi, k=_DEGREE)(fine)
     return unscaled(fine, log=log), np.maximum(line, 0.0)
 

@@ -1,4 +1,4 @@
-"""Laws with the sections about them, and the parameters of sections one below the other."""
+"""Several sections: laws with the sections about them, their parameters, predicted readings."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Floats
 from geoident.model.results.many.project import (
@@ -19,6 +20,7 @@ from geoident.model.results.many.project import (
     LawPoint,
     ProjectResult,
     SectionParameter,
+    SectionReading,
 )
 from geoident.report.drawing.parameters.scale import set_scale
 from geoident.report.drawing.style import (
@@ -26,16 +28,21 @@ from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
     MEASURED,
+    SMALL,
     Picture,
     key,
+    labelled,
     paged,
+    panel_grid,
     short,
 )
 from geoident.units import in_unit, shown_unit
 
-_PREDICTED = ACCENT
 _SECTIONS = 24
 """Sections in a figure."""
+_PANELS = 9
+_READINGS = 40
+"""Readings in a panel."""
 
 
 def law_pictures(result: ProjectResult) -> tuple[Picture, ...]:
@@ -84,8 +91,8 @@ def law_figure(result: ProjectResult, law: LawEstimate, name: str) -> Figure:
             drawn += _draw_section(axes, x, row, predicted=row.section in predicted)
     _value_axis(axes.yaxis, np.array(drawn), log=law.scale == "log")
     unit, of = shown_unit(law.unit, law.dimension), shown_unit(one.unit, one.dimension)
-    axes.set_ylabel(f"{law.parameter} ({unit})" if unit else law.parameter)
-    axes.set_xlabel(f"{name} ({of})" if of else name)
+    axes.set_ylabel(labelled(law.parameter, unit))
+    axes.set_xlabel(labelled(name, of))
     axes.grid(visible=True)
     handles: list[Any] = [
         key("law", color=COMPUTED, lw=1.4),
@@ -95,7 +102,7 @@ def law_figure(result: ProjectResult, law: LawEstimate, name: str) -> Figure:
         key("with all", marker="o", color=MEASURED, ls="", ms=4),
     ]
     if predicted:
-        handles.append(key("predicted", marker="D", color=_PREDICTED, ls="", ms=4))
+        handles.append(key("predicted", marker="D", color=ACCENT, ls="", ms=4))
     figure.legend(handles=handles, loc="outside lower center", ncols=6)
     return figure
 
@@ -114,12 +121,9 @@ def _draw_section(axes: Axes, x: float, row: SectionParameter, *, predicted: boo
     if math.isfinite(alone[0]):
         axes.vlines([x], alone[1], alone[2], color=FAINT, lw=3.2, alpha=0.5)
         axes.plot([x], [alone[0]], "o", mfc="none", mec=FAINT, ms=7)
-    if predicted:
-        axes.vlines([x], value[1], value[2], color=_PREDICTED, lw=1.2)
-        axes.plot([x], [value[0]], "D", color=_PREDICTED, ms=4)
-    else:
-        axes.vlines([x], value[1], value[2], color=MEASURED, lw=1.2)
-        axes.plot([x], [value[0]], "o", color=MEASURED, ms=4)
+    colour, mark = (ACCENT, "D") if predicted else (MEASURED, "o")
+    axes.vlines([x], value[1], value[2], color=colour, lw=1.2)
+    axes.plot([x], [value[0]], mark, color=colour, ms=4)
     return [*alone, *value]
 
 
@@ -182,15 +186,14 @@ def estimate_figure(
         if math.isfinite(alone[0]):
             axes.hlines([y], alone[1], alone[2], color=FAINT, lw=1.2)
             axes.plot([alone[0]], [y], "o", mfc="white", mec=FAINT, ms=5)
-        colour, mark = (_PREDICTED, "D") if row.section in predicted else (MEASURED, "o")
+        colour, mark = (ACCENT, "D") if row.section in predicted else (MEASURED, "o")
         axes.hlines([y + 0.22], value[1], value[2], color=colour, lw=1.2)
         axes.plot([value[0]], [y + 0.22], mark, color=colour, ms=4)
         drawn += [*mean, *alone, *value]
     _value_axis(axes.xaxis, np.array(drawn), log=law.scale == "log")
     axes.set_yticks(range(len(rows)), [short(row.section) for row in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    unit = shown_unit(law.unit, law.dimension)
-    axes.set_xlabel(f"{law.parameter} ({unit})" if unit else law.parameter)
+    axes.set_xlabel(labelled(law.parameter, shown_unit(law.unit, law.dimension)))
     axes.grid(visible=True, axis="x")
     handles = [
         key("law", color=COMPUTED, marker="|", ls="-", lw=2.0, ms=7),
@@ -198,6 +201,80 @@ def estimate_figure(
         key("with all", marker="o", color=MEASURED, lw=1.2, ms=4),
     ]
     if any(row.section in predicted for row in rows):
-        handles.append(key("predicted", marker="D", color=_PREDICTED, lw=1.2, ms=4))
+        handles.append(key("predicted", marker="D", color=ACCENT, lw=1.2, ms=4))
     figure.legend(handles=handles, loc="outside upper center", ncols=4)
+    return figure
+
+
+def reading_pictures(rows: Sequence[SectionReading], name: str, title: str) -> tuple[Picture, ...]:
+    """Readings of sections that took no part, with their bands.
+
+    Args:
+        rows: the readings.
+        name: of the figures.
+        title: what they show.
+    """
+    sections = list(dict.fromkeys(row.section for row in rows))
+    panels = [
+        part
+        for section in sections
+        for unit in dict.fromkeys(_unit(r) for r in rows if r.section == section)
+        for part in _parts([r for r in rows if r.section == section and _unit(r) == unit])
+    ]
+    return paged(
+        panels,
+        bands_figure,
+        most=_PANELS,
+        picture=(
+            name,
+            title,
+            "Line and dot: 95 % band and expected reading; cross: what was read, circled where it "
+            "is outside its band.",
+        ),
+        label=lambda part: part[0].section,
+    )
+
+
+def _parts(rows: Sequence[SectionReading]) -> list[Sequence[SectionReading]]:
+    return [rows[k : k + _READINGS] for k in range(0, len(rows), _READINGS)]
+
+
+def _unit(row: SectionReading) -> str:
+    return shown_unit(row.unit, row.dimension)
+
+
+def bands_figure(panels: Sequence[Sequence[SectionReading]]) -> Figure:
+    """Readings with their bands.
+
+    Args:
+        panels: the readings of a section in one unit, a panel each.
+    """
+    longest = max(len(rows) for rows in panels)
+    figure, all_axes = panel_grid(len(panels), height=max(1.8, 0.17 * longest + 0.7), extra=0.3)
+    for axes, rows in zip(all_axes, panels, strict=True):
+        for y, row in enumerate(rows):
+            of = row.unit, row.dimension
+            low, value, high, read = (
+                in_unit(x, *of) for x in (row.lower95, row.computed, row.upper95, row.measured)
+            )
+            axes.hlines([y], low, high, color=COMPUTED, lw=1.6)
+            axes.plot([value], [y], "o", color=COMPUTED, ms=3.5)
+            if math.isfinite(read):
+                axes.plot([read], [y], "x", color=MEASURED, ms=5, mew=1.2)
+                if not row.inside:
+                    axes.plot([read], [y], "o", mfc="none", mec=ACCENT, ms=9)
+        several = len({row.stage for row in rows}) > 1
+        names = [short(f"{r.gauge}, {r.stage}" if several else r.gauge, 20) for r in rows]
+        axes.set_yticks(range(len(rows)), names, fontsize=SMALL)
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.set_title(short(rows[0].section, 30), fontsize=SMALL)
+        axes.set_xlabel(labelled("measured, expected", _unit(rows[0])), fontsize=SMALL)
+        axes.xaxis.set_major_locator(MaxNLocator(5))
+        axes.grid(visible=True, axis="x")
+    handles = [
+        key("expected, 95 %", color=COMPUTED, marker="o", ms=3.5, lw=1.6),
+        key("read", color=MEASURED, marker="x", ls="", ms=5),
+        key("outside its band", mfc="none", mec=ACCENT, marker="o", ls="", ms=8),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure

@@ -1,20 +1,25 @@
-"""The report of several sections: laws, sections, what is predicted, what was left out in turn."""
+"""The report of what many cases make together: of a campaign, or of a project of sections."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
 from geoident.model.results.head import NO_HEAD, ReportHead
+from geoident.model.results.many.campaign import CampaignTable
 from geoident.model.results.many.project import ProjectResult, SectionEnd
-from geoident.report.drawing.project.laws import estimate_pictures, law_pictures
-from geoident.report.drawing.project.readings import reading_pictures
+from geoident.report.drawing.campaign import campaign_pictures
+from geoident.report.drawing.project import estimate_pictures, law_pictures, reading_pictures
 from geoident.report.drawing.style import svg_files
-from geoident.report.page.blocks import (
-    Draw,
-    Figures,
-    TitledTable,
-    section,
-)
-from geoident.report.page.headed import PageHead, headed_page
+from geoident.report.page.blocks import Draw, Figures, PagePart, TitledTable, section
+from geoident.report.page.headed import headed_page
 from geoident.report.page.html import Html, tag
+from geoident.report.text.campaign.tables import (
+    failed_table,
+    outcome_sentences,
+    runs_left_out,
+    runs_table,
+)
 from geoident.report.text.layout import TextTable
 from geoident.report.text.project.tables import (
     bands_table,
@@ -27,25 +32,73 @@ from geoident.report.text.project.tables import (
 from geoident.report.text.project.tables import head as summary
 
 
-def project_page(
-    result: ProjectResult, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw = svg_files
+def page_of_many(
+    content: CampaignTable | ProjectResult,
+    head: ReportHead = NO_HEAD,
+    *,
+    logo: bytes = b"",
+    draw: Draw = svg_files,
 ) -> str:
-    """The report of several sections as one page.
+    """The report of a campaign or a project as one page.
 
     Args:
-        result: of their fit.
+        content: the runs of the one, the result of the other.
         head: what it says of itself.
         logo: content of the file of the logo.
         draw: makes the figures.
     """
-    parts = (
+    origin: tuple[str, Mapping[str, str]]
+    if isinstance(content, CampaignTable):
+        title = content.title or f"Campaign {PurePosixPath(content.campaign_file).name}"
+        parts, origin = _campaign(content), (content.created, content.versions)
+    else:
+        where = content.provenance
+        title = content.title or f"Project {where.case_file}"
+        parts, origin = _project(content), (where.created, where.versions)
+    return headed_page(title, [origin], parts, draw, head, logo)
+
+
+def _campaign(table: CampaignTable) -> tuple[PagePart, ...]:
+    """What came out, what failed and why, all runs in a table."""
+    left_out = runs_left_out(table)
+    return (
+        section(
+            "Summary",
+            tag("p", " ".join(outcome_sentences(table)), class_="lead"),
+            Figures(campaign_pictures(table)),
+        ),
+        section("Failed runs", TitledTable("Runs without a result, and why", failed_table(table))),
+        section(
+            "Runs",
+            *([tag("p", left_out)] if left_out else []),
+            TitledTable("What varied, and what came out", runs_table(table)),
+        ),
+        section("Provenance", TitledTable("Where this comes from", _campaign_origin(table))),
+    )
+
+
+def _campaign_origin(table: CampaignTable) -> TextTable:
+    hosts = sorted({run.host for run in table.runs if run.host})
+    rows = [
+        ["campaign", table.campaign_file],
+        ["base case", table.case_file],
+        ["command", table.command],
+        ["machines", ", ".join(hosts) or "-"],
+        *([name, text] for name, text in table.versions.items()),
+    ]
+    return TextTable(["", ""], rows)
+
+
+def _project(result: ProjectResult) -> tuple[PagePart, ...]:
+    """Laws, sections, what is predicted, what was left out in turn."""
+    return (
         section(
             "Summary",
             tag("p", " ".join(summary(result).split()), class_="lead"),
             TitledTable("Common to all sections", common_table(result)),
             TitledTable("Laws, and how far sections scatter about them", laws_table(result)),
         ),
-        section("Findings", _list(result.findings)),
+        section("Findings", _sentences(result.findings)),
         section("Laws", Figures(law_pictures(result))),
         section(
             "Sections",
@@ -62,16 +115,12 @@ def project_page(
         ),
         section("Predicted sections", *_predicted(result)),
         section("Left out in turn", *_left_out(result)),
-        section("Notes", _list(result.notes)),
-        section("Provenance", TitledTable("Where this comes from", _provenance(result))),
+        section("Notes", _sentences(result.notes)),
+        section("Provenance", TitledTable("Where this comes from", _project_origin(result))),
     )
-    origin = result.provenance
-    title = result.title or f"Project {origin.case_file}"
-    version = origin.versions.get("geoident", "")
-    return headed_page(PageHead(title, [origin.created], [version], head, logo), parts, draw)
 
 
-def _list(sentences: tuple[str, ...]) -> Html:
+def _sentences(sentences: tuple[str, ...]) -> Html:
     return tag("ul", *(tag("li", text) for text in sentences)) if sentences else tag("p", "None.")
 
 
@@ -102,7 +151,7 @@ def _left_out(result: ProjectResult) -> list[Figures | TitledTable]:
     ]
 
 
-def _provenance(result: ProjectResult) -> TextTable:
+def _project_origin(result: ProjectResult) -> TextTable:
     found = result.provenance
     rows = [
         ["project", found.case_file],

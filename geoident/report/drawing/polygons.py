@@ -111,7 +111,28 @@ class Polygons:
             if len(part):
                 yield k, part
 
-    def corners(self, columns: slice) -> list[Floats]:
+    @property
+    def triangles(self) -> Floats:
+        """(m, 3, d) polygons as triangles from their first points."""
+        each = range(1, self.points.shape[1] - 1)
+        parts = [self.points[self.filled[:, k + 1]][:, [0, k, k + 1]] for k in each]
+        return np.concatenate(parts)
+
+    @property
+    def normals(self) -> Floats:
+        """(n, k - 2, 3) normals of these triangles, twice as long as these are large; else 0."""
+        p = self.points[:, :, :3]
+        normals = np.cross(p[:, 1:-1] - p[:, :1], p[:, 2:] - p[:, :1])
+        return np.asarray(normals * self.filled[:, 2:, None])
+
+    def brightness(self, shadow: float) -> Floats:
+        """(n,) 1 of level polygons, so much less of those that face along x, half along y."""
+        normal = self.normals.sum(axis=1)
+        length = np.linalg.norm(normal, axis=1)
+        share = np.abs(normal) / np.where(length > 0, length, 1.0)[:, None]
+        return np.asarray(1.0 - (share**2) @ (shadow * np.array([1.0, 0.5, 0.0])))
+
+    def corners(self, columns: slice = slice(0, 3)) -> list[Floats]:
         """Points (count, ...) of each polygon."""
         return [
             points[:count, columns]

@@ -1,1 +1,0 @@
-"""Several sections in pictures."""
