@@ -22,7 +22,7 @@ from geoident.model.arrays import Floats
 from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.executor import (
     Answered,
-    RemoteExecutor,
+    BegunExecutor,
     SetUp,
     Workplace,
     in_order,
@@ -34,7 +34,7 @@ from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.programs.digest import ModelFiles
 from geoident.workflow.programs.run_log import CompletedRun, RunLog
-from geoident.workflow.programs.travelling import RunsMade, RunsThere, begin_there, keep_runs
+from geoident.workflow.programs.travelling import RunsMade, begin_there, keep_runs, runs_there
 from geoident.workflow.programs.trust import Permission
 
 _AT_LEAST = 2
@@ -95,9 +95,8 @@ class LoggedRuns(ABC):
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
         self._ended = False
-        self._begin: Callable[[], RemoteExecutor[RunItem, RemoteRun]] | None = None
-        self._there: RemoteExecutor[RunItem, RemoteRun] | None = None
-        self._check: Callable[[], None] = lambda: None
+        self._begin: Callable[[Callable[[], None]], BegunExecutor[RunItem, RemoteRun]] | None = None
+        self._there: BegunExecutor[RunItem, RemoteRun] | None = None
 
     @abstractmethod
     def found(self, item: RunItem) -> Floats | FailedRun:
@@ -152,10 +151,10 @@ class LoggedRuns(ABC):
 
         with ExitStack() as held:
 
-            def begin() -> RemoteExecutor[RunItem, RemoteRun]:
+            def begin(check: Callable[[], None]) -> BegunExecutor[RunItem, RemoteRun]:
                 named = {layout.name(path): Path(path) for path in files}
                 parcel = packed(named, here=layout.here, programs=programs)
-                made = cluster.begin(set_up, parcel, check=self._moment)
+                made = cluster.begin(set_up, parcel, check=check)
                 return held.enter_context(made)
 
             self._begin = begin
@@ -205,11 +204,13 @@ class LoggedRuns(ABC):
     ) -> Generator[Answered[Any], None, None]:
         """Make runs; the log has each when its answer comes."""
         if self._begin is None or not items:
-            yield from self._in_threads(items, check)
+            threads = WaitingThreads(self.at_once, self._make, check=check, end=self.end)
+            with closing(threads.run(items)) as answers:
+                yield from answers
             return
         check()
-        self._check = check
-        for answer in self._begun(self._begin).run(items):
+        self._there = self._there or self._begin(check)
+        for answer in self._there.run(items):
             if answer.value is not None:
                 self._take(answer.value)
             elif answer.set_aside:
@@ -217,24 +218,6 @@ class LoggedRuns(ABC):
                 why = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
                 self._log.add(item.key, CompletedRun(FailedRun(why), answer.seconds), item.values)
             yield answer
-
-    def _moment(self) -> None:
-        """Is called every moment while answers of a cluster are waited for."""
-        self._check()
-
-    def _begun(
-        self, begin: Callable[[], RemoteExecutor[RunItem, RemoteRun]]
-    ) -> RemoteExecutor[RunItem, RemoteRun]:
-        if self._there is None:
-            self._there = begin()
-        return self._there
-
-    def _in_threads(
-        self, items: Sequence[RunItem], check: Callable[[], None]
-    ) -> Generator[Answered[Any], None, None]:
-        threads = WaitingThreads(self.at_once, self._make, check=check, end=self.end)
-        with closing(threads.run(items)) as answers:
-            yield from answers
 
     def _make(self, item: RunItem) -> None:
         made = self.made(item)
@@ -292,14 +275,14 @@ def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]
     def make(item: RunItem) -> RemoteRun:
         runs.begin_again()
         made: list[CompletedRun | None] = []
-        with RunsThere(folder, ()) as there:
+        with runs_there(folder) as there:
             threads = WaitingThreads(1, runs.made, check=STOP.check, end=runs.end)
             with suppress(Interrupted):
                 made = [answer.value for answer in threads.run([item])]
-        for name in {Path(file).parts[0] for file in there.made.files or {}}:
+        for name in {Path(file).parts[0] for file in there.files}:
             shutil.rmtree(folder / name, ignore_errors=True)
             (folder / name).mkdir(exist_ok=True)  # so that no other run has its name
-        return RemoteRun(item, made[0] if made else None, there.made)
+        return RemoteRun(item, made[0] if made else None, there)
 
     return make
 

@@ -9,7 +9,7 @@ counts and its checkpoint are those of a run without processes.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -31,16 +31,14 @@ from geoident.model.results.summary import CostEstimate
 from geoident.workflow.executing.executor import (
     Answered,
     BegunExecutor,
-    RemoteExecutor,
-    Workplace,
     usable_cores,
 )
-from geoident.workflow.executing.looking_ahead import Recording
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.cost import estimate_cost
+from geoident.workflow.running.prefetching import Recording
 
 WORTH = 10.0
 """Seconds that parts of a search must take together, as far as they can be told, until processes
@@ -155,8 +153,7 @@ class ModelWorkers:
         self, parts: ModelParts, jobs: int | None, control: Control, model: ObservedModel
     ) -> None:
         self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
-        self._processes: BegunExecutor[SearchPartTask, Recording] | None = None
-        self._remote: RemoteExecutor[SearchPartTask, Recording] | None = None
+        self._executor: BegunExecutor[SearchPartTask, Recording] | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -167,9 +164,9 @@ class ModelWorkers:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        processes, self._processes, self._remote = self._processes, None, None
-        if processes is not None:
-            processes.__exit__(kind, error, trace)
+        executor, self._executor = self._executor, None
+        if executor is not None:
+            executor.__exit__(kind, error, trace)
 
     def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
         """How many processes work on parts of a search; 1 for this one alone.
@@ -178,7 +175,7 @@ class ModelWorkers:
             tasks: the parts; none for as many as there may be.
         """
         if self._control.cluster is not None:  # begun with the first parts, not by this question
-            return max(_AT_LEAST, 0 if self._remote is None else self._remote.workers)
+            return max(_AT_LEAST, 0 if self._executor is None else self._executor.workers)
         if self._jobs is not None:
             return self._jobs
         if tasks and sum(map(_evaluations, tasks)) * self._each[0] < WORTH:
@@ -198,7 +195,7 @@ class ModelWorkers:
         tasks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
-    ) -> Iterator[Answered[Recording]]:
+    ) -> Generator[Answered[Recording], None, None]:
         """What parts of a search have evaluated, as it comes, in any order.
 
         Args:
@@ -210,26 +207,14 @@ class ModelWorkers:
         sent = (
             SearchPartTask(task, tuple(pairs), tuple(times), control.remaining()) for task in tasks
         )
-        processes = self._ready(tasks)
-        with control.stop.heard_by(processes.ask_to_stop):
-            yield from processes.run(sent)
-
-    def _ready(self, tasks: Sequence[SearchTask]) -> BegunExecutor[SearchPartTask, Recording]:
-        """The processes that are there, or are begun for some parts."""
-        cluster = self._control.cluster
-        if cluster is not None:
-            return self._there(cluster)
-        if self._processes is None:
-            jobs = self.at_once(tasks)
-            self._processes = LocalProcesses(jobs, partial(task_runner, self._parts)).__enter__()
-        return self._processes
-
-    def _there(self, cluster: Workplace) -> RemoteExecutor[SearchPartTask, Recording]:
-        """Those of a cluster."""
-        if self._remote is None:
-            self._remote = cluster.begin(partial(task_runner, self._parts)).__enter__()
-            self._processes = self._remote
-        return self._remote
+        if self._executor is None:
+            set_up = partial(task_runner, self._parts)
+            if control.cluster is not None:
+                self._executor = control.cluster.begin(set_up).__enter__()
+            else:
+                self._executor = LocalProcesses(self.at_once(tasks), set_up).__enter__()
+        with control.stop.heard_by(self._executor.ask_to_stop):
+            yield from self._executor.run(sent)
 
     def check(self) -> None:
         """Stop here if a stop was wished.
