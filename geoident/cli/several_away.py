@@ -24,7 +24,7 @@ from geoident.model.cluster import Cluster
 from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
-from geoident.workflow.executing.parcel import layout_of, packed
+from geoident.workflow.executing.parcel import packed
 from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
     TravellingAnswer,
@@ -141,15 +141,10 @@ def cases_on(
     folders = [runs_folder(case) for case in run]
     logs = {str(log_of(folder)): known_lines(folder) for folder in folders}
     outputs = [] if options.output is None else [options.output]
-    layout = layout_of((*cases, *files, *outputs))
     return DaskCluster(
         cluster,
         partial(begun_with, logs, partial(set_up_cases, options.output, set_up)),
-        packed(
-            {layout.name(path): Path(path) for path in files},
-            here=layout.here,
-            programs=tuple(dict.fromkeys(programs)),
-        ),
+        packed(files, beside=(*cases, *outputs), programs=tuple(dict.fromkeys(programs))),
         jobs=min(options.jobs, len(cases)) if options.jobs else None,
         tell=tell,
     )

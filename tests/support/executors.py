@@ -62,7 +62,7 @@ class ClusterHere(InThisProcess):
         pass
 
     def begin(self, set_up, parcel=None, *, check=None):
-        self.used, parcel = True, parcel or packed({})
+        self.used, parcel = True, parcel or packed()
         self.place = parcel.unpack(self.folder)
         with chdir(self.place):
             self.inside = sent(set_up)()

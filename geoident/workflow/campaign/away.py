@@ -24,7 +24,7 @@ from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, compute
 from geoident.workflow.campaign.plan import CampaignPlan, model_of
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
-from geoident.workflow.executing.parcel import layout_of, packed, relative
+from geoident.workflow.executing.parcel import packed, relative
 from geoident.workflow.programs.digest import model_files
 from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
@@ -102,17 +102,12 @@ def cluster_executor(
     _require_relative(campaign.case, but=first)
     there = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
     inputs = [path for path in plan.inputs if path not in there]
-    layout = layout_of((*inputs, plan.folder))
     logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
                                    for runs in [_runs_of(plan)]}  # fmt: skip
     return DaskCluster(
         cluster,
         partial(begun_with, logs, set_up_away),
-        packed(
-            {layout.name(path): Path(path) for path in inputs},
-            here=layout.here,
-            programs=() if ran is None else program_of(ran),
-        ),
+        packed(inputs, beside=[plan.folder], programs=() if ran is None else program_of(ran)),
         jobs=max(1, min(jobs, len(plan.remaining))),
         time_limit=campaign.time_limit,
         retries=campaign.retries,

@@ -354,7 +354,7 @@ class OnCluster:
         """
         self.used = True
         return DaskCluster(
-            self._cluster, set_up, packed({}) if parcel is None else parcel,
+            self._cluster, set_up, packed() if parcel is None else parcel,
             jobs=self._jobs, tell=self._tell, check=check,
         )  # fmt: skip
 

@@ -34,6 +34,9 @@ _LOOK = 2.0
 _FAREWELL = 5.0
 """Seconds that a cluster is given to end what we leave there."""
 
+_NEAR = 2.0
+"""Seconds within which a worker answers to whom its network lets through."""
+
 _PAUSE = 0.5
 """Seconds between attempts to reach a scheduler that was lost."""
 
@@ -105,13 +108,12 @@ class Connection:
         cluster, name = self._cluster, self._order.name
         security = _security(cluster)
         try:
-            if cluster.address:
-                _require_answer(cluster.address, security, seconds)
+            direct = bool(cluster.address) and _answers(cluster.address, security, seconds)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", VersionMismatchWarning)  # it is refused below
                 self.client = Client(
                     self._own or cluster.address, timeout=seconds, security=security,
-                    set_as_default=False, name="geoident",
+                    set_as_default=False, name="geoident", direct_to_workers=direct or None,
                 )  # fmt: skip
         except (OSError, ValueError, TypeError, RuntimeError) as error:
             raise _unreachable(cluster, error) from error
@@ -218,7 +220,7 @@ def require_scheduler(cluster: Cluster) -> None:
     """
     if cluster.address:
         try:
-            _require_answer(cluster.address, _security(cluster), REACH)
+            _answers(cluster.address, _security(cluster), REACH)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
             raise _unreachable(cluster, error) from error
 
@@ -251,8 +253,8 @@ def _security(cluster: Cluster) -> Any:
     raise cluster.refused("no-certificates", message, hint)
 
 
-def _require_answer(address: str, security: Any, seconds: float) -> None:
-    """Wait until a scheduler answers.
+def _answers(address: str, security: Any, seconds: float) -> bool:
+    """Wait until a scheduler answers; whether its workers can be reached from here, too.
 
     Dask itself waits for ever for a server that says nothing. It is asked once a server is there:
     a connection of tornado that is given up in the moment in which it comes about is never closed.
@@ -265,21 +267,31 @@ def _require_answer(address: str, security: Any, seconds: float) -> None:
     while True:
         left = over - time.monotonic()
         try:
-            socket.create_connection(get_address_host_port(address), timeout=max(left, 0.1)).close()
+            _reach(address, max(left, 0.1))
             break
         except OSError:
             if left < _PAUSE:
                 raise
             time.sleep(0.1)
 
-    async def kind() -> str:
+    async def identity() -> dict[str, Any]:
         arguments = security.get_connection_args("client") if security else {}
         async with rpc(address, connection_args=arguments) as server:
-            return str((await server.identity())["type"])
+            return dict(await server.identity())
 
-    found = asyncio.run(asyncio.wait_for(kind(), max(seconds, _GREETING)))
-    if found != "Scheduler":
-        raise ValueError(f"a {found.lower()} is there")
+    found = asyncio.run(asyncio.wait_for(identity(), max(seconds, _GREETING)))
+    if found["type"] != "Scheduler":
+        raise ValueError(f"a {found['type'].lower()} is there")
+    try:
+        _reach(next(iter(found["workers"])), _NEAR)
+    except (OSError, StopIteration):
+        return False  # answers pass the scheduler, then
+    return True
+
+
+def _reach(address: str, seconds: float) -> None:
+    """Raises OSError where nobody takes a connection."""
+    socket.create_connection(get_address_host_port(address), timeout=seconds).close()
 
 
 def _unreachable(cluster: Cluster, error: Exception) -> Exception:

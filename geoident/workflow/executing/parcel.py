@@ -46,52 +46,34 @@ class Parcel:
         return place
 
 
-def packed(files: Mapping[str, Path], *, here: str = ".", programs: tuple[str, ...] = ()) -> Parcel:
-    """Files as they are now.
+def packed(
+    files: Iterable[str | Path] = (),
+    *,
+    beside: Iterable[str | Path] = (),
+    programs: tuple[str, ...] = (),
+) -> Parcel:
+    """Files as they are now, laid out as they lie around the folder where the command runs.
 
     Args:
-        files: relative path of each to where it is.
-        here: where paths in tasks are meant from, as seen from the folder of the files.
+        files: their paths.
+        beside: paths that tasks write to.
         programs: that must be there already.
 
     Raises:
-        OSError: one cannot be read.
-    """
-    executable = frozenset(name for name, path in files.items() if os.access(path, os.X_OK))
-    contents = {name: path.read_bytes() for name, path in files.items()}
-    return Parcel(contents, executable, here, programs)
-
-
-@dataclass(frozen=True)
-class FileLayout:
-    """Where files are in relation to each other, so that it is the same on another machine.
-
-    Args:
-        root: a folder that holds all that is read and written.
-        here: where paths are meant from, as seen from there.
-    """
-
-    root: Path
-    here: str
-
-    def name(self, path: str | Path) -> str:
-        """A path as seen from the root."""
-        return Path(os.path.relpath(path, self.root)).as_posix()
-
-
-def layout_of(paths: Iterable[str | Path]) -> FileLayout:
-    """The layout of files and folders, and of where the command runs.
-
-    Args:
-        paths: of all that is read or written.
-
-    Raises:
+        OSError: a file cannot be read.
         ValueError: they are on different drives.
     """
     here = os.path.abspath(os.curdir)  # noqa: PTH100 - links stay links
-    every = [here, *(os.path.abspath(path) for path in paths)]  # noqa: PTH100
-    root = Path(os.path.commonpath(every))
-    return FileLayout(root, Path(os.path.relpath(here, root)).as_posix())
+    paths = [os.path.abspath(path) for path in files]  # noqa: PTH100
+    others = [os.path.abspath(path) for path in beside]  # noqa: PTH100
+    root = os.path.commonpath([here, *paths, *others])
+
+    def name(path: str) -> str:
+        return Path(os.path.relpath(path, root)).as_posix()
+
+    contents = {name(path): Path(path).read_bytes() for path in paths}
+    executable = frozenset(name(path) for path in paths if os.access(path, os.X_OK))
+    return Parcel(contents, executable, name(here), programs)
 
 
 def relative(path: str) -> str:

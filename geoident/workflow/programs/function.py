@@ -21,7 +21,7 @@ from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import ModelFiles, names_of
 from geoident.workflow.programs.function_process import FunctionProcess
 from geoident.workflow.programs.guard import Readable
-from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, made_there
+from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, run_maker
 from geoident.workflow.programs.program import executed
 from geoident.workflow.programs.run_log import RunLog
 from geoident.workflow.programs.trust import Execution, Permission
@@ -120,7 +120,7 @@ class FunctionRuns(LoggedRuns):
         set_up = partial(set_up_function, self._case, there, relative(str(self._folder)))
         return set_up, function.inputs, ()
 
-    def found(self, item: RunItem) -> Floats | FailedRun:
+    def compute(self, item: RunItem) -> Floats | FailedRun:
         """Call the function: readings (n_stages, n_channels), or derivatives (..., n)."""
         with self._lock:
             process = self._free.pop() if self._free else self._new_process()
@@ -235,4 +235,4 @@ def set_up_function(
         function: of the case.
         folder: of the runs.
     """
-    return made_there(FunctionRuns(case, function, Path(folder)), Path(folder))
+    return run_maker(FunctionRuns(case, function, Path(folder)), Path(folder))

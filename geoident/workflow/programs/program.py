@@ -58,7 +58,7 @@ from geoident.workflow.programs.digest import (
 )
 from geoident.workflow.programs.function_process import FunctionProcess
 from geoident.workflow.programs.guard import Readable
-from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, made_there
+from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, run_maker
 from geoident.workflow.programs.run_log import RunLog, new_folder
 from geoident.workflow.programs.trust import Execution, Permission
 
@@ -262,7 +262,7 @@ class ProgramRuns(LoggedRuns):
         named = tuple(file for file in program.inputs if file not in programs)
         return set_up, named, programs
 
-    def found(self, item: RunItem) -> Floats | FailedRun:
+    def compute(self, item: RunItem) -> Floats | FailedRun:
         """Make a run in a folder of its own: readings (n_stages, n_channels).
 
         Raises:
@@ -376,7 +376,7 @@ def set_up_program(
         if Path(path).is_absolute():
             arguments = [one.replace(path, str(Path(here).resolve())) for one in arguments]
     program = replace(program, command=(first, *arguments))
-    return made_there(ProgramRuns(case, program, Path(folder)), Path(folder))
+    return run_maker(ProgramRuns(case, program, Path(folder)), Path(folder))
 
 
 def as_seen_from_here(program: ExternalProgram) -> ExternalProgram:

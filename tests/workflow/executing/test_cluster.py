@@ -26,7 +26,7 @@ from tests.support.cluster_tasks import Lines, lines, reader, worker_killer
 from tests.support.real_cluster import MARK, ROOT, RealCluster, free_port, runs, wait_until
 from tests.support.tasks import obedient, squares
 
-NOTHING = packed({})
+NOTHING = packed()
 KILLS = [3, 30]
 
 
@@ -38,10 +38,12 @@ def answers(executor, tasks):
     return list(in_order(executor.run(tasks)))
 
 
-def test_files_travel_to_each_worker_and_answers_come_back(cluster, tmp_path):
+def test_files_travel_to_each_worker_and_answers_come_back(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "deep").mkdir()
     for name, text in (("a", "one"), ("b", "two"), ("c", "one")):
-        (tmp_path / name).write_text(text)
-    parcel = packed({f"deep/{name}": tmp_path / name for name in "abc"})
+        (tmp_path / "deep" / name).write_text(text)
+    parcel = packed([f"deep/{name}" for name in "abc"])
     said = []
     with DaskCluster(at(cluster), reader, parcel, tell=said.append) as executor:
         found = answers(executor, [f"deep/{name}" for name in "abcabcabcabc"])
@@ -94,7 +96,7 @@ def test_what_a_lost_worker_has_computed_comes_back_and_is_gone_on_from(
 
 
 def test_a_program_that_workers_lack_is_said_before_anything_is_computed(cluster):
-    parcel = packed({}, programs=("no-such-program",))
+    parcel = packed(programs=("no-such-program",))
     with (
         pytest.raises(InputError, match="has no program 'no-such-program'") as caught,
         DaskCluster(at(cluster), squares, parcel) as executor,
@@ -210,7 +212,7 @@ from geoident.workflow.executing.parcel import packed
 from tests.support.tasks import obedient
 if __name__ == "__main__":
     where = Cluster(address={address!r})
-    with DaskCluster(where, obedient, packed({{}}), jobs=1) as executor:
+    with DaskCluster(where, obedient, packed(), jobs=1) as executor:
         list(executor.run([("hang", {file!r})]))
 """
 
@@ -274,7 +276,7 @@ def test_who_does_not_answer_leaves_no_socket_open(monkeypatch):
 
     monkeypatch.setattr(TCPClient, "_create_stream", busy)
     with somebody_else() as port, pytest.raises(TimeoutError):
-        connection._require_answer(f"tcp://127.0.0.1:{port}", None, 0.02)
+        connection._answers(f"tcp://127.0.0.1:{port}", None, 0.02)
     assert streams
     assert all(stream.closed() for stream in streams)
 
