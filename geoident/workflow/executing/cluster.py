@@ -205,10 +205,12 @@ class DaskCluster(Generic[T, R]):
         """Send tasks, so that no worker waits for one."""
         batch: list[_Sent[T]] = []
         while len(self._out) + len(batch) < max(1, _AHEAD * self._link.threads):
-            following = None if self._again else next(coming, None)
-            if not self._again and following is None:
+            if self._again:
+                batch.append(self._again.popleft())
+            elif (following := next(coming, None)) is not None:
+                batch.append(_Sent(*following))
+            else:
                 break
-            batch.append(_Sent(*following) if following else self._again.popleft())
         if not batch:
             return
         for sent in batch:
@@ -223,9 +225,10 @@ class DaskCluster(Generic[T, R]):
             key=[f"{self._name}-{sent.number}-{uuid.uuid4().hex[:8]}" for sent in batch],
             pure=False,
         )
-        for sent, sent.future in zip(batch, futures, strict=True):
+        for sent, future in zip(batch, futures, strict=True):
+            sent.future = future
             self._out[sent.number] = sent
-            sent.future.add_done_callback(self._happened.put)  # in a thread of dask
+            future.add_done_callback(self._happened.put)  # in a thread of dask
 
     def _events(self) -> list[Any]:
         """All that has happened since the last time, or happens within a moment."""
