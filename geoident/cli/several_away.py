@@ -5,11 +5,11 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from geoident.cli.options import Options
 from geoident.cli.trust import asked
@@ -24,14 +24,12 @@ from geoident.model.cluster import Cluster
 from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
-from geoident.workflow.executing.on_cluster import in_own_folder
-from geoident.workflow.executing.parcel import layout_of, packed
+from geoident.workflow.executing.parcel import packed
 from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
-    RunsMade,
+    TravellingAnswer,
     TravellingTask,
     begun_with,
-    keep_runs,
     known_lines,
     log_of,
 )
@@ -76,24 +74,7 @@ class AwayCase(TravellingTask):
         return self.evaluations
 
 
-@dataclass(frozen=True)
-class AwayOutput(Generic[E]):
-    """What has come of a case.
-
-    Args:
-        end: how it ended.
-        files: path to content of what it has written.
-        runs: folder of the runs of its model; empty where that runs nothing.
-        made: runs of its model.
-    """
-
-    end: E
-    files: Mapping[str, bytes]
-    runs: str = ""
-    made: RunsMade = field(default_factory=RunsMade)
-
-
-class AwayCases(Converted[str, AwayCase, E, AwayOutput[E]]):
+class AwayCases(Converted[str, AwayCase, E, TravellingAnswer[E]]):
     """An executor of cases that has them computed on a cluster, and writes what comes back.
 
     Args:
@@ -105,7 +86,7 @@ class AwayCases(Converted[str, AwayCase, E, AwayOutput[E]]):
 
     def __init__(
         self,
-        executor: Executor[AwayCase, AwayOutput[E]],
+        executor: Executor[AwayCase, TravellingAnswer[E]],
         command: str,
         options: Options,
         run: Collection[str] = (),
@@ -121,19 +102,18 @@ class AwayCases(Converted[str, AwayCase, E, AwayOutput[E]]):
         super().__init__(executor, sent, _written)
 
 
-def _written(output: AwayOutput[E]) -> E:
+def _written(answer: TravellingAnswer[E]) -> E:
     """Write what has come of a case; how it ended.
 
     Raises:
         OutputError: a result cannot be written.
     """
-    for name, content in output.files.items():
+    for name, content in answer.files.items():
         make_folder(Path(name).parent)
         with atomic_output(name, overwrite=True, inputs=()) as temporary:
             Path(temporary).write_bytes(content)
-    if output.runs:
-        keep_runs(output.made, Path(output.runs))
-    return output.end
+    answer.keep_runs()
+    return answer.end
 
 
 def cases_on(
@@ -143,7 +123,7 @@ def cases_on(
     set_up: Callable[[], Callable[[str], E]],
     tell: Callable[[str], None],
     run: Mapping[str, RunCase] = MappingProxyType({}),
-) -> DaskCluster[AwayCase, AwayOutput[E]]:
+) -> DaskCluster[AwayCase, TravellingAnswer[E]]:
     """A cluster for several cases.
 
     Args:
@@ -161,19 +141,10 @@ def cases_on(
     folders = [runs_folder(case) for case in run]
     logs = {str(log_of(folder)): known_lines(folder) for folder in folders}
     outputs = [] if options.output is None else [options.output]
-    layout = layout_of((*cases, *files, *outputs))
     return DaskCluster(
         cluster,
-        partial(
-            in_own_folder,
-            layout.here,
-            partial(begun_with, logs, partial(set_up_cases, options.output, set_up)),
-        ),
-        packed(
-            {layout.name(path): Path(path) for path in files},
-            here=layout.here,
-            programs=tuple(dict.fromkeys(programs)),
-        ),
+        partial(begun_with, logs, partial(set_up_cases, options.output, set_up)),
+        packed(files, beside=(*cases, *outputs), programs=tuple(dict.fromkeys(programs))),
         jobs=min(options.jobs, len(cases)) if options.jobs else None,
         tell=tell,
     )
@@ -218,7 +189,7 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
 
 def set_up_cases(
     output: str | None, set_up: Callable[[], Callable[[str], E]]
-) -> Callable[[AwayCase], AwayOutput[E]]:
+) -> Callable[[AwayCase], TravellingAnswer[E]]:
     """In a process far away: what computes a case, and takes what it writes.
 
     Args:
@@ -229,13 +200,13 @@ def set_up_cases(
         Path(output).mkdir(parents=True, exist_ok=True)
     compute = set_up()
 
-    def compute_away(away: AwayCase) -> AwayOutput[E]:
+    def compute_away(away: AwayCase) -> TravellingAnswer[E]:
         folder = Path(output) if output is not None else Path(away.case).parent
         folder.mkdir(parents=True, exist_ok=True)
-        before = {path.name for path in folder.iterdir()}
+        before = {path.name for path in folder.iterdir()} - {Path(away.checkpoint).name}
         for name, content in away.beside.items():
             Path(name).write_bytes(content)
-        with away.begin() as there:
+        with away.begun() as made:
             end = compute(away.case)
         files = {}
         for path in sorted(folder.iterdir()):
@@ -248,6 +219,6 @@ def set_up_cases(
             if {**away.beside, **away.kept}.get(str(path)) != content:
                 files[str(path)] = content
             path.unlink()
-        return AwayOutput(end, files, away.runs, there.made)
+        return TravellingAnswer(end, files, away.runs, made)
 
     return compute_away

@@ -48,7 +48,6 @@ from geoident.workflow.running.answers import (
     BeginWorkers,
     Compute,
     KeptAnswers,
-    WhereTimeIsSaved,
     here,
     in_processes,
 )
@@ -68,7 +67,7 @@ from geoident.workflow.running.outputs import existing, require_free, target
 from geoident.workflow.running.readings import used_rows
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
-from geoident.workflow.running.workers import WORTH, ModelParts, as_many_as_fit, runs_on_cluster
+from geoident.workflow.running.workers import ModelParts, runs_on_cluster, worthwhile_processes
 
 EFFECTIVE = 1000
 """Target effective sample size, unless another one is asked for."""
@@ -308,18 +307,18 @@ def _computed(
     """
     jobs, cluster = control.jobs, control.cluster
     parts = ModelParts.of(asked.model, asked.case, request.solver)
-    most = as_many_as_fit(asked.model, request.solver) if jobs is None else jobs
+    if jobs is None:
+        jobs = worthwhile_processes(asked.model, request.solver, request.draws)
     if parts is None:
         with runs_on_cluster(asked.model, control):
             yield here(asked)
         return
-    if most == 1 and cluster is None:
+    if jobs == 1 and cluster is None:
         yield here(asked)
         return
-    begin: BeginWorkers = partial(LocalProcesses, most) if cluster is None else cluster.begin
-    processes = partial(in_processes, begin, build_elsewhere, (parts, readings), asked.beside)
-    unasked = jobs is None and cluster is None
-    with WhereTimeIsSaved(asked, processes, WORTH if unasked else 0.0) as compute:
+    begin: BeginWorkers = partial(LocalProcesses, jobs) if cluster is None else cluster.begin
+    build = partial(build_elsewhere, parts, readings)
+    with in_processes(begin, build, asked.beside) as compute:
         yield compute
 
 

@@ -18,7 +18,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import unused_notes
-from geoident.workflow.running.reduced_scan import LedReadings
+from geoident.workflow.running.reduced_scan import ReadingsByReduced
 
 
 @one_thread()
@@ -33,7 +33,7 @@ def scan(job: Job, control: Control) -> Finished:
         survey, readings, counts = surveyed(setup, problem, outcome, fields=False)
         gauges = gauge_table(setup.case, readings, survey.computed)
         response = problem.response
-        notes = (response.note,) if isinstance(response, LedReadings) else ()
+        notes = (response.note,) if isinstance(response, ReadingsByReduced) else ()
         return _result(job, setup, outcome, counts, notes, gauges=gauges)
 
     return searched(job, control, result)

@@ -17,8 +17,6 @@ from geoident.model.cluster import Cluster
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.parcel import packed
 from geoident.workflow.executing.processes import LocalProcesses
-from geoident.workflow.executing.relay import Order, Relay
-from tests.support.cluster_tasks import bytes_in, bytes_of
 
 WORKERS = 2
 MEGABYTE = 1_000_000
@@ -33,24 +31,28 @@ def trivial(executor, runs):
     return time.monotonic() - began, time.process_time() - own
 
 
+def bytes_of():
+    """A task is any thing and a number: so many bytes come back."""
+    return _bytes
+
+
+def _bytes(task):
+    return bytes(task[1])
+
+
 def files(megabytes):
-    """Seconds until workers have a parcel, beyond those of an empty one."""
+    """Seconds until workers have a parcel and its files lie there, beyond those of an empty one."""
 
     def seconds(parcel):
-        with DaskCluster(Cluster(), bytes_in, parcel, jobs=WORKERS) as executor:
+        began = time.monotonic()
+        with DaskCluster(Cluster(), bytes_of, parcel, jobs=WORKERS) as executor:
             list(executor.run([(0, 0)] * WORKERS))
-            link = executor._link
-            order = Order("again", parcel, executor._order.versions, bytes_in, None, 0)
-            began = time.monotonic()
-            link.client.register_plugin(Relay(order))
-            took = time.monotonic() - began
-            link.client.unregister_worker_plugin("again")
-            return took
+            return time.monotonic() - began
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mesh"
         path.write_bytes(np.random.default_rng(0).bytes(megabytes * MEGABYTE))
-        return seconds(packed({"mesh": path})) - seconds(packed({}))
+        return seconds(packed([path])) - seconds(packed())
 
 
 def main():
@@ -59,7 +61,7 @@ def main():
         local, _ = trivial(processes, runs)
     each = 1e3 / runs
     print(f"{runs} trivial runs in {WORKERS} processes: {local:.1f} s, {local * each:.2f} ms each")
-    with DaskCluster(Cluster(), bytes_in, packed({}), jobs=WORKERS) as executor:
+    with DaskCluster(Cluster(), bytes_of, packed(), jobs=WORKERS) as executor:
         dask, own = trivial(executor, runs)
         began = time.monotonic()
         used = time.process_time()

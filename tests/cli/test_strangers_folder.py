@@ -101,7 +101,11 @@ def test_a_result_says_nothing_to_the_terminal(fitted_trench, run):
 
 
 RUNS_CODE = {"eval", "exec", "compile", "execfile", "__import__"}
-OWN_PROCESSES = {"workflow/executing/worker.py", "workflow/programs/worker.py"}
+OWN_PROCESSES = {
+    "workflow/executing/processes.py",
+    "workflow/executing/worker.py",
+    "workflow/programs/function_process.py",
+}
 """Modules that read what another process of the same command has pickled, never a file."""
 
 

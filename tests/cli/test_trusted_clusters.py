@@ -31,7 +31,7 @@ def here(trench, monkeypatch, tmp_path_factory):
     (place / "sbatch").chmod(0o755)
     monkeypatch.setenv("PATH", f"{place}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("XDG_STATE_HOME", str(place / "state"))
-    monkeypatch.setattr("geoident.workflow.executing.connection._REACH", 0.5)
+    monkeypatch.setattr("geoident.workflow.executing.connection.REACH", 0.5)
     Path("campaign.yaml").write_text(CAMPAIGN)
     return place / "jobs"
 

@@ -5,54 +5,21 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from geoident.workflow.executing.growth import Resumable
-from geoident.workflow.executing.parcel import own_copy
-from tests.support.tasks import obedient, squares
+from geoident.workflow.executing.resumable import Resumable
+from tests.support.tasks import obedient
 
 
-def squares_in(folder):
-    """As `squares`, wherever the files are."""
-    return squares()
-
-
-def obedient_in(folder):
-    """As `obedient`."""
-    return obedient()
-
-
-def reader_in(folder):
+def reader():
     """Tells the content of a file of the parcel, and where it was read."""
 
     def read(name):
         time.sleep(0.01)
-        return (Path(folder) / name).read_text(), str(folder), os.getpid()
+        return Path(name).read_text(), str(Path.cwd())
 
     return read
 
 
-def nothing():
-    return abs
-
-
-def nothing_in(folder):
-    return abs
-
-
-def bytes_of():
-    """A task is any thing and a number: so many bytes come back."""
-    return _bytes
-
-
-def _bytes(task):
-    return bytes(task[1])
-
-
-def bytes_in(folder):
-    """As `bytes_of`."""
-    return _bytes
-
-
-def worker_killer_in(folder):
+def worker_killer():
     """As `obedient`, and a word that kills the worker of dask."""
     obey = obedient()
 
@@ -83,7 +50,7 @@ class Lines(Resumable):
     whom: str
 
     @property
-    def growing(self):
+    def journals(self):
         """The file."""
         return (self.file,)
 
@@ -96,13 +63,13 @@ def _await_lines(file, number):
         time.sleep(0.02)
 
 
-def lines_in(folder):
+def lines():
     """Answers `Lines` with the number of lines that were there at its last beginning."""
-    own_copy(Path(folder), ".")
 
     def write(task):
         path = Path(task.file)
-        path.write_bytes(task.kept.get(task.file, b""))
+        if not path.exists():
+            path.write_bytes(task.kept.get(task.file, b""))
         known = len(path.read_bytes().splitlines())
         for number in range(known, 12):
             with path.open("a") as file:

@@ -62,10 +62,8 @@ class ClusterHere(InThisProcess):
         pass
 
     def begin(self, set_up, parcel=None, *, check=None):
-        self.used, parcel = True, parcel or packed({})
-        parcel.unpack(self.folder)
-        self.place = self.folder / parcel.here
-        self.place.mkdir(parents=True, exist_ok=True)
+        self.used, parcel = True, parcel or packed()
+        self.place = parcel.unpack(self.folder)
         with chdir(self.place):
             self.inside = sent(set_up)()
         return self

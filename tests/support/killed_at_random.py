@@ -23,6 +23,7 @@ class _Killer(threading.Thread):
         self.kills = kills
         self.killed = 0
         self.seen = set()
+        self.ready = set()
 
     def run(self):
         chance = random.Random(self.kills)
@@ -30,7 +31,7 @@ class _Killer(threading.Thread):
             time.sleep(chance.uniform(0.02, 0.3))
             self.seen.update(self.processes.processes)
             # those that are still starting have no task to lose, and a busy machine starts slowly
-            pids = [w.process.pid for w in tuple(self.processes._workers) if w.ready]
+            pids = [pid for pid in self.processes.processes if pid in self.ready]
             with suppress(ProcessLookupError):  # it was reaped a moment ago
                 if pids:
                     os.kill(chance.choice(pids), 9)
@@ -48,7 +49,10 @@ def main(kills):
                 number += 1
 
         killer.start()
-        found = list(in_order(processes.run(tasks())))
+        found = []
+        for answer in in_order(processes.run(tasks())):
+            found.append(answer)
+            killer.ready.add(answer.value[1])
         killer.seen.update(processes.processes)
     told = {
         "killed": killer.killed,

@@ -133,7 +133,7 @@ class RealCluster:
     def children(self):
         """Workers (without their nannies), and the processes in which tasks run."""
         heads = {self.scheduler.pid, *(node.pid for node in self.nodes)}
-        return [pid for pid in self.family() if pid not in heads and b"spawn_main" in _words(pid)]
+        return [pid for pid in self.family() if pid not in heads and _is_python(pid)]
 
     def run_processes(self):
         """The processes in which tasks run: children of workers."""
@@ -171,10 +171,12 @@ class RealCluster:
             node.wait()
 
 
-def _words(pid):
+def _is_python(pid):
+    """A worker of dask, or a process of ours."""
     with suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    return b""
+        words = Path(f"/proc/{pid}/cmdline").read_bytes()
+        return b"spawn_main" in words or b"workflow.executing.worker" in words
+    return False
 
 
 def parent_of(pid):

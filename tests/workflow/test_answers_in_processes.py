@@ -67,7 +67,7 @@ def begun(monkeypatch):
 
 
 def elsewhere(case, asked):
-    return in_processes(partial(OnOtherModels, 2), model_of, (case,), asked.beside)
+    return in_processes(partial(OnOtherModels, 2), partial(model_of, case), asked.beside)
 
 
 def test_they_have_the_bits_of_one_process(case, points, alone, begun):

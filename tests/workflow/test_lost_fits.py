@@ -104,11 +104,11 @@ def test_a_fit_of_a_mesh_goes_on_where_its_worker_was_killed(tmp_path, cluster, 
         "format: geoident-campaign/1\ncase: case.yaml\ncommand: fit\n"
         "variations: {product: {parameters.E_rock.start: [20 GPa]}}\n"
     )
-    monkeypatch.setattr(DaskCluster, "keep_every", 0.05)
+    monkeypatch.setattr(DaskCluster, "journals_every", 0.05)
     plan = plan_campaign("campaign.yaml")
     place = checkpoint_of(plan.campaign, Path("campaign.batch"), plan.runs[0])
     contents, killed = [], []
-    keep = own.keep
+    keep = own.add_part
 
     def kept(file, content, *, at):
         keep(file, content, at=at)
@@ -118,7 +118,7 @@ def test_a_fit_of_a_mesh_goes_on_where_its_worker_was_killed(tmp_path, cluster, 
             os.kill(head, signal.SIGKILL)
             killed.append(len(contents) - 1)
 
-    monkeypatch.setattr(own, "keep", kept)
+    monkeypatch.setattr(own, "add_part", kept)
     where = Cluster(address=cluster.address)
     with cluster_executor(plan, where, 1, lambda message: None) as executor:
         table = compute(plan, AwayRuns(executor, plan), lambda record: None, runs_csv)

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,10 +15,8 @@ from support.trench import write_case
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.model.cluster import Cluster
 from geoident.workflow.executing import connection
-from geoident.workflow.executing.cluster import DaskCluster, _Sent
+from geoident.workflow.executing.cluster import DaskCluster, OnCluster
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.executing.on_cluster import OnCluster
-from geoident.workflow.executing.parcel import packed
 from geoident.workflow.fit import fit
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
@@ -237,7 +234,7 @@ def test_a_stop_ends_runs_on_a_cluster_and_the_same_command_goes_on(tmp_path):
 
 
 def test_a_cluster_that_is_not_there_is_said_before_the_model_is_built(tmp_path, monkeypatch):
-    monkeypatch.setattr(connection, "_REACH", 0.2)
+    monkeypatch.setattr(connection, "REACH", 0.2)
     case = write_case(tmp_path)
     where = Cluster(address=f"tcp://127.0.0.1:{free_port()}")
     control = Control(cluster=OnCluster(where, None, print))
@@ -247,18 +244,6 @@ def test_a_cluster_that_is_not_there_is_said_before_the_model_is_built(tmp_path,
         )
         with pytest.raises(InputError, match="no scheduler of dask answers at tcp://127"):
             run(asked(case, "out", plan=plan), control)
-
-
-def test_what_is_told_of_an_earlier_run_of_an_executor_counts_for_no_later_one():
-    """Numbers of tasks come again; a worker may tell late that it has begun one."""
-    executor = DaskCluster(Cluster(), abs, packed({}))
-    sent = _Sent(0, None, future=SimpleNamespace(key="name-0-new"))
-    executor._out[0] = sent
-    told = {"begun": 0, "worker": "w", "host": "h"}
-    for key, begun in (("name-0-old", 0), ("name-0-new", 1)):
-        assert list(executor._on_begun({**told, "key": key}, None)) == []
-        assert len(sent.begun) == begun
-    assert not sent.losses
 
 
 def test_sections_of_a_project_are_fitted_there(tmp_path, somewhere):

@@ -6,8 +6,8 @@ There everything lies as it does here, so that a result is the same as if it had
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -24,15 +24,13 @@ from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, compute
 from geoident.workflow.campaign.plan import CampaignPlan, model_of
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
-from geoident.workflow.executing.on_cluster import in_own_folder
-from geoident.workflow.executing.parcel import layout_of, packed, relative
+from geoident.workflow.executing.parcel import packed, relative
 from geoident.workflow.programs.digest import model_files
 from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
-    RunsMade,
+    TravellingAnswer,
     TravellingTask,
     begun_with,
-    keep_runs,
     known_lines,
     log_of,
 )
@@ -58,19 +56,7 @@ class AwayTask(TravellingTask):
         return checkpoint_of(task.campaign, task.folder, task.run).as_posix()
 
 
-@dataclass(frozen=True)
-class AwayEnd:
-    """How a run has ended far away.
-
-    Args:
-        record: of the run.
-        files: name to content of what it has left in the folder of results.
-        made: runs of its model.
-    """
-
-    record: RunRecord
-    files: Mapping[str, bytes]
-    made: RunsMade = field(default_factory=RunsMade)
+AwayEnd = TravellingAnswer[RunRecord]
 
 
 class AwayRuns(Converted[RunTask, AwayTask, RunRecord, AwayEnd]):
@@ -84,10 +70,9 @@ class AwayRuns(Converted[RunTask, AwayTask, RunRecord, AwayEnd]):
     def __init__(self, executor: Executor[AwayTask, AwayEnd], plan: CampaignPlan) -> None:
         runs = _runs_of(plan)
 
-        def kept(end: AwayEnd) -> RunRecord:
-            record = _kept(end, plan.folder, plan.inputs)
-            if runs:
-                keep_runs(end.made, Path(runs))
+        def kept(answer: AwayEnd) -> RunRecord:
+            record = _kept(answer, plan.folder, plan.inputs)
+            answer.keep_runs()
             return record
 
         super().__init__(executor, lambda task: _sent(task, runs), kept)
@@ -117,17 +102,12 @@ def cluster_executor(
     _require_relative(campaign.case, but=first)
     there = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
     inputs = [path for path in plan.inputs if path not in there]
-    layout = layout_of((*inputs, plan.folder))
     logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
                                    for runs in [_runs_of(plan)]}  # fmt: skip
     return DaskCluster(
         cluster,
-        partial(in_own_folder, layout.here, partial(begun_with, logs, set_up_away)),
-        packed(
-            {layout.name(path): Path(path) for path in inputs},
-            here=layout.here,
-            programs=() if ran is None else program_of(ran),
-        ),
+        partial(begun_with, logs, set_up_away),
+        packed(inputs, beside=[plan.folder], programs=() if ran is None else program_of(ran)),
         jobs=max(1, min(jobs, len(plan.remaining))),
         time_limit=campaign.time_limit,
         retries=campaign.retries,
@@ -199,20 +179,20 @@ def compute_away(away: AwayTask) -> AwayEnd:
     """Run one variation, and take what it leaves."""
     folder = away.task.folder
     make_folder(folder)
-    with away.begin() as there:
+    with away.begun() as made:
         record = compute(away.task, remembered=False)
     files = {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
     shutil.rmtree(folder, ignore_errors=True)
-    return AwayEnd(record, files, there.made)
+    return TravellingAnswer(record, files, away.runs, made)
 
 
-def _kept(end: AwayEnd, folder: Path, inputs: Iterable[str]) -> RunRecord:
+def _kept(answer: AwayEnd, folder: Path, inputs: Iterable[str]) -> RunRecord:
     """Write what a run has left.
 
     Raises:
         OutputError: it cannot be written.
     """
-    record = end.record
+    record = answer.end
     make_folder(folder)
     place = folder / record.file if record.file else None
     if place is not None and place.exists() and read_identity(place) is None:
@@ -220,14 +200,14 @@ def _kept(end: AwayEnd, folder: Path, inputs: Iterable[str]) -> RunRecord:
         return replace(
             record, status=FAILED, exit_code=int(ExitCode.OUTPUT), reason=reason, file=""
         )
-    for name, content in end.files.items():
+    for name, content in answer.files.items():
         with atomic_output(folder / name, overwrite=True, inputs=inputs) as temporary:
             Path(temporary).write_bytes(content)
             if place is not None and name == place.name:
                 _set_other_aside(place, temporary)
     if place is not None:
         checkpoint = place.with_name(place.name.removesuffix(".h5") + ".checkpoint")
-        if checkpoint.name not in end.files:
+        if checkpoint.name not in answer.files:
             checkpoint.unlink(missing_ok=True)
     return record
 

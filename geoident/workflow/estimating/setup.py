@@ -31,12 +31,12 @@ from geoident.workflow.estimating.model_error import (
     of_result,
     require_room,
 )
-from geoident.workflow.executing.looking_ahead import ResponseBeside
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.kept_reduced import restored_for
+from geoident.workflow.running.prefetching import ResponseBeside
 from geoident.workflow.running.readings import (
     errors_of_used,
     problem_of_readings,

@@ -1,7 +1,8 @@
-"""Tasks on a cluster of dask: sent to its scheduler, computed on its workers (`relay`).
+"""Tasks on a cluster of dask: sent to its scheduler, computed on its workers (`dask_worker`).
 
-Dask distributes the tasks, begins those of lost workers again and brings answers back. What it does
-not know is said here: how many workers a task may cost, and what to do when the scheduler is lost.
+Dask distributes the tasks, begins those of lost workers again and brings answers back. Added here
+are how many workers a task may cost, what has come back of its journals when it is begun again, and
+what to do when the scheduler is lost.
 """
 
 from __future__ import annotations
@@ -12,8 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -22,20 +22,17 @@ from typing import Any, Generic, Self, TypeVar
 from distributed import KilledWorker
 
 from geoident.model.cluster import Cluster
-from geoident.workflow.executing.connection import Connection
-from geoident.workflow.executing.executor import RETRIES, Answered, usable_cores
-from geoident.workflow.executing.growth import Resumable, keep
-from geoident.workflow.executing.parcel import Parcel
-from geoident.workflow.executing.relay import (
-    BEGUN,
-    GROWN,
+from geoident.workflow.executing.connection import Connection, require_scheduler
+from geoident.workflow.executing.dask_worker import (
     Order,
-    SetUpIn,
     WorkerRefused,
+    computed,
     own_versions,
-    relayed,
-    stop_relay,
+    stop_tasks,
 )
+from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
+from geoident.workflow.executing.parcel import Parcel, packed
+from geoident.workflow.executing.resumable import Resumable, add_part
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -44,9 +41,9 @@ _TICK = 0.5
 """Seconds after which the scheduler is looked at, at the latest."""
 
 _AGAIN = 2.0
-"""Seconds after which workers are told again to stop, since some may have come in between."""
+"""Seconds after which workers are asked again to stop, since some may have joined in between."""
 
-_GATHER = 30.0
+_FETCH = 30.0
 """Seconds that an answer may take to come."""
 
 _AHEAD = 8
@@ -55,36 +52,45 @@ _AHEAD = 8
 
 @dataclass
 class _Sent(Generic[T]):
-    """A task that was given out.
+    """A task that was sent.
 
     Args:
         number: of the task.
         task: the argument.
         losses: of each worker that was lost over it, why.
-        grown: paths of files of it that have come back since it was sent.
-        begun: workers that have begun it since it was sent, with the time.
+        journals: that have come back since it was sent.
+        worker: that has begun it; empty before.
+        began: when, s.
         future: its answer.
-        given_up: it is not waited for any more.
     """
 
     number: int
     task: T
     losses: list[str] = field(default_factory=list)
-    grown: set[str] = field(default_factory=set)
-    begun: list[tuple[str, float]] = field(default_factory=list)
+    journals: set[str] = field(default_factory=set)
+    worker: str = ""
+    began: float = 0.0
     future: Any = None
-    given_up: bool = False
+
+    def add_loss(self) -> None:
+        """Its worker was lost."""
+        if self.worker:
+            self.losses.append(f"ended with its worker {self.worker}")
+
+    def unanswered(self, *, stopped: bool = False) -> Answered[Any]:
+        seconds = time.monotonic() - self.began if stopped and self.worker else 0.0
+        return Answered(self.number, None, tuple(self.losses), stopped, seconds)
 
 
 class DaskCluster(Generic[T, R]):
     """An executor on a cluster of dask; a context, at whose end nothing of ours is left there.
 
-    What tasks write bit by bit (`growth`) is kept under the same paths here while they go on.
+    Journals of tasks (`Resumable`) are kept under the same paths here while the tasks go on.
 
     Args:
         cluster: which one.
-        set_up: gives, in a process of a worker, the function that answers tasks; it is called with
-            the folder of the files. It is pickled.
+        set_up: gives, in a process of a worker, the function that answers tasks; the process works
+            where the files lie, as if it were here. It is pickled.
         parcel: files that tasks read.
         jobs: number of workers, where they are started here.
         time_limit: seconds that a task may take, or None.
@@ -93,13 +99,13 @@ class DaskCluster(Generic[T, R]):
         check: is called every moment while somebody waits for an answer; raises to end all.
     """
 
-    keep_every = 10.0
-    """Seconds between looks at files that grow."""
+    journals_every = 10.0
+    """Seconds between looks at journals."""
 
     def __init__(
         self,
         cluster: Cluster,
-        set_up: SetUpIn,
+        set_up: SetUp[T, R],
         parcel: Parcel,
         *,
         jobs: int | None = None,
@@ -108,18 +114,20 @@ class DaskCluster(Generic[T, R]):
         tell: Callable[[str], None] = lambda message: None,
         check: Callable[[], None] = lambda: None,
     ) -> None:
-        name = f"geoident-{uuid.uuid4().hex[:12]}"
-        self._order = Order(
-            name, parcel, own_versions(), set_up, time_limit, retries,
-            deaf=cluster.local, keep_every=self.keep_every,
+        self._name, self._retries = f"geoident-{uuid.uuid4().hex[:12]}", retries
+        order = Order(
+            self._name, parcel, own_versions(), set_up, time_limit, retries,
+            ignores_interrupt=cluster.local, journals_every=self.journals_every,
         )  # fmt: skip
-        self._link = Connection(cluster, self._order, jobs or usable_cores(), self._on_event, tell)
+        self._happened: SimpleQueue[Any] = SimpleQueue()
+        self._link = Connection(
+            cluster, order, jobs or usable_cores(), lambda event: self._happened.put(event[1]), tell
+        )
         self._check = check
-        self._events: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._out: dict[int, _Sent[T]] = {}
-        self._stopping = False
+        self._again: deque[_Sent[T]] = deque()
+        self._stopping = self._killing = False
         self._stop_sent = -_AGAIN
-        self._killing = False
 
     def __enter__(self) -> Self:
         self._link.open()
@@ -131,7 +139,6 @@ class DaskCluster(Generic[T, R]):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._drop()
         self._link.close()
 
     @property
@@ -139,20 +146,15 @@ class DaskCluster(Generic[T, R]):
         """Number of tasks that are computed at a time."""
         return self._link.threads
 
-    @property
-    def begun(self) -> tuple[int, ...]:
-        """Numbers of the tasks that are computed now."""
-        return tuple(n for n, sent in self._out.items() if sent.begun and not sent.given_up)
-
     def ask_to_stop(self) -> None:
         """Begin no more tasks, and let those that run end as soon as they can."""
         self._stopping = True
-        self._events.put(("stop", None))
+        self._happened.put(None)
 
     def kill(self) -> None:
         """End all tasks at once."""
-        self._stopping = self._killing = True
-        self._events.put(("stop", None))
+        self._killing = True
+        self.ask_to_stop()
 
     def run(self, tasks: Iterable[T]) -> Iterator[Answered[R]]:
         """The answers as they come, in any order.
@@ -166,241 +168,204 @@ class DaskCluster(Generic[T, R]):
             Exception: what the function raised.
         """
         coming = enumerate(tasks)
-        again: deque[_Sent[T]] = deque()
         try:
             while not self._killing:
-                if not self._stopping:
-                    self._check()
-                    self._give_out(coming, again)
-                elif time.monotonic() - self._stop_sent > _AGAIN:
+                if self._stopping:
                     self._stop_workers()
+                else:
+                    self._check()
+                    self._send(coming)
                 if not self._out:
                     break
-                yield from self._answers(again)
-            for sent in (*self._out.values(), *again):
-                seconds = time.monotonic() - sent.begun[-1][1] if sent.begun else 0.0
-                yield Answered(sent.number, None, tuple(sent.losses), True, seconds)
-        finally:
-            self._drop()
+                futures = []
+                for event in self._events():
+                    if isinstance(event, dict):
+                        yield from self._take(event)
+                    elif event is not None:
+                        futures.append(event)
+                if not self._link.alive:
+                    self._again.extend(self._out.values())
+                    self._out.clear()
+                    self._link.come_back(lambda: self._stopping)
+                    continue
+                self._link.count_workers()
+                for future in futures:
+                    yield from self._end(future)
+            for sent in (*self._out.values(), *self._again):
+                yield sent.unanswered(stopped=True)
+        finally:  # nobody waits for the answers that are left
+            left = [sent.future for sent in self._out.values()]
+            self._out.clear()
+            self._again.clear()
+            if left and self._link.alive:
+                with suppress(Exception):
+                    self._link.client.cancel(left, force=True)
 
-    # Tasks
-
-    def _drop(self) -> None:
-        """Cancel all that nobody waits for any more."""
-        left = [sent.future for sent in self._out.values() if sent.future is not None]
-        self._out.clear()
-        if left and self._link.alive:
-            with suppress(Exception):
-                self._link.client.cancel(left, force=True)
-
-    def _give_out(self, coming: Iterator[tuple[int, T]], again: deque[_Sent[T]]) -> None:
+    def _send(self, coming: Iterator[tuple[int, T]]) -> None:
         """Send tasks, so that no worker waits for one."""
-        most = max(1, _AHEAD * self._link.threads)
         batch: list[_Sent[T]] = []
-        while len(self._out) + len(batch) < most:
-            if again:
-                batch.append(again.popleft())
-                continue
-            following = next(coming, None)
-            if following is None:
+        while len(self._out) + len(batch) < max(1, _AHEAD * self._link.threads):
+            if self._again:
+                batch.append(self._again.popleft())
+            elif (following := next(coming, None)) is not None:
+                batch.append(_Sent(*following))
+            else:
                 break
-            batch.append(_Sent(*following))
-        if batch:
-            self._send(batch)
-
-    def _send(self, batch: list[_Sent[T]]) -> None:
-        name = self._order.name
-        numbers = [sent.number for sent in batch]
-        for sent in batch:
-            sent.task = _resumed(sent.task, sent.grown)
-        futures = self._link.client.map(
-            relayed, [name] * len(batch), numbers, [sent.task for sent in batch],
-            key=[f"{name}-{number}-{uuid.uuid4().hex[:8]}" for number in numbers],
-            pure=False, retries=0,
-        )  # fmt: skip
-        for sent, future in zip(batch, futures, strict=True):
-            sent.future, sent.given_up = future, False
-            sent.grown.clear()
-            sent.begun.clear()
-            self._out[sent.number] = sent
-            future.add_done_callback(self._on_done)
-
-    def _on_done(self, future: Any) -> None:  # in a thread of dask
-        self._events.put(("done", future))
-
-    def _on_event(self, event: tuple[float, Any]) -> None:  # in the thread of the client
-        self._events.put(("event", event[1]))
-
-    def _answers(self, again: deque[_Sent[T]]) -> Iterator[Answered[R]]:
-        """What has happened: answers, lost workers, a lost scheduler."""
-        ended = []
-        for word, what in self._happened():
-            if word == "event" and GROWN in what:
-                self._on_grown(what)
-            elif word == "event":
-                yield from self._on_begun(what, again)
-            elif word == "done":
-                ended.append(what)
-        if not self._link.alive:
-            self._send_again(again)
+        if not batch:
             return
-        self._link.look()
-        waited = [sent for future in ended if (sent := self._sent_of(future)) is not None]
-        values = self._gathered([sent.future for sent in waited])
-        for sent in waited:
-            yield from self._ended(sent, again, values.get(sent.number))
-
-    def _gathered(self, futures: list[Any]) -> dict[int, Answered[R]]:
-        """Answers of finished futures by their number there, in one go; none if that fails."""
-        done = [future for future in futures if future.status == "finished"]
-        if not done:
-            return {}
-        gather = partial(
-            self._link.client.gather, done, direct=self._link.direct, asynchronous=True
+        for sent in batch:
+            if isinstance(sent.task, Resumable) and sent.journals:
+                sent.task = sent.task.resumed(_contents(sent.journals))
+            sent.journals, sent.worker = set(), ""
+        futures = self._link.client.map(
+            computed,
+            [self._name] * len(batch),
+            [sent.number for sent in batch],
+            [sent.task for sent in batch],
+            key=[f"{self._name}-{sent.number}-{uuid.uuid4().hex[:8]}" for sent in batch],
+            pure=False,
         )
-        with suppress(Exception):  # a worker was lost meanwhile: one after the other, then
-            found = self._link.client.sync(gather, callback_timeout=_GATHER)
-            return {answer.number: answer for answer in found}
-        return {}
+        for sent, future in zip(batch, futures, strict=True):
+            sent.future = future
+            self._out[sent.number] = sent
+            future.add_done_callback(self._happened.put)  # in a thread of dask
 
-    def _happened(self) -> list[tuple[str, Any]]:
-        """All events since the last time, or those of the next moment."""
-        found = []
+    def _events(self) -> list[Any]:
+        """All that has happened since the last time, or happens within a moment."""
+        events = []
         with suppress(Empty):
-            found.append(self._events.get(timeout=_TICK))
+            events.append(self._happened.get(timeout=_TICK))
             while True:
-                found.append(self._events.get_nowait())
-        return found
+                events.append(self._happened.get_nowait())
+        return events
 
-    def _sent_of(self, future: Any) -> _Sent[T] | None:
-        """The task of a future; None if it is not waited for, or was sent again since."""
-        number = int(str(future.key).removeprefix(f"{self._order.name}-").split("-")[0])
-        sent = self._out.get(number)
-        return sent if sent is not None and sent.future is future else None
+    def _sent_by(self, key: str) -> _Sent[T] | None:
+        """The task of a key; None if nobody waits for it, as when it was sent again since."""
+        sent = self._out.get(int(key.split("-")[2]))
+        return sent if sent is not None and sent.future.key == key else None
 
-    def _task_of(self, number: int, event: Any) -> _Sent[T] | None:
-        """The task that an event is of; None if that was sent again since, or is of an earlier run.
+    def _take(self, event: dict[str, Any]) -> Iterator[Answered[R]]:
+        """A task has added to a journal, or was begun; if again, its worker was lost over it.
 
-        Args:
-            number: of the task.
-            event: with the key of its future.
+        It is sent anew then with its journals, which dask knows nothing of.
         """
-        sent = self._out.get(number)
-        if sent is None or sent.given_up or str(sent.future.key) != event["key"]:
-            return None
-        return sent
-
-    def _on_grown(self, event: Any) -> None:
-        """A task has added something to a file."""
-        sent = self._task_of(event[GROWN], event)
-        if sent is not None:
-            with suppress(OSError):  # it is lost with its worker, then
-                keep(event["file"], event["content"], at=event["at"])
-                sent.grown.add(event["file"])
-
-    def _on_begun(self, event: Any, again: deque[_Sent[T]]) -> Iterator[Answered[R]]:
-        """A task was begun; if it had been begun before, that worker was lost over it.
-
-        It is sent anew then with what has come back of it, which dask knows nothing of.
-        """
-        sent = self._task_of(event[BEGUN], event)
+        sent = self._sent_by(event["key"])
         if sent is None:
             return
-        if sent.begun:
-            sent.losses.append(f"ended with its worker {sent.begun[-1][0]}")
-        sent.begun.append((f"{event['worker']} on {event['host']}", time.monotonic()))
-        if len(sent.losses) > self._order.retries:
-            sent.given_up = True
-            self._link.client.cancel([sent.future], force=True)
+        if "journal" in event:
+            with suppress(OSError):  # it is lost with its worker, then
+                add_part(event["journal"], event["content"], at=event["at"])
+                sent.journals.add(event["journal"])
+            return
+        sent.add_loss()
+        begun_again, sent.worker = bool(sent.worker), event["begun"]
+        sent.began = time.monotonic()
+        set_aside = len(sent.losses) > self._retries
+        if set_aside or (begun_again and sent.journals):
             del self._out[sent.number]
-            yield Answered(sent.number, None, tuple(sent.losses))
-        elif sent.grown and len(sent.begun) > 1:
             self._link.client.cancel([sent.future], force=True)
-            del self._out[sent.number]
-            again.append(sent)
+        if set_aside:
+            yield sent.unanswered()
+        elif begun_again and sent.journals:
+            self._again.append(sent)
 
-    def _ended(
-        self, sent: _Sent[T], again: deque[_Sent[T]], answer: Answered[R] | None
-    ) -> Iterator[Answered[R]]:
-        future, status = sent.future, sent.future.status
-        del self._out[sent.number]
-        if status == "finished":
-            try:
-                answer = answer or future.result(timeout=_GATHER)
-            except (OSError, TimeoutError, KilledWorker, CancelledError):
-                again.append(sent)  # its worker was lost meanwhile
-                return
-            assert answer is not None
-            yield self._with_losses(answer, sent)
-        elif status == "cancelled":
-            if self._stopping:
-                yield Answered(sent.number, None, tuple(sent.losses), stopped=True)
-            else:  # what dask forgets when it is in trouble
-                again.append(sent)
-        elif status == "error":
-            yield from self._failed(sent, again, future.exception(timeout=_GATHER))
-        else:  # it was done, and its answer was lost with its worker before it was fetched
-            again.append(sent)
-
-    def _failed(
-        self, sent: _Sent[T], again: deque[_Sent[T]], error: BaseException | None
-    ) -> Iterator[Answered[R]]:
-        """A task that dask has given up, or that has raised; without an error it was taken back.
+    def _end(self, future: Any) -> Iterator[Answered[R]]:
+        """A future is done: its task has an answer, or was lost.
 
         Raises:
             InputError: a worker cannot compute for us.
+            Exception: what the function raised.
         """
-        if isinstance(error, WorkerRefused):
-            begun = sent.begun[-1][0] if sent.begun else "of the cluster"
-            raise self._link.refused(f"the worker {begun} {error}") from error
-        if error is None:
-            again.append(sent)
+        sent = self._sent_by(future.key)
+        if sent is None:
             return
-        if not isinstance(error, KilledWorker):
+        del self._out[sent.number]
+        answer: Answered[R] | None = None
+        error: BaseException | None = None
+        # an answer may be lost with its worker before it is fetched
+        with suppress(CancelledError, TimeoutError, OSError, KilledWorker):
+            if future.status == "error":
+                error = future.exception(timeout=_FETCH)
+            elif future.status == "finished":
+                answer = future.result(timeout=_FETCH)
+        if answer is not None:
+            yield replace(answer, losses=(*sent.losses, *answer.losses))
+            return
+        if isinstance(error, WorkerRefused):
+            worker = sent.worker or "of the cluster"
+            raise self._link.refused(f"the worker {worker} {error}") from error
+        if error is not None and not isinstance(error, KilledWorker):
             raise error
-        if sent.begun:
-            sent.losses.append(f"ended with its worker {sent.begun[-1][0]}")
-        if len(sent.losses) > self._order.retries:
-            yield Answered(sent.number, None, tuple(sent.losses))
-        else:  # workers were lost while it only waited there
-            again.append(sent)
-
-    def _with_losses(self, answer: Answered[R], sent: _Sent[T]) -> Answered[R]:
-        return Answered(
-            sent.number, answer.value, (*sent.losses, *answer.losses), answer.stopped,
-            answer.seconds, answer.process,
-        )  # fmt: skip
+        if error is not None:
+            sent.add_loss()
+        if len(sent.losses) > self._retries:
+            yield sent.unanswered()
+        elif self._stopping:
+            yield sent.unanswered(stopped=True)
+        else:
+            self._again.append(sent)
 
     def _stop_workers(self) -> None:
-        """Take back what has not begun, and let the rest end soon; told again to new workers."""
+        """Take back what has not begun, and let the rest end soon."""
+        if time.monotonic() - self._stop_sent < _AGAIN or not self._link.alive:
+            return
         self._stop_sent = time.monotonic()
-        with suppress(OSError):  # a worker that is lost is told when it is back
-            self._link.client.run(
-                stop_relay, self._order.name, False, wait=False, on_error="ignore"
-            )
-        waiting = [sent.future for sent in self._out.values() if not sent.begun]
+        with suppress(OSError):  # a worker that is lost is asked when it is back
+            self._link.client.run(stop_tasks, self._name, wait=False, on_error="ignore")
+        waiting = [sent.future for sent in self._out.values() if not sent.worker]
         if waiting:
             self._link.client.cancel(waiting)
 
-    def _send_again(self, again: deque[_Sent[T]]) -> None:
-        """Wait for a scheduler that was lost, and take what it had for not sent.
+
+class OnCluster:
+    """Begins executors of one command on a cluster.
+
+    Args:
+        cluster: which one.
+        jobs: number of workers, where they are started here; None for the cores there are.
+        tell: is told what people should know.
+
+    Attributes:
+        used: an executor was begun.
+    """
+
+    def __init__(self, cluster: Cluster, jobs: int | None, tell: Callable[[str], None]) -> None:
+        self._cluster, self._jobs, self._tell = cluster, jobs, tell
+        self.used = False
+
+    def require(self) -> None:
+        """Say at once that nobody is there, before anything else is computed.
 
         Raises:
-            LostCluster: it does not come back.
+            InputError: nobody answers at the address.
         """
-        for sent in self._out.values():
-            sent.begun.clear()
-            again.append(sent)
-        self._out.clear()
-        self._link.come_back(lambda: self._stopping)
+        require_scheduler(self._cluster)
+
+    def begin(
+        self,
+        set_up: SetUp[T, R],
+        parcel: Parcel | None = None,
+        *,
+        check: Callable[[], None] = lambda: None,
+    ) -> DaskCluster[T, R]:
+        """An executor; a context.
+
+        Args:
+            set_up: gives, in a process of a worker, the function that answers tasks. It is pickled.
+            parcel: files that tasks read; None for none.
+            check: is called every moment while somebody waits for an answer; raises to end all.
+        """
+        self.used = True
+        return DaskCluster(
+            self._cluster, set_up, packed() if parcel is None else parcel,
+            jobs=self._jobs, tell=self._tell, check=check,
+        )  # fmt: skip
 
 
-def _resumed(task: T, grown: Iterable[str]) -> T:
-    """A task with what has come back of it."""
-    if not isinstance(task, Resumable):
-        return task
+def _contents(paths: Iterable[str]) -> dict[str, bytes]:
+    """Path to content of journals that are here."""
     found = {}
-    for name in grown:
+    for path in paths:
         with suppress(OSError):
-            found[name] = Path(name).read_bytes()
-    return task.resumed(found) if found else task
+            found[path] = Path(path).read_bytes()
+    return found

@@ -1,4 +1,4 @@
-"""A cluster of dask that is reached or started: its scheduler, its workers and what they need."""
+"""A cluster of dask that is reached or started: its scheduler and its workers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,18 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
+import dask
 from distributed import Client, LocalCluster, Security, rpc
 from distributed.comm.addressing import get_address_host_port
 from distributed.versions import VersionMismatchWarning
 
 from geoident.errors import LostCluster
 from geoident.model.cluster import Cluster
+from geoident.workflow.executing.dask_worker import Order, TaskPlugin, problem_of
+from geoident.workflow.executing.environment import SAFE_PATH, share_of_cores
 from geoident.workflow.executing.job_queue import job_queue
-from geoident.workflow.executing.processes import (
-    cores_shared,
-    nothing_from_here,
-    safe_children,
-)
-from geoident.workflow.executing.relay import Order, Relay, differences, problem_of
 
-_REACH = 8.0
+REACH = 8.0
 """Seconds within which a scheduler has to answer."""
 
 _GREETING = 1.0
@@ -48,28 +45,28 @@ class Connection:
     """A client of a cluster, whose workers have what an executor needs.
 
     Args:
-        where: the cluster.
+        cluster: which one.
         order: what is to be done there.
         jobs: number of workers, where they are started here.
-        on_event: is told, in another thread, what workers say.
+        on_event: is called, in another thread, with time and content of what workers send.
         tell: is told what people should know.
     """
 
     def __init__(
         self,
-        where: Cluster,
+        cluster: Cluster,
         order: Order,
         jobs: int,
         on_event: Callable[[tuple[float, Any]], None],
         tell: Callable[[str], None],
     ) -> None:
-        self._where, self._order, self._jobs = where, order, jobs
+        self._cluster, self._order, self._jobs = cluster, order, jobs
         self._on_event, self._tell = on_event, tell
         self._own: Any = None
         self.client: Any = None
-        self.threads = jobs if where.local else 0
-        self.direct: bool | None = None
-        self._looked = 0.0
+        self.threads = jobs if cluster.local else 0
+        """Threads of all workers, as counted last."""
+        self._counted = 0.0
         self._waiting = False
         self._held = ExitStack()
 
@@ -85,25 +82,20 @@ class Connection:
             InputError: nobody answers there, or workers cannot compute for us.
         """
         self._held.enter_context(_quiet_logs())
-        if self._where.local:
-            self._held.enter_context(safe_children())  # a worker may be begun again at any time
         try:
-            self._start()
+            if self._cluster.local:
+                inherited = {**share_of_cores(self._jobs), **SAFE_PATH}
+                with dask.config.set({"distributed.nanny.pre-spawn-environ": inherited}):
+                    self._own = LocalCluster(
+                        n_workers=self._jobs, threads_per_worker=1, processes=True,
+                        dashboard_address=":0", memory_limit=0, silence_logs=logging.CRITICAL,
+                    )  # fmt: skip
+            elif self._cluster.queue:
+                self._own = job_queue(self._cluster)
+            self._connect(REACH)
         except BaseException:
             self.close()
             raise
-
-    def _start(self) -> None:
-        where = self._where
-        if where.local:
-            with cores_shared(self._jobs), nothing_from_here():  # which the workers inherit
-                self._own = LocalCluster(
-                    n_workers=self._jobs, threads_per_worker=1, processes=True,
-                    dashboard_address=":0", memory_limit=0, silence_logs=logging.CRITICAL,
-                )  # fmt: skip
-        elif where.queue:
-            self._own = job_queue(where)
-        self._connect(_REACH)
         if not self.threads:
             self._say_waiting()
 
@@ -113,61 +105,42 @@ class Connection:
         Raises:
             InputError: nobody answers there, or workers cannot compute for us.
         """
-        where = self._where
-        security = _security(where)
+        cluster, name = self._cluster, self._order.name
+        security = _security(cluster)
         try:
-            if where.address:
-                _ask(where.address, security, seconds)
+            direct = bool(cluster.address) and _answers(cluster.address, security, seconds)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", VersionMismatchWarning)  # it is refused below
                 self.client = Client(
-                    self._own or where.address, timeout=seconds, security=security,
-                    set_as_default=False, name="geoident",
+                    self._own or cluster.address, timeout=seconds, security=security,
+                    set_as_default=False, name="geoident", direct_to_workers=direct or None,
                 )  # fmt: skip
         except (OSError, ValueError, TypeError, RuntimeError) as error:
-            raise _unreachable(where, error) from error
-        self._require_same_versions()
+            raise _unreachable(cluster, error) from error
         try:
-            self.client.register_plugin(Relay(self._order))
+            self.client.register_plugin(TaskPlugin(self._order))
         except (ImportError, AttributeError) as error:
             raise self.refused(f"its workers have no geoident like this one: {error}") from error
-        self.client.subscribe_topic(self._order.name, self._on_event)
-        found = self.client.run(problem_of, self._order.name)
-        for worker, problem in found.items():
+        self.client.subscribe_topic(name, self._on_event)
+        for worker, problem in self.client.run(problem_of, name).items():
             if problem:
                 raise self.refused(f"the worker {worker} {problem}")
-        self.look()
-
-    def _require_same_versions(self) -> None:
-        """Compare versions before anything is sent that other versions may not read.
-
-        Raises:
-            InputError: a worker has others.
-        """
-        ours = self._order.versions
-        found = self.client.get_versions(packages=[n for n in ours if n != "python"])
-        for worker, theirs in found["workers"].items():
-            python = ".".join(theirs["host"]["python"].split(".")[:3])
-            installed = found["client"]["packages"]
-            mine = {name: installed.get(name, "") for name in ours} | {"python": ours["python"]}
-            wrong = differences(mine, theirs["packages"] | {"python": python})
-            if wrong:
-                raise self.refused(f"the worker {worker} has other versions: {wrong}")
+        self.count_workers()
 
     def refused(self, message: str) -> Exception:
         """An error that says why workers cannot be used.
 
         Args:
-            message: what was found.
+            message: what is wrong with them.
         """
         hint = "Start its workers from an environment with the same versions as here."
         if "has no program" in message:
             hint = "Install it there, or put it on the search path (PATH) of the workers."
-        return self._where.refused("unlike-workers", message, hint)
+        return self._cluster.refused("unlike-workers", message, hint)
 
     def _say_waiting(self) -> None:
-        if self._where.queue:
-            self._tell(f"Waiting for the jobs of {self._where.queue} to start.")
+        if self._cluster.queue:
+            self._tell(f"Waiting for the jobs of {self._cluster.queue} to start.")
         else:
             self._tell(
                 f"The scheduler at {self.client.scheduler.address} has no workers yet; waiting. "
@@ -175,41 +148,30 @@ class Connection:
             )
         self._waiting = True
 
-    def look(self) -> None:
+    def count_workers(self) -> None:
         """Count the threads of all workers, now and then."""
-        if time.monotonic() - self._looked < _LOOK:
+        if time.monotonic() - self._counted < _LOOK:
             return
-        self._looked = time.monotonic()
+        self._counted = time.monotonic()
         with suppress(OSError, ValueError):
-            found = self.client.nthreads()
-            self.threads = sum(found.values())
-            if found and self.direct is None:
-                self.direct = _answers(next(iter(found)), _security(self._where))
+            self.threads = sum(self.client.nthreads().values())
         if self.threads and self._waiting:
             self._tell("Workers have come.")
             self._waiting = False
 
     def close(self) -> None:
         """Take everything away that is ours; a cluster that does not answer is left as it is."""
-        try:
-            self._leave()
-        finally:
-            self._held.close()
-
-    def _leave(self) -> None:
-        client, own, self.client, self._own = self.client, self._own, None, None
-        if client is not None:
-            if client.status == "running":
-                with suppress(Exception):
-                    client.unregister_worker_plugin(self._order.name)
+        own, self._own = self._own, None
+        if self.alive:
             with suppress(Exception):
-                client.close(timeout=_FAREWELL)
+                self.client.unregister_worker_plugin(self._order.name)
+        self._drop_client()
         if own is not None:
             with suppress(Exception):
                 own.close(timeout=_FAREWELL)
+        self._held.close()
 
-    def _let_go(self) -> None:
-        """Forget a client whose scheduler is lost."""
+    def _drop_client(self) -> None:
         client, self.client = self.client, None
         if client is not None:
             with suppress(Exception):
@@ -224,21 +186,21 @@ class Connection:
         Raises:
             LostCluster: it does not come back.
         """
-        self._let_go()
+        self._drop_client()
         if stopping():
             return
-        where = self._where
-        if not where.address:
-            raise LostCluster("the scheduler of this command has ended", where.patience)
-        self._tell(f"The scheduler at {where.address} is lost; waiting for it.")
-        over = time.monotonic() + where.patience
+        cluster = self._cluster
+        if not cluster.address:
+            raise LostCluster("the scheduler of this command has ended", cluster.patience)
+        self._tell(f"The scheduler at {cluster.address} is lost; waiting for it.")
+        over = time.monotonic() + cluster.patience
         while not stopping():
             try:
-                self._connect(min(_REACH, max(1.0, over - time.monotonic())))
+                self._connect(min(REACH, max(1.0, over - time.monotonic())))
             except Exception as error:
-                self._let_go()
+                self._drop_client()
                 if time.monotonic() > over:
-                    raise LostCluster(where.address, where.patience) from error
+                    raise LostCluster(cluster.address, cluster.patience) from error
                 time.sleep(_PAUSE)
             else:
                 self._tell("It is back; what was running there is begun again.")
@@ -247,106 +209,97 @@ class Connection:
                 return
 
 
-def _security(where: Cluster) -> Any:
+def require_scheduler(cluster: Cluster) -> None:
+    """Say at once that no scheduler answers at an address; one that is started here will.
+
+    Args:
+        cluster: which one.
+
+    Raises:
+        InputError: none does.
+    """
+    if cluster.address:
+        try:
+            _answers(cluster.address, _security(cluster), REACH)
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            raise _unreachable(cluster, error) from error
+
+
+def _security(cluster: Cluster) -> Any:
     """Keys for encryption as dask takes them; None without.
 
     Raises:
         InputError: the address asks for them, and there are none.
     """
-    keys = where.keys
-    if keys is None:
-        if not where.address.startswith("tls://"):
-            return None
-        told: Any = Security(
-            require_encryption=True
-        )  # of files that dask is told of in its own way
-        if told.tls_ca_file and told.tls_client_cert:
-            return told
-        hint = (
-            "Name them in a cluster file (security: {ca_file: .., cert: .., key: ..}), or in the "
-            "environment: DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
-            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY."
+    keys = cluster.keys
+    if keys is not None:
+        return Security(
+            tls_ca_file=keys.ca_file,
+            tls_client_cert=keys.cert,
+            tls_client_key=keys.key,
+            require_encryption=True,
         )
-        message = f"{where.address} needs certificates, and none are given"
-        raise where.refused("no-certificates", message, hint)
-    return Security(
-        tls_ca_file=keys.ca_file,
-        tls_client_cert=keys.cert,
-        tls_client_key=keys.key,
-        require_encryption=True,
+    if not cluster.address.startswith("tls://"):
+        return None
+    configured: Any = Security(require_encryption=True)  # by the configuration of dask
+    if configured.tls_ca_file and configured.tls_client_cert:
+        return configured
+    hint = (
+        "Name them in a cluster file (security: {ca_file: .., cert: .., key: ..}), or in the "
+        "environment: DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+        "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY."
     )
+    message = f"{cluster.address} needs certificates, and none are given"
+    raise cluster.refused("no-certificates", message, hint)
 
 
-def require_scheduler(where: Cluster) -> None:
-    """Say at once that no scheduler answers at an address; one that is started here will.
+def _answers(address: str, security: Any, seconds: float) -> bool:
+    """Wait until a scheduler answers; whether its workers can be reached from here, too.
 
-    Args:
-        where: the cluster.
-
-    Raises:
-        InputError: none does.
-    """
-    if not where.address:
-        return
-    try:
-        _ask(where.address, _security(where), _REACH)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:
-        raise _unreachable(where, error) from error
-
-
-def _answers(worker: str, security: Any) -> bool:
-    """Whether a worker can be reached from here: its answers then need not pass the scheduler."""
-    try:
-        _ask(worker, security, _NEAR, "Worker")
-    except (OSError, ValueError):
-        return False
-    return True
-
-
-def _ask(address: str, security: Any, seconds: float, expected: str = "Scheduler") -> None:
-    """Ask whoever is there who it is, as soon as somebody is there.
-
-    Dask is asked last, and then given time: a connection of tornado that is given up in the moment
-    in which it comes about is never closed.
+    Dask itself waits for ever for a server that says nothing. It is asked once a server is there:
+    a connection of tornado that is given up in the moment in which it comes about is never closed.
 
     Raises:
-        OSError: nobody is there.
+        OSError: nobody is there, or says nothing.
         ValueError: it is something else.
     """
     over = time.monotonic() + seconds
-    place = get_address_host_port(address)
     while True:
         left = over - time.monotonic()
         try:
-            socket.create_connection(place, timeout=max(left, 0.1)).close()
+            _reach(address, max(left, 0.1))
             break
         except OSError:
             if left < _PAUSE:
                 raise
             time.sleep(0.1)
-    asyncio.run(asyncio.wait_for(_greet(address, security, expected), max(seconds, _GREETING)))
+
+    async def identity() -> dict[str, Any]:
+        arguments = security.get_connection_args("client") if security else {}
+        async with rpc(address, connection_args=arguments) as server:
+            return dict(await server.identity())
+
+    found = asyncio.run(asyncio.wait_for(identity(), max(seconds, _GREETING)))
+    if found["type"] != "Scheduler":
+        raise ValueError(f"a {found['type'].lower()} is there")
+    try:
+        _reach(next(iter(found["workers"])), _NEAR)
+    except (OSError, StopIteration):
+        return False  # answers pass the scheduler, then
+    return True
 
 
-async def _greet(address: str, security: Any, expected: str) -> None:
-    """Ask whoever is there who it is: dask waits for ever for somebody else who says nothing.
-
-    Raises:
-        OSError: nobody is there.
-        ValueError: it is something else.
-    """
-    arguments = security.get_connection_args("client") if security else {}
-    async with rpc(address, connection_args=arguments) as there:
-        kind = (await there.identity())["type"]
-    if kind != expected:
-        raise ValueError(f"a {kind.lower()} is there")
+def _reach(address: str, seconds: float) -> None:
+    """Raises OSError where nobody takes a connection."""
+    socket.create_connection(get_address_host_port(address), timeout=seconds).close()
 
 
-def _unreachable(where: Cluster, error: Exception) -> Exception:
-    said = str(error).splitlines()[0] if str(error) else type(error).__name__
-    name = where.address or where.queue or "of this machine"
-    message = f"no scheduler of dask answers at {name} within {_REACH:g} s ({said})"
+def _unreachable(cluster: Cluster, error: Exception) -> Exception:
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    name = cluster.address or cluster.queue or "of this machine"
+    message = f"no scheduler of dask answers at {name} within {REACH:g} s ({reason})"
     hint = "Start one there with `dask scheduler`, or correct the address."
-    return where.refused("no-cluster", message, hint)
+    return cluster.refused("no-cluster", message, hint)
 
 
 @contextmanager

@@ -35,7 +35,6 @@ class Answered(Generic[R]):
         losses: of each worker that was lost over it, why.
         stopped: it was cut short, or never begun, as a stop was asked for.
         seconds: from its last beginning to its end.
-        process: number of the process that answered, or was lost last; 0 where there was none.
     """
 
     number: int
@@ -43,7 +42,6 @@ class Answered(Generic[R]):
     losses: tuple[str, ...] = ()
     stopped: bool = False
     seconds: float = 0.0
-    process: int = 0
 
     @property
     def set_aside(self) -> bool:
@@ -84,10 +82,6 @@ class BegunExecutor(Executor[T_contra, R], Protocol[T_contra, R]):
         trace: TracebackType | None,
     ) -> None: ...
 
-
-class RemoteExecutor(BegunExecutor[T_contra, R], Protocol[T_contra, R]):
-    """One whose workers come and go."""
-
     @property
     def workers(self) -> int:
         """Number of tasks that are computed at a time."""
@@ -109,7 +103,7 @@ class Workplace(Protocol):
         parcel: Parcel | None = None,
         *,
         check: Callable[[], None] = lambda: None,
-    ) -> RemoteExecutor[T_contra, R]:
+    ) -> BegunExecutor[T_contra, R]:
         """An executor; a context.
 
         Args:
@@ -151,7 +145,7 @@ class Converted(Generic[S_contra, T_contra, R, A]):
         """
         for answer in self._executor.run(map(self._sent, tasks)):
             value = None if answer.value is None else self._kept(answer.value)
-            yield answered(answer, value)
+            yield Answered(answer.number, value, answer.losses, answer.stopped, answer.seconds)
 
     def ask_to_stop(self) -> None:
         """Begin no more tasks, and let those that run end as soon as they can."""
@@ -160,18 +154,6 @@ class Converted(Generic[S_contra, T_contra, R, A]):
     def kill(self) -> None:
         """End all tasks at once."""
         self._executor.kill()
-
-
-def answered(answer: Answered[A], value: R | None) -> Answered[R]:
-    """An answer with another value.
-
-    Args:
-        answer: as it came.
-        value: in place of its own.
-    """
-    return Answered(
-        answer.number, value, answer.losses, answer.stopped, answer.seconds, answer.process
-    )
 
 
 def in_order(answers: Iterable[Answered[R]]) -> Iterator[Answered[R]]:

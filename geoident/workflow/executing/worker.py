@@ -1,7 +1,7 @@
-"""The other end of `processes`: a process that answers tasks until nobody asks any more.
+"""The other end of `ChildProcess`: a process that answers tasks until its parent closes its input.
 
-It hears SIGTERM as the wish to end its task soon (`STOP`), and not Ctrl-C: who asks passes that on.
-It ends when its asker is gone, however that ended.
+SIGTERM asks it to end its task soon (`STOP`). Ctrl-C does not reach it: the parent passes that on.
+It ends with its parent, however that ends.
 """
 
 from __future__ import annotations
@@ -11,77 +11,67 @@ import pickle
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
-from multiprocessing import parent_process
-from multiprocessing.connection import Connection
+from pathlib import Path
+from queue import SimpleQueue
 from types import FrameType
-from typing import Any
+from typing import BinaryIO
 
 from geoident.errors import ExitCode
-from geoident.workflow.executing.family import end_descendants
+from geoident.workflow.executing.descendants import kill_descendants
 from geoident.workflow.executing.stop import StopRequest
 
 STOP = StopRequest()
-"""The wish to end the task that runs; whoever computes long asks it."""
+"""The request to end the task that runs; whoever computes long checks it."""
 
-READY = "ready"
-VALUE = "value"
-RAISED = "raised"
-
-_HELD = (signal.SIGINT, signal.SIGTERM)
+READY, VALUE, RAISED = "ready", "value", "raised"
+"""First words of what comes out of the process; a value or an exception follows."""
 
 
-def serve(connection: Connection, set_up: bytes) -> None:
-    """Answer tasks that come through a connection, until it is closed.
+def serve() -> None:
+    """Answer tasks from standard input, after what sets the process up; all of it is pickled."""
 
-    Args:
-        connection: tasks in, pairs of a word and a value out.
-        set_up: pickled, what gives the function that answers them. It is loaded here, since that
-            imports what it consists of.
-    """
-    _listen_to_signals()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    sys.stdout = sys.stderr  # what libraries print is no answer
-    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        function = _made(connection, set_up)
-        while function is not None:
-            task = connection.recv()
-            STOP.exit_code = None
-            try:
-                connection.send((VALUE, function(task)))
-            except (BrokenPipeError, ConnectionResetError):
-                raise
-            except BaseException as error:
-                connection.send((RAISED, error))
-
-
-def _made(connection: Connection, set_up: bytes) -> Callable[[Any], Any] | None:
-    try:
-        set_up_function = pickle.loads(set_up)
-        function: Callable[[Any], Any] = set_up_function()
-    except BaseException as error:
-        connection.send((RAISED, error))
-        return None
-    connection.send((READY, None))
-    return function
-
-
-def _listen_to_signals() -> None:
     def ask(number: int, frame: FrameType | None) -> None:
         STOP.ask(ExitCode.TERMINATED)
 
-    if hasattr(os, "setsid"):
-        os.setsid()  # Ctrl-C reaches only who asks
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, ask)
-    if hasattr(signal, "pthread_sigmask"):  # who started us has held them back until now
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _HELD)
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    with Path(os.devnull).open("rb") as nothing:
+        os.dup2(nothing.fileno(), 0)  # what tasks start reads no tasks
+    os.dup2(2, 1)  # what libraries print is no answer
+    sys.stdout = sys.stderr
+    pending: SimpleQueue[bytes | None] = SimpleQueue()
+    busy = threading.Event()
+    threading.Thread(target=_receive, args=(requests, pending, busy), daemon=True).start()
+
+    def send(word: str, value: object) -> None:
+        answer = pickle.dumps((word, value))
+        busy.clear()
+        answers.write(answer)
+        answers.flush()
+
+    function = None
+    while (request := pending.get()) is not None:
+        try:
+            if function is None:
+                function = pickle.loads(request)()
+                send(READY, None)
+            else:
+                send(VALUE, function(pickle.loads(request)))
+        except BrokenPipeError:
+            return
+        except BaseException as error:
+            send(RAISED, error)
 
 
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        end_descendants(os.getpid())
+def _receive(requests: BinaryIO, pending: SimpleQueue[bytes | None], busy: threading.Event) -> None:
+    """Take requests; at their end, the process ends even in the middle of a task."""
+    try:
+        while True:
+            request = pickle.load(requests)
+            busy.set()
+            pending.put(request)
+    except EOFError:
+        pending.put(None)
+    if busy.is_set():
+        kill_descendants(os.getpid())
         os._exit(int(ExitCode.TERMINATED))

@@ -19,12 +19,12 @@ from geoident.model.external import PythonFunction
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import ModelFiles, names_of
+from geoident.workflow.programs.function_process import FunctionProcess
 from geoident.workflow.programs.guard import Readable
-from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, made_there
+from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, run_maker
 from geoident.workflow.programs.program import executed
 from geoident.workflow.programs.run_log import RunLog
 from geoident.workflow.programs.trust import Execution, Permission
-from geoident.workflow.programs.worker import Worker
 
 _PRINTED = "printed.txt"
 """File in the folder of the runs that takes what the function prints."""
@@ -43,8 +43,8 @@ class FunctionRuns(LoggedRuns):
     def __init__(
         self, case: Case, function: PythonFunction, folder: Path, *, again: bool = False
     ) -> None:
-        self._free: list[Worker] = []
-        self._busy: set[Worker] = set()
+        self._free: list[FunctionProcess] = []
+        self._busy: set[FunctionProcess] = set()
         self._case, self._function, self._folder = case, function, folder
         self._names = tuple(parameter.name for parameter in case.parameters)
         tied = {
@@ -120,28 +120,29 @@ class FunctionRuns(LoggedRuns):
         set_up = partial(set_up_function, self._case, there, relative(str(self._folder)))
         return set_up, function.inputs, ()
 
-    def found(self, item: RunItem) -> Floats | FailedRun:
+    def compute(self, item: RunItem) -> Floats | FailedRun:
         """Call the function: readings (n_stages, n_channels), or derivatives (..., n)."""
         with self._lock:
-            worker = self._free.pop() if self._free else self._new_worker()
-            self._busy.add(worker)
+            process = self._free.pop() if self._free else self._new_process()
+            self._busy.add(process)
         function, name = self._function, item.argument
         values = dict(item.values)
-        limit = function.machine.time_limit
-        answer = worker.call(function.path, name, (values,), self._readable, limit)
+        answer = process.call(function.path, name, (values,), self._readable)
         with self._lock:
-            self._busy.discard(worker)
-            self._free.append(worker)
+            self._busy.discard(process)
+            if not process.ended:
+                self._free.append(process)
         if isinstance(answer, FailedRun):
             return answer
         return self._derivatives(answer) if name == function.jacobian else self._table(answer)
 
-    def _new_worker(self) -> Worker:
+    def _new_process(self) -> FunctionProcess:
+        limit = self._function.machine.time_limit
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError:
-            return Worker()
-        return Worker(self._folder / _PRINTED)
+            return FunctionProcess(limit)
+        return FunctionProcess(limit, self._folder / _PRINTED)
 
     def _table(self, answer: Any) -> Floats | FailedRun:
         """Readings (n_stages, n_channels) of what the function gave."""
@@ -216,12 +217,12 @@ class FunctionRuns(LoggedRuns):
         """End the calls that are made."""
         with self._lock:
             busy = tuple(self._busy)
-        for worker in busy:
-            worker.end()
+        for process in busy:
+            process.end()
 
     def __del__(self) -> None:
-        for worker in self._free:
-            worker.end()
+        for process in self._free:
+            process.end()
 
 
 def set_up_function(
@@ -234,4 +235,4 @@ def set_up_function(
         function: of the case.
         folder: of the runs.
     """
-    return made_there(FunctionRuns(case, function, Path(folder)), Path(folder))
+    return run_maker(FunctionRuns(case, function, Path(folder)), Path(folder))

@@ -23,7 +23,7 @@ from urllib.request import url2pathname
 
 import geoident
 from geoident.io.external.imports import is_program, words_of
-from geoident.workflow.executing.processes import path_without_here
+from geoident.workflow.executing.environment import path_without_here
 
 _STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn")
 """Events of programs that are started."""

@@ -22,19 +22,19 @@ from geoident.model.arrays import Floats
 from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.executor import (
     Answered,
-    RemoteExecutor,
+    BegunExecutor,
     SetUp,
     Workplace,
     in_order,
     usable_cores,
 )
-from geoident.workflow.executing.parcel import layout_of, packed
+from geoident.workflow.executing.parcel import packed
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.programs.digest import ModelFiles
 from geoident.workflow.programs.run_log import CompletedRun, RunLog
-from geoident.workflow.programs.travelling import RunsMade, RunsThere, begin_there, keep_runs
+from geoident.workflow.programs.travelling import RunsMade, begin_there, keep_runs, runs_there
 from geoident.workflow.programs.trust import Permission
 
 _AT_LEAST = 2
@@ -62,13 +62,13 @@ class RemoteRun:
 
     Args:
         item: what was asked.
-        made: what came of it; None where it was ended before.
-        files: what its folder holds, where that is kept.
+        run: what came of it; None where it was ended before.
+        left: what its folder holds, where that is kept.
     """
 
     item: RunItem
-    made: CompletedRun | None
-    files: RunsMade
+    run: CompletedRun | None
+    left: RunsMade
 
 
 class LoggedRuns(ABC):
@@ -95,12 +95,11 @@ class LoggedRuns(ABC):
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
         self._ended = False
-        self._begin: Callable[[], RemoteExecutor[RunItem, RemoteRun]] | None = None
-        self._there: RemoteExecutor[RunItem, RemoteRun] | None = None
-        self._check: Callable[[], None] = lambda: None
+        self._begin: Callable[[Callable[[], None]], BegunExecutor[RunItem, RemoteRun]] | None = None
+        self._there: BegunExecutor[RunItem, RemoteRun] | None = None
 
     @abstractmethod
-    def found(self, item: RunItem) -> Floats | FailedRun:
+    def compute(self, item: RunItem) -> Floats | FailedRun:
         """Make a run, in any thread: readings (n_stages, n_channels), or derivatives (..., n)."""
 
     @abstractmethod
@@ -136,15 +135,14 @@ class LoggedRuns(ABC):
         return self._permission.portable
 
     @contextmanager
-    def on(self, cluster: Workplace, stop: StopRequest) -> Iterator[None]:
+    def on_cluster(self, cluster: Workplace, stop: StopRequest) -> Iterator[None]:
         """Meanwhile new runs are made on a cluster.
 
         Args:
             cluster: begun with the first of them.
-            stop: the wish to stop.
+            stop: the request to stop.
         """
         set_up, files, programs = self.portable()
-        layout = layout_of((*files, self._folder))
 
         def ask_to_stop() -> None:
             if self._there is not None:
@@ -152,10 +150,9 @@ class LoggedRuns(ABC):
 
         with ExitStack() as held:
 
-            def begin() -> RemoteExecutor[RunItem, RemoteRun]:
-                named = {layout.name(path): Path(path) for path in files}
-                parcel = packed(named, here=layout.here, programs=programs)
-                made = cluster.begin(set_up, parcel, check=self._moment)
+            def begin(check: Callable[[], None]) -> BegunExecutor[RunItem, RemoteRun]:
+                parcel = packed(files, beside=[self._folder], programs=programs)
+                made = cluster.begin(set_up, parcel, check=check)
                 return held.enter_context(made)
 
             self._begin = begin
@@ -205,43 +202,27 @@ class LoggedRuns(ABC):
     ) -> Generator[Answered[Any], None, None]:
         """Make runs; the log has each when its answer comes."""
         if self._begin is None or not items:
-            yield from self._in_threads(items, check)
+            threads = WaitingThreads(self.at_once, self._make, check=check, end=self.end)
+            with closing(threads.run(items)) as answers:
+                yield from answers
             return
         check()
-        self._check = check
-        for answer in self._begun(self._begin).run(items):
+        self._there = self._there or self._begin(check)
+        for answer in self._there.run(items):
             if answer.value is not None:
-                self._take(answer.value)
+                self._keep(answer.value)
             elif answer.set_aside:
                 item, count = items[answer.number], len(answer.losses)
                 why = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
                 self._log.add(item.key, CompletedRun(FailedRun(why), answer.seconds), item.values)
             yield answer
 
-    def _moment(self) -> None:
-        """Is called every moment while answers of a cluster are waited for."""
-        self._check()
-
-    def _begun(
-        self, begin: Callable[[], RemoteExecutor[RunItem, RemoteRun]]
-    ) -> RemoteExecutor[RunItem, RemoteRun]:
-        if self._there is None:
-            self._there = begin()
-        return self._there
-
-    def _in_threads(
-        self, items: Sequence[RunItem], check: Callable[[], None]
-    ) -> Generator[Answered[Any], None, None]:
-        threads = WaitingThreads(self.at_once, self._make, check=check, end=self.end)
-        with closing(threads.run(items)) as answers:
-            yield from answers
-
     def _make(self, item: RunItem) -> None:
-        made = self.made(item)
+        made = self.completed(item)
         if made is not None:
             self._log.add(item.key, made, item.values)
 
-    def made(self, item: RunItem) -> CompletedRun | None:
+    def completed(self, item: RunItem) -> CompletedRun | None:
         """Make a run; None where runs were ended meanwhile.
 
         Raises:
@@ -252,7 +233,7 @@ class LoggedRuns(ABC):
             return None
         began = time.monotonic()
         self._files.require_unchanged()
-        found = self.found(item)
+        found = self.compute(item)
         self._files.require_unchanged()
         return None if self._ended else CompletedRun(found, time.monotonic() - began)
 
@@ -265,22 +246,22 @@ class LoggedRuns(ABC):
         """Runs may be made again after they were ended."""
         self._ended = False
 
-    def _take(self, there: RemoteRun) -> None:
+    def _keep(self, remote: RemoteRun) -> None:
         """Keep a run that was made on another machine.
 
         Raises:
             OutputError: it cannot be written.
         """
-        if there.made is None:
+        if remote.run is None:
             return
-        found = there.made.found
+        found = remote.run.found
         if isinstance(found, FailedRun) and found.folder:
             found = replace(found, folder=str(self._folder / Path(found.folder).name))
-        keep_runs(there.files, self._folder)
-        self._log.add(there.item.key, replace(there.made, found=found), there.item.values)
+        keep_runs(remote.left, self._folder)
+        self._log.add(remote.item.key, replace(remote.run, found=found), remote.item.values)
 
 
-def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]:
+def run_maker(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]:
     """In a process far away: what makes a run, and takes what it leaves.
 
     Args:
@@ -291,15 +272,15 @@ def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]
 
     def make(item: RunItem) -> RemoteRun:
         runs.begin_again()
-        made: list[CompletedRun | None] = []
-        with RunsThere(folder, ()) as there:
-            threads = WaitingThreads(1, runs.made, check=STOP.check, end=runs.end)
-            with suppress(Interrupted):
-                made = [answer.value for answer in threads.run([item])]
-        for name in {Path(file).parts[0] for file in there.made.files or {}}:
+        run: CompletedRun | None = None
+        with runs_there(folder) as left, suppress(Interrupted):
+            threads = WaitingThreads(1, runs.completed, check=STOP.check, end=runs.end)
+            (answer,) = threads.run([item])
+            run = answer.value
+        for name in {Path(file).parts[0] for file in left.files}:
             shutil.rmtree(folder / name, ignore_errors=True)
             (folder / name).mkdir(exist_ok=True)  # so that no other run has its name
-        return RemoteRun(item, made[0] if made else None, there.made)
+        return RemoteRun(item, run, left)
 
     return make
 

@@ -49,7 +49,6 @@ from geoident.model.external import (
 )
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
-from geoident.workflow.executing.processes import environment_of_programs
 from geoident.workflow.programs.digest import (
     ModelFiles,
     executable,
@@ -57,12 +56,11 @@ from geoident.workflow.programs.digest import (
     model_files,
     names_of,
 )
+from geoident.workflow.programs.function_process import FunctionProcess
 from geoident.workflow.programs.guard import Readable
-from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, made_there
-from geoident.workflow.programs.run_folders import new_folder
-from geoident.workflow.programs.run_log import RunLog
+from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, run_maker
+from geoident.workflow.programs.run_log import RunLog, new_folder
 from geoident.workflow.programs.trust import Execution, Permission
-from geoident.workflow.programs.worker import Worker
 
 _COARSE = 1e-6
 """Relative size of the last digit from which on a parameter counts as coarsely written."""
@@ -133,7 +131,7 @@ class ProgramRuns(LoggedRuns):
     def __init__(
         self, case: Case, program: ExternalProgram, folder: Path, *, again: bool = False
     ) -> None:
-        self._workers: SimpleQueue[Worker] = SimpleQueue()
+        self._functions: SimpleQueue[FunctionProcess] = SimpleQueue()
         path = executable(program)
         if path is None:
             raise InputError([_no_program(case, program)])
@@ -264,7 +262,7 @@ class ProgramRuns(LoggedRuns):
         named = tuple(file for file in program.inputs if file not in programs)
         return set_up, named, programs
 
-    def found(self, item: RunItem) -> Floats | FailedRun:
+    def compute(self, item: RunItem) -> Floats | FailedRun:
         """Make a run in a folder of its own: readings (n_stages, n_channels).
 
         Raises:
@@ -306,7 +304,7 @@ class ProgramRuns(LoggedRuns):
     def _computed(self, folder: Path) -> str | None:
         """Run the program in a folder; why that failed, or None."""
         limit = self._program.machine.time_limit
-        surroundings = {**environment_of_programs(), "TMPDIR": str(folder.resolve())}
+        surroundings = {**os.environ, "TMPDIR": str(folder.resolve())}
         if self._compiled:  # what was compiled beside a script may be of another
             surroundings["PYTHONPYCACHEPREFIX"] = self._compiled
         with (folder / _STDOUT).open("wb") as out, (folder / _STDERR).open("wb") as err:
@@ -342,10 +340,10 @@ class ProgramRuns(LoggedRuns):
 
     def _called(self, path: str, name: str, folder: str, gauge: str, stage: str) -> Any:
         """What a function that finds a number says, in a process of its own."""
-        worker = Worker() if self._workers.empty() else self._workers.get()
-        limit = self._program.machine.time_limit
-        found = worker.call(path, name, (folder, gauge, stage), self._readable, limit)
-        self._workers.put(worker)
+        free = self._functions
+        process = FunctionProcess(self._program.machine.time_limit) if free.empty() else free.get()
+        found = process.call(path, name, (folder, gauge, stage), self._readable)
+        free.put(process)
         if isinstance(found, FailedRun):
             raise NotFound(found.reason)
         return found
@@ -358,8 +356,8 @@ class ProgramRuns(LoggedRuns):
             _kill(process)
 
     def __del__(self) -> None:
-        while not self._workers.empty():
-            self._workers.get().end()
+        while not self._functions.empty():
+            self._functions.get().end()
 
 
 def set_up_program(
@@ -378,7 +376,7 @@ def set_up_program(
         if Path(path).is_absolute():
             arguments = [one.replace(path, str(Path(here).resolve())) for one in arguments]
     program = replace(program, command=(first, *arguments))
-    return made_there(ProgramRuns(case, program, Path(folder)), Path(folder))
+    return run_maker(ProgramRuns(case, program, Path(folder)), Path(folder))
 
 
 def as_seen_from_here(program: ExternalProgram) -> ExternalProgram:

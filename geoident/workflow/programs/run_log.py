@@ -1,5 +1,7 @@
 """All runs of a case that were ever made, so that none is made again: ``CASE.runs/runs.jsonl``.
 
+Beside it lie the folders of runs, each of which only one run has.
+
 One object of JSON a line, added when its run ends: what was written for it, what it gave or why
 it failed, how long it took. Numbers are there with all their digits. A line that was cut short by
 the end of a process is passed over, and so are runs of another model.
@@ -11,6 +13,7 @@ import json
 import os
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -112,3 +115,40 @@ def _plain(values: Floats) -> Any:
     if values.ndim > 1:
         return [_plain(part) for part in values]
     return [None if np.isnan(value) else float(value) for value in values]
+
+
+_prefix = [""]
+"""What names of folders of runs begin with in this process."""
+
+
+def set_folder_prefix(prefix: str) -> None:
+    """Let names of folders of runs begin with something that no other process has.
+
+    Folders of several machines then lie beside each other in one.
+
+    Args:
+        prefix: of the names.
+    """
+    _prefix[0] = prefix
+
+
+def new_folder(folder: Path) -> Path:
+    """A folder that no other run has, below that of all runs: 00001, 00002, ...
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    prefix = _prefix[0]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        names = [path.name.removeprefix(prefix) for path in folder.iterdir()]
+        number = max((int(name) for name in names if name.isdigit()), default=0) + 1
+        while True:
+            with suppress(FileExistsError):
+                place = folder / f"{prefix}{number:05d}"
+                place.mkdir()
+                return place
+            number += 1
+    except OSError as error:
+        message = f"{folder}: a folder for a run cannot be made: {error.strerror or error}"
+        raise OutputError(message) from error

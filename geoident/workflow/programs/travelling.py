@@ -1,8 +1,8 @@
-"""Runs of models elsewhere on another machine: what is known goes there, what is made comes back.
+"""Cases that are computed on another machine: what is known goes there, what is made comes back.
 
-A run is never made twice: so the log of the runs of a case goes where they are made, and what was
-added to it there comes back, with the folders of runs that are kept. There these have names that no
-other process gives.
+A run of an external model is never made twice: so the log of the runs of a case goes where it is
+computed, and what was added to it there comes back, with the folders of runs that are kept. There
+these have names that no other process gives.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ from __future__ import annotations
 import platform
 import uuid
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self, TypeVar
+from typing import Generic, Self, TypeVar
 
 from geoident.errors import OutputError
 from geoident.workflow.executing.executor import SetUp
-from geoident.workflow.executing.growth import Resumable, add_lines
-from geoident.workflow.programs.run_folders import begin_names
-from geoident.workflow.programs.run_log import FILE
+from geoident.workflow.executing.resumable import Resumable, add_lines, size_of
+from geoident.workflow.programs.run_log import FILE, set_folder_prefix
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -32,7 +31,7 @@ _LEFT_OUT = "left-out.txt"
 """File with the names of files that did not come back."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class RunsMade:
     """Runs that were made on another machine.
 
@@ -42,7 +41,7 @@ class RunsMade:
     """
 
     lines: bytes = b""
-    files: Mapping[str, bytes] | None = None
+    files: dict[str, bytes] = field(default_factory=dict)
 
 
 def log_of(folder: Path) -> Path:
@@ -66,41 +65,37 @@ def begin_there(logs: Mapping[str, bytes]) -> None:
     for path, lines in logs.items():
         add_lines(Path(path), lines)
     host = "".join(c if c.isalnum() else "-" for c in platform.node())
-    begin_names(f"{host or 'elsewhere'}-{uuid.uuid4().hex[:6]}-")
+    set_folder_prefix(f"{host or 'elsewhere'}-{uuid.uuid4().hex[:6]}-")
 
 
-class RunsThere:
-    """The runs of one folder that a task makes there; a context, after which `made` has them.
+def begun_with(logs: Mapping[str, bytes], set_up: SetUp[T, R]) -> Callable[[T], R]:
+    """In a process far away: what answers tasks there, which knows the runs that are known here.
+
+    Args:
+        logs: path of the log of a case to its lines.
+        set_up: gives it.
+    """
+    begin_there(logs)
+    return set_up()
+
+
+@contextmanager
+def runs_there(folder: Path | None) -> Iterator[RunsMade]:
+    """The runs that are made in a folder meanwhile; they are there at the end.
 
     Args:
         folder: of the runs; None for a case that runs nothing.
-        lines: that are known of it elsewhere.
     """
-
-    def __init__(self, folder: Path | None, lines: Iterable[bytes]) -> None:
-        self._folder, self._lines = folder, lines
-        self._before = b""
-        self._there: set[str] = set()
-        self.made = RunsMade()
-
-    def __enter__(self) -> RunsThere:
-        if self._folder is None:
-            return self
-        for lines in self._lines:
-            add_lines(log_of(self._folder), lines)
-        self._before = known_lines(self._folder)
-        self._there = _folders(self._folder)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._folder is None:
-            return
-        lines = known_lines(self._folder).removeprefix(self._before)
-        files: dict[str, bytes] = {}
-        for name in sorted(_folders(self._folder) - self._there):
-            files |= {f"{name}/{file}": content for file, content in
-                      _content(self._folder / name).items()}  # fmt: skip
-        self.made = RunsMade(lines, files)
+    made = RunsMade()
+    if folder is None:
+        yield made
+        return
+    lines, folders = known_lines(folder), _folders(folder)
+    yield made
+    made.lines = known_lines(folder).removeprefix(lines)
+    for name in sorted(_folders(folder) - folders):
+        content = _content(folder / name)
+        made.files |= {f"{name}/{file}": content[file] for file in content}
 
 
 @dataclass(frozen=True)
@@ -120,7 +115,7 @@ class TravellingTask(Resumable):
         """Path of its evaluations."""
 
     @property
-    def growing(self) -> tuple[str, ...]:
+    def journals(self) -> tuple[str, ...]:
         """Its checkpoint, and the log of the runs of its model."""
         return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
 
@@ -130,26 +125,45 @@ class TravellingTask(Resumable):
             return self.resumed({self.checkpoint: Path(self.checkpoint).read_bytes()})
         return self
 
-    def begin(self) -> RunsThere:
-        """Lay out what it goes on from, where it is computed; a context for its runs."""
-        lines = []
+    @contextmanager
+    def begun(self) -> Iterator[RunsMade]:
+        """Lay out what it goes on from, where it is computed; its runs are there at the end.
+
+        A process that was lost over it there may have left a longer checkpoint.
+        """
         for name, content in self.kept.items():
-            if name == self.checkpoint:
+            if name != self.checkpoint:
+                add_lines(Path(name), content)
+            elif size_of(Path(name)) < len(content):
                 Path(name).write_bytes(content)
-            else:
-                lines.append(content)
-        return RunsThere(Path(self.runs) if self.runs else None, lines)
+        with runs_there(Path(self.runs) if self.runs else None) as made:
+            yield made
 
 
-def begun_with(logs: Mapping[str, bytes], set_up: SetUp[T, R]) -> Callable[[T], R]:
-    """In a process far away: what answers tasks there, which knows the runs that are known here.
+@dataclass(frozen=True)
+class TravellingAnswer(Generic[R]):
+    """What has come of a task that computes a case.
 
     Args:
-        logs: path of the log of a case to its lines.
-        set_up: gives it.
+        end: how it ended.
+        files: path to content of what it has written.
+        runs: folder of the runs of its model; empty where that runs nothing.
+        made: runs of its model.
     """
-    begin_there(logs)
-    return set_up()
+
+    end: R
+    files: Mapping[str, bytes]
+    runs: str
+    made: RunsMade
+
+    def keep_runs(self) -> None:
+        """Add the runs that were made there to those that are here.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        if self.runs:
+            keep_runs(self.made, Path(self.runs))
 
 
 def keep_runs(made: RunsMade, folder: Path) -> None:
@@ -163,7 +177,7 @@ def keep_runs(made: RunsMade, folder: Path) -> None:
         OutputError: they cannot be written.
     """
     try:
-        for name, content in (made.files or {}).items():
+        for name, content in made.files.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)

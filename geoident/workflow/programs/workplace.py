@@ -98,6 +98,6 @@ def workplace(given: str | None, jobs: int | None, tell: Callable[[str], None]) 
     if given is None:
         return None
     cluster = cluster_given(given)
-    from geoident.workflow.executing.on_cluster import OnCluster
+    from geoident.workflow.executing.cluster import OnCluster
 
     return OnCluster(cluster, jobs, tell)

@@ -22,7 +22,7 @@ from geoident.workflow.executing.executor import (
     Workplace,
     usable_cores,
 )
-from geoident.workflow.executing.parcel import layout_of, packed, relative
+from geoident.workflow.executing.parcel import packed, relative
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.project.sections import (
     EVALUATE,
@@ -117,14 +117,12 @@ def _on(
     Own fits of sections leave their checkpoints there, in folders that go with the workers.
     """
     files = tuple(dict.fromkeys(path for one in inputs for path in one.files))
-    layout = layout_of(files)
     there = replace(
         sources,
         sections=tuple(replace(one, case=relative(one.case)) for one in sources.sections),
         checkpoint=Path(sources.checkpoint.name),
     )
-    parcel = packed({layout.name(path): Path(path) for path in files}, here=layout.here)
-    return cluster.begin(partial(set_up_sections, there), parcel, check=control.stop.check)
+    return cluster.begin(partial(set_up_sections, there), packed(files), check=control.stop.check)
 
 
 class SectionAnswers:

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Self
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from geoident.identify.problem.ahead import BESIDE, ReadingsAt, prefetching, sta
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.workflow.executing.executor import BegunExecutor, Executor, SetUp, in_order
+from geoident.workflow.executing.executor import BegunExecutor, SetUp, in_order
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
@@ -221,93 +220,39 @@ def _parts(points: Floats, size: int) -> list[Floats]:
     return [points[first : first + size] for first in range(0, len(points), size)]
 
 
-Build = Callable[..., Asked]
-"""Makes the model in another process, from what can be sent there."""
-
-
 BeginWorkers = Callable[[SetUp[Floats, list[Answer]]], BegunExecutor[Floats, list[Answer]]]
 """Begins processes: those of this machine, or on a cluster."""
 
 
 @contextmanager
-def in_processes(
-    begin: BeginWorkers, build: Build, arguments: tuple[object, ...], beside: int
-) -> Iterator[Compute]:
+def in_processes(begin: BeginWorkers, build: Callable[[], Asked], beside: int) -> Iterator[Compute]:
     """A computation in several processes, each with a model of its own.
 
     Args:
         begin: begins them.
         build: makes the model there.
-        arguments: of ``build``.
         beside: how many points that follow each other are one part.
     """
-    with begin(partial(_answering, build, arguments)) as processes:
-        yield lambda points: _answered(processes, _parts(points, beside))
+    with begin(partial(_answering, build)) as processes:
+
+        def compute(points: Floats) -> Iterator[Answer]:
+            for answer in in_order(processes.run(_parts(points, beside))):
+                if answer.value is None:
+                    message = (
+                        "No process computes the model at a parameter vector: the last one {}."
+                    )
+                    last = answer.losses[-1] if answer.losses else "was stopped"
+                    raise ModelError(message.format(last))
+                yield from answer.value
+
+        yield compute
 
 
-def _answering(build: Build, arguments: tuple[object, ...]) -> Callable[[Floats], list[Answer]]:
-    asked = build(*arguments)
+def _answering(build: Callable[[], Asked]) -> Callable[[Floats], list[Answer]]:
+    asked = build()
 
     def answer(part: Floats) -> list[Answer]:
         with one_thread():
             return list(asked.answers(part))
 
     return answer
-
-
-def _answered(
-    processes: Executor[Floats, list[Answer]], parts: Sequence[Floats]
-) -> Iterator[Answer]:
-    for found in in_order(processes.run(parts)):
-        if found.value is None:
-            message = "No process computes the model at a parameter vector: the last one {}."
-            raise ModelError(message.format(found.losses[-1] if found.losses else "was stopped"))
-        yield from found.value
-
-
-class WhereTimeIsSaved:
-    """A computation in this process until it takes long, then in several; a context.
-
-    Args:
-        asked: the model in this process.
-        processes: begins the computation in several.
-        worth: seconds from which on several processes save time.
-    """
-
-    def __init__(
-        self, asked: Asked, processes: Callable[[], AbstractContextManager[Compute]], worth: float
-    ) -> None:
-        self._asked, self._processes, self._worth = asked, processes, worth
-        self._held = ExitStack()
-        self._elsewhere: Compute | None = None
-        self._spent, self._count = 0.0, 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._held.close()
-
-    def __call__(self, points: Floats) -> Iterator[Answer]:
-        """Answers at p (k, n), SI, in their order."""
-        size = self._asked.beside
-        for first in range(0, len(points), size):
-            if self._elsewhere is None and self._takes_long(len(points) - first):
-                self._elsewhere = self._held.enter_context(self._processes())
-            if self._elsewhere is not None:
-                yield from self._elsewhere(points[first:])
-                return
-            yield from self._here(points[first : first + size])
-
-    def _here(self, part: Floats) -> Iterator[Answer]:
-        began = time.perf_counter()
-        for answer in self._asked.answers(part):
-            self._spent += time.perf_counter() - began
-            self._count += 1
-            yield answer
-            began = time.perf_counter()
-
-    def _takes_long(self, left: int) -> bool:
-        """Several processes save time: it has taken so long, or so many points are going to."""
-        expected = left * self._spent / max(self._count, 1)
-        return max(self._spent, expected) >= self._worth

@@ -45,18 +45,14 @@ from geoident.model.response import (
 )
 from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
-from geoident.workflow.executing.looking_ahead import (
-    EvaluationArrays,
-    Prefetched,
-    Recording,
-    ResponseBeside,
-)
 from geoident.workflow.running.evaluation_log import (
+    EvaluationArrays,
     Log,
     activity_arrays,
     activity_from_arrays,
     evaluation_arrays,
 )
+from geoident.workflow.running.prefetching import Prefetched, Recording, ResponseBeside
 
 EXACT = 1e-6
 """Error in energy, relative, up to which the surrogate stands for the model where the model is
@@ -328,9 +324,12 @@ class CachedResponse:
             self._no_solution[kind, p.tobytes()] = error
         self._spent = self._spent + recording.spent
 
-    def has_answer(self, kind: str, p: Floats) -> bool:
-        """Whether the answer at p (n,) is in the log, or known to be none."""
-        return (kind, p.tobytes()) in self._no_solution or self._log.find(kind, p) is not None
+    def has_readings(self, p: Floats) -> bool:
+        """Whether the readings at p (n,) are in the log, or known to be none."""
+        return any(
+            (kind, p.tobytes()) in self._no_solution or self._log.find(kind, p) is not None
+            for kind in ("readings", "evaluate")
+        )
 
     def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """The answer at p (n,) if it is in the log.

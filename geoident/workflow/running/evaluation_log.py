@@ -11,7 +11,9 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats
 from geoident.model.response import Evaluation
 from geoident.model.yielding import Activity
-from geoident.workflow.executing.looking_ahead import EvaluationArrays
+
+EvaluationArrays = Mapping[str, Floats]
+"""What an evaluation has computed, by name."""
 
 
 class Log(Protocol):

@@ -29,7 +29,7 @@ from geoident.workflow.running.answers import readable
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import NO_READINGS, Inputs
-from geoident.workflow.running.reduced_answers import CLOSE, MARCHES, reduced_around
+from geoident.workflow.running.reduced_answers import CLOSE, MOST_ANALYSES, reduced_around
 from geoident.workflow.running.result_files import case_path
 
 _UNSEEN = frozenset({"title", "report", "fit", "readings", "parameters", "gauges"})
@@ -100,7 +100,7 @@ def made_to_keep(
     response = model.response(pairs)
     assert isinstance(response, ReducibleResponse)
     training = spread_around(table, case.parameters)
-    reduced = reduced_around(response, table.values, training, MARCHES, also=others)
+    reduced = reduced_around(response, table.values, training, MOST_ANALYSES, also=others)
     if reduced is None:
         why = "no time was left to make it" if control.over() else "the model has no solution near"
         return NONE.format(response.surrogate_obstacle() or why)

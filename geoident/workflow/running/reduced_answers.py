@@ -22,7 +22,7 @@ from geoident.workflow.running.answers import Answer, Asked, Compute
 CLOSE = 0.02
 """Part of the accuracy of a reading by which the reduced model may be off."""
 
-MARCHES = 8
+MOST_ANALYSES = 8
 """Analyses of which the reduced model is made at most."""
 
 MADE = "a reduced model"
@@ -38,7 +38,7 @@ def reduced_around(
     response: ReducibleResponse,
     centre: Floats,
     training: Floats,
-    analyses: int = MARCHES,
+    analyses: int = MOST_ANALYSES,
     also: Sequence[Floats] = (),
 ) -> ReducedResponse | None:
     """The reduced model of a response for many readings; None where there is none.
@@ -57,7 +57,7 @@ def reduced_around(
 
 
 @dataclass
-class LedByReduced:
+class ByReducedModel:
     """What is answered by a reduced model where that is close enough, by the model elsewhere.
 
     Args:
@@ -92,7 +92,7 @@ class LedByReduced:
 
 
 @dataclass
-class ReducedAnswers(LedByReduced):
+class ReducedAnswers(ByReducedModel):
     """Answers whose readings all are close enough.
 
     Args:

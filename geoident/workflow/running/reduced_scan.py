@@ -30,7 +30,7 @@ from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.workflow.running.evaluation_log import Log
-from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
+from geoident.workflow.running.reduced_answers import ByReducedModel, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -38,7 +38,7 @@ NEAR = 0.001
 LEAST = 0.01
 """Error of the discrepancy that does not matter."""
 
-MARCHES_OF_GRID = 10
+MOST_ANALYSES_OF_GRID = 10
 """Analyses of which the reduced model of a grid is made at most: grids are wide."""
 
 _WORTH = 10
@@ -58,7 +58,7 @@ _REDUCED = "reduced model"
 
 
 @dataclass
-class LedReadings(LedByReduced):
+class ReadingsByReduced(ByReducedModel):
     """A response whose readings (g,) are those of a reduced model where the discrepancy is right.
 
     Args:
@@ -179,9 +179,9 @@ def with_reduced_readings(
     axes = grid_axes(problem.parameters, options)
     count = math.prod(len(axis) for axis in axes.values())
     training = _training(problem, response, axes)
-    worth = count >= _WORTH * MARCHES_OF_GRID and isinstance(response, ReducibleResponse)
+    worth = count >= _WORTH * MOST_ANALYSES_OF_GRID and isinstance(response, ReducibleResponse)
     if kept is not None:
-        led = LedReadings(kept, problem.response, Discrepancy(problem), NO_COST, whose=KEPT)
+        led = ReadingsByReduced(kept, problem.response, Discrepancy(problem), NO_COST, whose=KEPT)
         if not worth or led.part_close(training) >= _MOST:
             return replace(problem, response=led)
     if not worth or not isinstance(response, ReducibleResponse):
@@ -192,14 +192,14 @@ def with_reduced_readings(
     known = None if beside is None else beside.find(centre)
     if known is None:
         before = response.counts
-        reduced = reduced_around(response, centre, training, MARCHES_OF_GRID)
+        reduced = reduced_around(response, centre, training, MOST_ANALYSES_OF_GRID)
         if reduced is None:
             return problem
         after = response.counts
         known = reduced, replace(after - before, analyses=after.analyses)
         if beside is not None:
             known = beside.add(centre, *known, response)
-    led = LedReadings(known[0], problem.response, Discrepancy(problem), known[1])
+    led = ReadingsByReduced(known[0], problem.response, Discrepancy(problem), known[1])
     return replace(problem, response=led)
 
 

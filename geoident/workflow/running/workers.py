@@ -9,10 +9,11 @@ counts and its checkpoint are those of a run without processes.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
+from math import inf
 from types import TracebackType
 from typing import Self
 
@@ -27,24 +28,22 @@ from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.results.summary import CostEstimate
 from geoident.workflow.executing.executor import (
     Answered,
     BegunExecutor,
-    RemoteExecutor,
-    Workplace,
     usable_cores,
 )
-from geoident.workflow.executing.looking_ahead import Recording
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.executing.worker import STOP
+from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.cost import estimate_cost
+from geoident.workflow.running.prefetching import Recording
 
 WORTH = 10.0
-"""Seconds that parts of a search must take together, as far as they can be told, until processes
-are started for them without being asked for: each takes a second or two to begin."""
+"""Seconds that evaluations must take together, by an estimate, for processes to be started for them
+that nobody has asked for: each takes a second or two to begin."""
 
 _DESCENT = 6
 """Evaluations of a part that is no list of points, about."""
@@ -155,8 +154,7 @@ class ModelWorkers:
         self, parts: ModelParts, jobs: int | None, control: Control, model: ObservedModel
     ) -> None:
         self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
-        self._processes: BegunExecutor[SearchPartTask, Recording] | None = None
-        self._remote: RemoteExecutor[SearchPartTask, Recording] | None = None
+        self._executor: BegunExecutor[SearchPartTask, Recording] | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -167,9 +165,9 @@ class ModelWorkers:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        processes, self._processes, self._remote = self._processes, None, None
-        if processes is not None:
-            processes.__exit__(kind, error, trace)
+        executor, self._executor = self._executor, None
+        if executor is not None:
+            executor.__exit__(kind, error, trace)
 
     def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
         """How many processes work on parts of a search; 1 for this one alone.
@@ -178,27 +176,18 @@ class ModelWorkers:
             tasks: the parts; none for as many as there may be.
         """
         if self._control.cluster is not None:  # begun with the first parts, not by this question
-            return max(_AT_LEAST, 0 if self._remote is None else self._remote.workers)
+            return max(_AT_LEAST, 0 if self._executor is None else self._executor.workers)
         if self._jobs is not None:
             return self._jobs
-        if tasks and sum(map(_evaluations, tasks)) * self._each[0] < WORTH:
-            return 1
-        return max(1, min(usable_cores(), self._each[1]))
-
-    @cached_property
-    def _each(self) -> tuple[float, int]:
-        """Seconds of an evaluation, about, and how many the memory is enough for."""
-        if not isinstance(self._model, StagedModel):
-            return 0.0, 1
-        cost = estimate_cost(self._model, solver=self._parts.solver, rough=True)
-        return cost.seconds, _fitting(cost)
+        evaluations = sum(map(_evaluations, tasks)) if tasks else inf
+        return worthwhile_processes(self._model, self._parts.solver, evaluations)
 
     def evaluate_ahead(
         self,
         tasks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
-    ) -> Iterator[Answered[Recording]]:
+    ) -> Generator[Answered[Recording], None, None]:
         """What parts of a search have evaluated, as it comes, in any order.
 
         Args:
@@ -210,26 +199,14 @@ class ModelWorkers:
         sent = (
             SearchPartTask(task, tuple(pairs), tuple(times), control.remaining()) for task in tasks
         )
-        processes = self._ready(tasks)
-        with control.stop.heard_by(processes.ask_to_stop):
-            yield from processes.run(sent)
-
-    def _ready(self, tasks: Sequence[SearchTask]) -> BegunExecutor[SearchPartTask, Recording]:
-        """The processes that are there, or are begun for some parts."""
-        cluster = self._control.cluster
-        if cluster is not None:
-            return self._there(cluster)
-        if self._processes is None:
-            jobs = self.at_once(tasks)
-            self._processes = LocalProcesses(jobs, partial(task_runner, self._parts)).__enter__()
-        return self._processes
-
-    def _there(self, cluster: Workplace) -> RemoteExecutor[SearchPartTask, Recording]:
-        """Those of a cluster."""
-        if self._remote is None:
-            self._remote = cluster.begin(partial(task_runner, self._parts)).__enter__()
-            self._processes = self._remote
-        return self._remote
+        if self._executor is None:
+            set_up = partial(task_runner, self._parts)
+            if control.cluster is not None:
+                self._executor = control.cluster.begin(set_up).__enter__()
+            else:
+                self._executor = LocalProcesses(self.at_once(tasks), set_up).__enter__()
+        with control.stop.heard_by(self._executor.ask_to_stop):
+            yield from self._executor.run(sent)
 
     def check(self) -> None:
         """Stop here if a stop was wished.
@@ -245,18 +222,20 @@ class ModelWorkers:
         return self._control.stop.exit_code is not None
 
 
-def as_many_as_fit(model: ObservedModel, solver: str) -> int:
-    """How many processes may have a model, for the cores and the memory that there are.
+def worthwhile_processes(model: ObservedModel, solver: str, evaluations: float) -> int:
+    """How many processes save time, for the cores and the memory that there are.
 
     Args:
-        model: of a case; one that runs programs shares them out itself.
+        model: of a case.
         solver: name of the sparse solver, or ``auto``.
+        evaluations: that there will be, about.
     """
-    if isinstance(model, StagedModel):
-        return max(
-            1, min(usable_cores(), _fitting(estimate_cost(model, solver=solver, rough=True)))
-        )
-    return usable_cores() if isinstance(model, OpeningModel) else 1
+    if not isinstance(model, StagedModel):
+        return 1
+    cost = estimate_cost(model, solver=solver, rough=True)
+    if evaluations * cost.seconds < WORTH:
+        return 1
+    return max(1, min(usable_cores(), int(_MEMORY * _memory() / cost.memory)))
 
 
 def runs_on_cluster(model: ObservedModel, control: Control) -> AbstractContextManager[None]:
@@ -266,16 +245,10 @@ def runs_on_cluster(model: ObservedModel, control: Control) -> AbstractContextMa
         model: of a case.
         control: of the command.
     """
-    if control.cluster is None or not isinstance(model, ProgramModel):
+    runs = model.runs if isinstance(model, ProgramModel) else None
+    if control.cluster is None or not isinstance(runs, LoggedRuns):
         return nullcontext()
-    from geoident.workflow.programs.logged_runs import LoggedRuns  # noqa: PLC0415 - there alone
-
-    runs = model.runs
-    return runs.on(control.cluster, control.stop) if isinstance(runs, LoggedRuns) else nullcontext()
-
-
-def _fitting(cost: CostEstimate) -> int:
-    return int(_MEMORY * _memory() / cost.memory)
+    return runs.on_cluster(control.cluster, control.stop)
 
 
 def _evaluations(task: SearchTask) -> int:

@@ -30,11 +30,10 @@ from geoident.workflow.estimating.estimate import Estimate, assess_fit, predicte
 from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup
-from geoident.workflow.executing.looking_ahead import EvaluationArrays
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, carry_over
+from geoident.workflow.running.evaluation_log import EvaluationArrays, Log, carry_over
 from geoident.workflow.running.readings import (
     errors_of_used,
     reading_table,

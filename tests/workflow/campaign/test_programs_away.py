@@ -110,7 +110,7 @@ def ends_there(permitted):
     """How the runs of the campaign end in a process elsewhere."""
     plan = plan_campaign("campaign.yaml", output="out")
     make = tasks(plan.campaign, Path("out"), fresh=False, permitted=permitted)
-    return [compute_away(_sent(make(run), "case.runs")).record for run in plan.runs]
+    return [compute_away(_sent(make(run), "case.runs")).end for run in plan.runs]
 
 
 def test_nothing_is_run_there_that_nobody_has_permitted(here):
@@ -130,7 +130,7 @@ def test_nothing_is_run_there_that_nobody_has_permitted(here):
 
 @pytest.mark.slow  # test_cluster.py asks the same of lines in a file
 def test_what_a_lost_process_has_run_is_not_run_again(here, cluster, monkeypatch):
-    monkeypatch.setattr(DaskCluster, "keep_every", 0.2)
+    monkeypatch.setattr(DaskCluster, "journals_every", 0.2)
     ends = f"""
     import os, time
     from pathlib import Path
@@ -154,7 +154,7 @@ def test_what_a_lost_process_has_run_is_not_run_again(here, cluster, monkeypatch
     assert len(made) <= (here / "count").stat().st_size <= len(made) + 1
 
 
-def test_what_grows_is_what_a_run_writes(here):
+def test_the_journal_of_a_run_is_what_it_writes(here):
     for path in OPENING.iterdir():
         shutil.copy(path, here)
     write("fit", "parameters.E_rock.start: [3 GPa]")
@@ -164,7 +164,7 @@ def test_what_grows_is_what_a_run_writes(here):
     (task,) = map(tasks(plan.campaign, Path("out"), fresh=False), plan.runs)
     away = _sent(task, "")
     end = compute_away(away)
-    assert away.growing == (away.checkpoint,)
+    assert away.journals == (away.checkpoint,)
     assert Path(away.checkpoint).name in end.files
 
 

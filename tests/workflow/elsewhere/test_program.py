@@ -13,7 +13,7 @@ from support.external import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_ca
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.io.result.file import read_result
 from geoident.workflow.fit import fit
-from geoident.workflow.programs.run_folders import new_folder
+from geoident.workflow.programs.run_log import new_folder
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
 

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 
 import dask
@@ -23,17 +22,11 @@ from geoident.workflow.executing import connection
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import in_order
 from geoident.workflow.executing.parcel import packed
-from tests.support.cluster_tasks import (
-    Lines,
-    lines_in,
-    obedient_in,
-    reader_in,
-    squares_in,
-    worker_killer_in,
-)
+from tests.support.cluster_tasks import Lines, lines, reader, worker_killer
 from tests.support.real_cluster import MARK, ROOT, RealCluster, free_port, runs, wait_until
+from tests.support.tasks import obedient, squares
 
-NOTHING = packed({})
+NOTHING = packed()
 KILLS = [3, 30]
 
 
@@ -45,13 +38,14 @@ def answers(executor, tasks):
     return list(in_order(executor.run(tasks)))
 
 
-def test_files_travel_once_to_each_worker_and_answers_come_back(cluster, tmp_path):
+def test_files_travel_to_each_worker_and_answers_come_back(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "deep").mkdir()
     for name, text in (("a", "one"), ("b", "two"), ("c", "one")):
-        (tmp_path / name).write_text(text)
-    parcel = packed({f"deep/{name}": tmp_path / name for name in "abc"})
-    assert parcel.size == 6  # two files of one content
+        (tmp_path / "deep" / name).write_text(text)
+    parcel = packed([f"deep/{name}" for name in "abc"])
     said = []
-    with DaskCluster(at(cluster), reader_in, parcel, tell=said.append) as executor:
+    with DaskCluster(at(cluster), reader, parcel, tell=said.append) as executor:
         found = answers(executor, [f"deep/{name}" for name in "abcabcabcabc"])
         folders = {answer.value[1] for answer in found}
         assert all(os.path.isdir(folder) for folder in folders)  # noqa: PTH112
@@ -64,9 +58,9 @@ def test_files_travel_once_to_each_worker_and_answers_come_back(cluster, tmp_pat
 def test_what_kills_its_process_hangs_or_raises_is_told_apart(cluster, tmp_path):
     words = ["fine", "die", "die once", "hang"]
     *tasks, hanging = [(word, str(tmp_path / word.replace(" ", "-"))) for word in words]
-    with DaskCluster(at(cluster), obedient_in, NOTHING, time_limit=0.5, retries=1) as executor:
+    with DaskCluster(at(cluster), obedient, NOTHING, time_limit=0.5, retries=1) as executor:
         (hung,) = answers(executor, [hanging])
-    with DaskCluster(at(cluster), obedient_in, NOTHING, retries=1) as executor:
+    with DaskCluster(at(cluster), obedient, NOTHING, retries=1) as executor:
         fine, dead, once = answers(executor, tasks)
         with pytest.raises(ZeroDivisionError, match="nobody thought"):
             answers(executor, [("raise", str(tmp_path / "raise"))])
@@ -79,7 +73,7 @@ def test_what_kills_its_process_hangs_or_raises_is_told_apart(cluster, tmp_path)
 
 def test_a_task_that_kills_two_workers_of_dask_is_set_aside_and_others_go_on(cluster, tmp_path):
     tasks = [("kill the worker", str(tmp_path / "a")), ("fine", str(tmp_path / "b"))]
-    with DaskCluster(at(cluster), worker_killer_in, NOTHING, retries=1) as executor:
+    with DaskCluster(at(cluster), worker_killer, NOTHING, retries=1) as executor:
         killer, fine = answers(executor, tasks)
     assert fine.value == "fine"
     assert killer.set_aside
@@ -92,9 +86,9 @@ def test_what_a_lost_worker_has_computed_comes_back_and_is_gone_on_from(
     cluster, tmp_path, monkeypatch, whom
 ):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(DaskCluster, "keep_every", 0.1)
+    monkeypatch.setattr(DaskCluster, "journals_every", 0.1)
     task = Lines({}, "lines.txt", str(tmp_path / "mark"), whom)
-    with DaskCluster(at(cluster), lines_in, NOTHING) as executor:
+    with DaskCluster(at(cluster), lines, NOTHING) as executor:
         (found,) = answers(executor, [task])
     assert found.value == (11, "".join(f"{n}\n" for n in range(12)))
     assert len(found.losses) == 1
@@ -102,10 +96,10 @@ def test_what_a_lost_worker_has_computed_comes_back_and_is_gone_on_from(
 
 
 def test_a_program_that_workers_lack_is_said_before_anything_is_computed(cluster):
-    parcel = packed({}, programs=("no-such-program",))
+    parcel = packed(programs=("no-such-program",))
     with (
         pytest.raises(InputError, match="has no program 'no-such-program'") as caught,
-        DaskCluster(at(cluster), squares_in, parcel) as executor,
+        DaskCluster(at(cluster), squares, parcel) as executor,
     ):
         answers(executor, range(3))
     assert "search path (PATH) of the workers" in str(caught.value)
@@ -129,21 +123,21 @@ def test_a_cluster_file_with_certificates_reaches_a_scheduler_that_asks_for_them
             )
             return read_cluster(str(tmp_path / "cluster.yaml"))
 
-        with DaskCluster(written("own"), squares_in, NOTHING) as executor:
+        with DaskCluster(written("own"), squares, NOTHING) as executor:
             assert executor._link.client.scheduler.address.startswith("tls://")
         own = str(tmp_path / "own")
         told = {"ca-file": f"{own}.pem", "client.cert": f"{own}.pem", "client.key": f"{own}.key"}
         told = {f"distributed.comm.tls.{name}": path for name, path in told.items()}
         with (
             dask.config.set(told),  # as DASK_DISTRIBUTED__COMM__TLS__CA_FILE does, and so on
-            DaskCluster(at(cluster), squares_in, NOTHING) as executor,
+            DaskCluster(at(cluster), squares, NOTHING) as executor,
         ):
             assert executor._link.client.scheduler.address.startswith("tls://")
         for where, said in (
             (written("other"), "no scheduler of dask answers at tls://"),
             (at(cluster), "needs certificates, and none are given"),
         ):
-            with pytest.raises(InputError, match=said), DaskCluster(where, squares_in, NOTHING):
+            with pytest.raises(InputError, match=said), DaskCluster(where, squares, NOTHING):
                 pass
 
 
@@ -185,7 +179,7 @@ def test_no_task_is_lost_when_workers_and_nodes_are_killed_at_random(cluster, ki
             number += 1
 
     with (
-        DaskCluster(at(cluster), squares_in, NOTHING, retries=1000) as executor,
+        DaskCluster(at(cluster), squares, NOTHING, retries=1000) as executor,
         killed_meanwhile(cluster, kills) as dead,
     ):
         found = answers(executor, tasks())
@@ -193,40 +187,9 @@ def test_no_task_is_lost_when_workers_and_nodes_are_killed_at_random(cluster, ki
     assert [answer.value[0] for answer in found] == [n * n for n in range(len(found))]
 
 
-class _Forgotten:
-    """A future whose answer went with its worker between its word that it is done and the fetch."""
-
-    def __init__(self, status):
-        self.status = status
-
-    def exception(self, timeout):
-        return None
-
-    def result(self, timeout):
-        raise CancelledError
-
-
-def test_an_answer_that_is_lost_before_it_is_fetched_is_asked_for_again(cluster, monkeypatch):
-    """Whatever has become of its future; each task is forgotten once."""
-    ended, forgotten = DaskCluster._ended, []
-    states = ["lost", "pending", "error", "finished"]
-
-    def forgetful(self, sent, again, answer):
-        if states and sent.number not in forgotten:
-            forgotten.append(sent.number)
-            sent.future, answer = _Forgotten(states.pop()), None
-        return ended(self, sent, again, answer)
-
-    monkeypatch.setattr(DaskCluster, "_ended", forgetful)
-    with DaskCluster(at(cluster), squares_in, NOTHING) as executor:
-        found = answers(executor, range(5))
-    assert len(forgotten) == 4
-    assert [answer.value[0] for answer in found] == [n * n for n in range(5)]
-
-
 def test_a_stop_lets_tasks_end_and_begins_no_more(cluster, tmp_path):
     tasks = [("wait for the wish", str(tmp_path / str(n))) for n in range(20)]
-    with DaskCluster(at(cluster), obedient_in, NOTHING) as executor:
+    with DaskCluster(at(cluster), obedient, NOTHING) as executor:
         timer = threading.Thread(target=_stop_when_begun, args=(executor, tmp_path))
         timer.start()
         found = answers(executor, tasks)
@@ -246,10 +209,10 @@ from geoident.model.cluster import Cluster
 from geoident.workflow.executing import connection
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.parcel import packed
-from tests.support.cluster_tasks import obedient_in
+from tests.support.tasks import obedient
 if __name__ == "__main__":
     where = Cluster(address={address!r})
-    with DaskCluster(where, obedient_in, packed({{}}), jobs=1) as executor:
+    with DaskCluster(where, obedient, packed(), jobs=1) as executor:
         list(executor.run([("hang", {file!r})]))
 """
 
@@ -270,13 +233,13 @@ def test_tasks_end_with_a_client_that_is_killed(cluster, tmp_path, local):
     wait_until(lambda: not runs(pid))
 
 
-@pytest.mark.slow  # what is done then: test_connection.py
+@pytest.mark.slow  # a scheduler and its workers begin three times
 def test_a_scheduler_that_is_killed_and_started_again_is_gone_on_with(tmp_path):
     said = []
     with RealCluster(tmp_path) as cluster:
         cluster.add_node("--no-nanny")
         where = at(cluster, patience=60.0)
-        with DaskCluster(where, squares_in, NOTHING, tell=said.append) as executor:
+        with DaskCluster(where, squares, NOTHING, tell=said.append) as executor:
             coming = executor.run(range(60))
             found = [next(coming) for _ in range(5)]
             cluster.kill_scheduler()
@@ -313,22 +276,22 @@ def test_who_does_not_answer_leaves_no_socket_open(monkeypatch):
 
     monkeypatch.setattr(TCPClient, "_create_stream", busy)
     with somebody_else() as port, pytest.raises(TimeoutError):
-        connection._ask(f"tcp://127.0.0.1:{port}", None, 0.02)
+        connection._answers(f"tcp://127.0.0.1:{port}", None, 0.02)
     assert streams
     assert all(stream.closed() for stream in streams)
 
 
 @pytest.mark.parametrize("silent", [False, True], ids=["nobody", "somebody else"])
 def test_a_cluster_that_is_not_there_is_said_within_ten_seconds(silent, monkeypatch):
-    assert connection._REACH < 10.0
-    monkeypatch.setattr(connection, "_REACH", 1.0)  # dask itself waits for half a minute, or ever
+    assert connection.REACH < 10.0
+    monkeypatch.setattr(connection, "REACH", 1.0)  # dask itself waits for half a minute, or ever
     with somebody_else() as port:
         address = f"tcp://127.0.0.1:{port if silent else free_port()}"
         with (
             pytest.raises(
                 InputError, match=r"no scheduler of dask answers .* within 1 s"
             ) as caught,
-            DaskCluster(Cluster(address=address), squares_in, NOTHING),
+            DaskCluster(Cluster(address=address), squares, NOTHING),
         ):
             pass
     assert address in str(caught.value)
@@ -341,9 +304,9 @@ def test_a_worker_with_other_versions_is_refused_whenever_it_comes(tmp_path):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
     said = r"worker tcp://127.0.0.1.* has other versions: numpy 0\.1 \(here"
     with RealCluster(tmp_path / "workers") as cluster:
-        with DaskCluster(at(cluster), squares_in, NOTHING) as executor:  # nobody is there yet
+        with DaskCluster(at(cluster), squares, NOTHING) as executor:  # nobody is there yet
             cluster.add_node("--no-nanny", path=str(tmp_path / "path"))
             with pytest.raises(InputError, match=said):
                 list(executor.run(range(3)))
         with pytest.raises(InputError, match=said):
-            DaskCluster(at(cluster), squares_in, NOTHING).__enter__()
+            DaskCluster(at(cluster), squares, NOTHING).__enter__()

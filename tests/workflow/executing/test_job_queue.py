@@ -11,7 +11,7 @@ from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import in_order
 from geoident.workflow.executing.job_queue import job_script
 from geoident.workflow.executing.parcel import packed
-from tests.support.cluster_tasks import squares_in
+from tests.support.tasks import squares
 
 COMMON = {"cores": 4, "processes": 4, "memory": "8 GB", "interface": "lo"}
 SCRIPTS = {
@@ -80,7 +80,7 @@ def queue(tmp_path, monkeypatch):
 def test_tasks_are_computed_by_jobs(queue):
     said = []
     slurm = Cluster(queue="slurm", options=COMMON | {"cores": 1, "processes": 1})
-    with DaskCluster(slurm, squares_in, packed({}), tell=said.append) as executor:
+    with DaskCluster(slurm, squares, packed(), tell=said.append) as executor:
         found = list(in_order(executor.run(range(10))))
     assert [answer.value[0] for answer in found] == [n * n for n in range(10)]
     assert said[0] == "Waiting for the jobs of slurm to start."
@@ -91,7 +91,7 @@ def test_what_a_queue_system_refuses_is_said(queue):
     place = Location("c.yaml", 2, 8)
     with (
         pytest.raises(InputError, match="sbatch: error: invalid partition") as caught,
-        DaskCluster(Cluster(queue="slurm", options=COMMON, place=place), squares_in, packed({})),
+        DaskCluster(Cluster(queue="slurm", options=COMMON, place=place), squares, packed()),
     ):
         pass
     assert "c.yaml:2:8" in str(caught.value)

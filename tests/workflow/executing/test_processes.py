@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from geoident.workflow.executing import processes as own
+from geoident.workflow.executing import environment as own
+from geoident.workflow.executing.environment import share_of_cores
 from geoident.workflow.executing.executor import in_order, usable_cores
-from geoident.workflow.executing.processes import LocalProcesses, cores_shared
+from geoident.workflow.executing.processes import LocalProcesses
 from tests.support.real_cluster import runs, wait_until
 from tests.support.tasks import broken, dying, findable, obedient, squares
 
@@ -195,11 +196,8 @@ def test_each_process_has_its_share_of_the_cores_or_what_is_said(monkeypatch, om
     if omp:
         monkeypatch.setenv("OMP_NUM_THREADS", omp)
     monkeypatch.setattr(own, "usable_cores", lambda: 8)
-    with cores_shared(2):
-        inside = [os.environ[name] for name in names]
-    assert inside == [omp or "4"] * 3 + ["4"]
-    assert os.environ.get("OMP_NUM_THREADS") == omp
-    assert not any(name in os.environ for name in names[1:])
+    found = share_of_cores(2)
+    assert [found[name] for name in names] == [omp or "4"] * 3 + ["4"]
 
 
 def test_a_share_of_the_cores_is_all_that_may_be_used(monkeypatch):

@@ -21,12 +21,12 @@ from geoident.identify.problem.problem import Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.parameter import Parameter
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.executing.looking_ahead import Recording, ResponseBeside
 from geoident.workflow.fit import fit
 from geoident.workflow.running import workers
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
+from geoident.workflow.running.prefetching import Recording, ResponseBeside
 from geoident.workflow.scan import scan
 from tests.support.plastic_bars import Frame, PlasticBars
 from tests.support.trench import write_case, write_yielding_case

@@ -1,4 +1,4 @@
-"""A response whose answers other processes may know before they are asked for (`ahead`).
+"""Parts of a search that other processes evaluate before the search asks for them (`ahead`).
 
 What they have evaluated goes into the log of the response, as if it had been computed here. The
 search asks in its own order, and waits where the part whose turn it is has not come back.
@@ -6,17 +6,22 @@ search asks in its own order, and waits where the part whose turn it is has not 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.arrays import Floats
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.executing.executor import Answered
+from geoident.workflow.running.evaluation_log import EvaluationArrays
 
-EvaluationArrays = Mapping[str, Floats]
+if TYPE_CHECKING:
+    from geoident.workflow.running.cached_response import CachedResponse
+    from geoident.workflow.running.workers import ModelWorkers
 
 
 @dataclass
@@ -51,28 +56,6 @@ class Recording:
         self.evaluations.append((kind, p.copy(), dict(arrays)))
 
 
-class Beside(Protocol):
-    """Processes that work on parts of a search: `running.workers.ModelWorkers`, or a toy."""
-
-    def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
-        """How many work on parts of a search; 1 for this one alone."""
-
-    def evaluate_ahead(
-        self,
-        tasks: Sequence[SearchTask],
-        pairs: Sequence[tuple[str, str]],
-        times: Sequence[float | None],
-    ) -> Iterator[Answered[Recording]]:
-        """What parts of a search have evaluated, as it comes, in any order."""
-
-    def check(self) -> None:
-        """Raise `Interrupted` if a stop was wished."""
-
-    @property
-    def stopping(self) -> bool:
-        """Whether a stop was wished."""
-
-
 @dataclass(frozen=True)
 class ResponseBeside:
     """Where else a response is computed.
@@ -83,22 +66,9 @@ class ResponseBeside:
         times: when each was read.
     """
 
-    processes: Beside
+    processes: ModelWorkers
     pairs: Sequence[tuple[str, str]]
     times: Sequence[float | None]
-
-
-class Keeps(Protocol):
-    """A response that keeps what it was told."""
-
-    def merge(self, recording: Recording) -> None:
-        """Keep what another process has evaluated."""
-
-    def has_answer(self, kind: str, p: Floats) -> bool:
-        """Whether the answer at p (n,) is kept, or known to be none."""
-
-    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        """The answer at p (n,) if it is kept; raises `ModelError` where there is none."""
 
 
 class Prefetched:
@@ -116,13 +86,15 @@ class Prefetched:
         turn: number of the part whose turn it is.
     """
 
-    def __init__(self, response: Keeps, where: ResponseBeside, tasks: Sequence[SearchTask]) -> None:
+    def __init__(
+        self, response: CachedResponse, where: ResponseBeside, tasks: Sequence[SearchTask]
+    ) -> None:
         self.turn = 0
         self._response, self._where, self._tasks = response, where, tasks
         self._sent: list[int] = []
-        self._answers: Iterator[Answered[Recording]] | None = None
+        self._waited: set[int] = set()
         self._lost: dict[int, str] = {}
-        self._done: set[int] = set()
+        self._answers: Generator[Answered[Recording], None, None] | None = None
 
     def known(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """The answer at p (n,), once the part whose turn it is has come back.
@@ -132,55 +104,45 @@ class Prefetched:
             Interrupted: a stop was asked for.
         """
         if self._answers is None:
-            self._begin()
-        while self.turn in self._sent and self.turn not in self._done:
-            if not self._one_more():
-                break
+            self._answers = self._begun()
+        while self.turn in self._waited and self._take_next(self._answers):
             self._where.processes.check()
-        found = self._response.logged(kind, p)
-        if found is None and self.turn in self._lost:
+        answer = self._response.logged(kind, p)
+        if answer is None and self.turn in self._lost:
             message = "No process computes the model at a parameter vector: the last one {}."
             raise ModelError(message.format(self._lost[self.turn]))
-        return found
+        return answer
 
     def end(self) -> None:
         """What runs is of no use any more; where a stop was asked for, what it has found is."""
-        if self._answers is None:
-            return
-        while self._where.processes.stopping and self._one_more():
-            pass
-        closed = getattr(self._answers, "close", None)
-        if closed is not None:
-            closed()
+        if self._answers is not None:
+            while self._where.processes.stopping and self._take_next(self._answers):
+                pass
+            self._answers.close()
 
-    def _begin(self) -> None:
-        """Send the part whose turn it is, and those after it, as far as they ask what is new."""
-        tasks = []
+    def _begun(self) -> Generator[Answered[Recording], None, None]:
+        """Send the part whose turn it is and those after it, without points that are known."""
+        tasks: list[SearchTask] = []
         for number, task in enumerate(self._tasks[self.turn :], start=self.turn):
-            left = self._new(task)
-            if left is not None:
-                tasks.append(left)
-                self._sent.append(number)
+            if isinstance(task, ReadingsAt):
+                points = [p for p in task.points if not self._response.has_readings(p)]
+                if not points:
+                    continue
+                tasks.append(ReadingsAt(np.array(points)))
+            else:
+                tasks.append(task)
+            self._sent.append(number)
+        self._waited.update(self._sent)
         where = self._where
-        self._answers = where.processes.evaluate_ahead(tasks, where.pairs, where.times)
+        return where.processes.evaluate_ahead(tasks, where.pairs, where.times)
 
-    def _new(self, task: SearchTask) -> SearchTask | None:
-        """What of a part is not known; None for nothing."""
-        if not isinstance(task, ReadingsAt):
-            return task
-        response = self._response
-        new = [not (response.has_answer("readings", p) or response.has_answer("evaluate", p))
-               for p in task.points]  # fmt: skip
-        return ReadingsAt(task.points[new]) if any(new) else None
-
-    def _one_more(self) -> bool:
+    def _take_next(self, answers: Generator[Answered[Recording], None, None]) -> bool:
         """Take the next answer; whether there was one."""
-        assert self._answers is not None
-        answer = next(self._answers, None)
+        answer = next(answers, None)
         if answer is None:
             return False
         number = self._sent[answer.number]
-        self._done.add(number)
+        self._waited.discard(number)
         if answer.value is not None:
             self._response.merge(answer.value)
         elif answer.set_aside:
