@@ -225,7 +225,7 @@ def repetition(seed: int, moved: CubicSpline, response: Response) -> dict[str, l
         key: [bool(low <= TRUE[key] <= high)]
         for key, (low, high) in zip(("mi", "shift"), ends, strict=True)
     }
-    low, high = (end * found.joint.reference[0] for end in known.scatter.interval(0))
+    low, high = (end * found.joint.law_scaling.reference[0] for end in known.scatter.interval(0))
     held["tau"] = [bool(low <= TRUE["tau"] <= high)]
     each = [known.section(s) for s in range(6)]
     held["sections"] = [
