@@ -93,7 +93,8 @@ def test_a_result_shows_nothing_of_other_files(fitted_trench, run, tmp_path_fact
 def test_a_result_says_nothing_to_the_terminal(fitted_trench, run):
     with h5py.File("case.fit.h5", "r+") as file:
         file.attrs["reason"] = "done\x1b[2J\x07 "
-        file["parameters/name"][0] = "E\x1b]0;title\x07"
+        for names in ("name", "parameter"):
+            file[f"parameters/{names}"][0] = "E\x1b]0;title\x07"
     shown = run("show", "case.fit.h5")
     assert shown.exit_code == ExitCode.DONE, shown.output
     assert r"E\x1b]0;title\x07" in shown.output

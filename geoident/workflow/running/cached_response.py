@@ -48,11 +48,12 @@ from geoident.model.yielding import Activity
 from geoident.workflow.running.evaluation_log import (
     EvaluationArrays,
     Log,
+    Recording,
     activity_arrays,
     activity_from_arrays,
     evaluation_arrays,
 )
-from geoident.workflow.running.prefetching import Prefetched, Recording, ResponseBeside
+from geoident.workflow.running.prefetching import Prefetched, ResponseBeside
 
 EXACT = 1e-6
 """Error in energy, relative, up to which the surrogate stands for the model where the model is

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 import numpy as np
 
+from geoident.errors import ModelError
 from geoident.model.arrays import Bools, Floats
 from geoident.model.response import Evaluation
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.yielding import Activity
 
 EvaluationArrays = Mapping[str, Floats]
@@ -107,3 +109,35 @@ def carry_over(
     increments[n_states:] = 0.0
     places = np.array(visited).reshape(-1, len(p))
     other.add("evaluate", p, {**some, "increments": increments, "visited": places})
+
+
+@dataclass
+class Recording:
+    """What a part of a search has evaluated; a log that nobody else sees.
+
+    Args:
+        evaluations: kind, parameters (n,) and arrays of each.
+        failures: kind and parameters (n,) of each that has no solution, and why.
+        spent: what all of it has cost.
+    """
+
+    evaluations: list[tuple[str, Floats, EvaluationArrays]] = field(default_factory=list)
+    failures: list[tuple[str, Floats, ModelError]] = field(default_factory=list)
+    spent: Counts = NO_COST
+
+    def find(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        """What was kept for this kind of evaluation at p (n,), or None."""
+        for known, place, arrays in self.evaluations:
+            if known == kind and place.tobytes() == p.tobytes():
+                return arrays
+        return None
+
+    def add(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
+        """Keep an evaluation.
+
+        Args:
+            kind: of evaluation.
+            p: (n,) where.
+            arrays: (...) what was found, by name.
+        """
+        self.evaluations.append((kind, p.copy(), dict(arrays)))

@@ -7,53 +7,52 @@ search asks in its own order, and waits where the part whose turn it is has not 
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.arrays import Floats
-from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.running.evaluation_log import EvaluationArrays
-
-if TYPE_CHECKING:
-    from geoident.workflow.running.cached_response import CachedResponse
-    from geoident.workflow.running.workers import ModelWorkers
+from geoident.workflow.running.evaluation_log import EvaluationArrays, Recording
 
 
-@dataclass
-class Recording:
-    """What a part of a search has evaluated; a log that nobody else sees.
+class SearchProcesses(Protocol):
+    """Processes that work on parts of a search."""
 
-    Args:
-        evaluations: kind, parameters (n,) and arrays of each.
-        failures: kind and parameters (n,) of each that has no solution, and why.
-        spent: what all of it has cost.
-    """
+    @property
+    def stopping(self) -> bool:
+        """Whether a stop was asked for."""
 
-    evaluations: list[tuple[str, Floats, EvaluationArrays]] = field(default_factory=list)
-    failures: list[tuple[str, Floats, ModelError]] = field(default_factory=list)
-    spent: Counts = NO_COST
+    @property
+    def at_once(self) -> int:
+        """Parts that are worked on at a time."""
 
-    def find(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        """What was kept for this kind of evaluation at p (n,), or None."""
-        for known, place, arrays in self.evaluations:
-            if known == kind and place.tobytes() == p.tobytes():
-                return arrays
-        return None
+    def check(self) -> None:
+        """Raises `Interrupted` if a stop was asked for."""
 
-    def add(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
-        """Keep an evaluation.
+    def evaluate_ahead(
+        self,
+        tasks: Sequence[SearchTask],
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None],
+    ) -> Generator[Answered[Recording], None, None]:
+        """What the parts have evaluated, as it comes: `ModelWorkers.evaluate_ahead`."""
 
-        Args:
-            kind: of evaluation.
-            p: (n,) where.
-            arrays: (...) what was found, by name.
-        """
-        self.evaluations.append((kind, p.copy(), dict(arrays)))
+
+class LoggedResponse(Protocol):
+    """A response that keeps what was evaluated: `CachedResponse`."""
+
+    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        """The answer at p (n,) if it is in the log."""
+
+    def has_readings(self, p: Floats) -> bool:
+        """Whether the readings at p (n,) are known."""
+
+    def merge(self, recording: Recording) -> None:
+        """Keep what another process has evaluated."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class ResponseBeside:
         times: when each was read.
     """
 
-    processes: ModelWorkers
+    processes: SearchProcesses
     pairs: Sequence[tuple[str, str]]
     times: Sequence[float | None]
 
@@ -87,7 +86,7 @@ class Prefetched:
     """
 
     def __init__(
-        self, response: CachedResponse, where: ResponseBeside, tasks: Sequence[SearchTask]
+        self, response: LoggedResponse, where: ResponseBeside, tasks: Sequence[SearchTask]
     ) -> None:
         self.turn = 0
         self._response, self._where, self._tasks = response, where, tasks

@@ -39,7 +39,7 @@ from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.cost import estimate_cost
-from geoident.workflow.running.prefetching import Recording
+from geoident.workflow.running.evaluation_log import Recording
 
 WORTH = 10.0
 """Seconds that evaluations must take together, by an estimate, for processes to be started for them
