@@ -26,9 +26,8 @@ class SearchProcesses(Protocol):
     def stopping(self) -> bool:
         """Whether a stop was asked for."""
 
-    @property
-    def at_once(self) -> int:
-        """Parts that are worked on at a time."""
+    def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
+        """How many parts are worked on at a time."""
 
     def check(self) -> None:
         """Raises `Interrupted` if a stop was asked for."""
