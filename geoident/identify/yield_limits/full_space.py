@@ -66,14 +66,15 @@ class Program:
     """Minimise f(z) subject to g(z, mu) = 0 and bounds on z; all of the order of one.
 
     Args:
-        variables: z, (n + N + K,); the n parameters first, last the shared errors of the readings
-            (theory 7) where the loss is robust.
+        variables: z, (n + N + K + 2 g,); the n parameters first, then the N unknowns, the K shared
+            errors of the readings (theory 7) where the loss is robust, and the parts of the
+            residuals beyond delta, up and down, with Huber's loss.
         mu: the smoothing.
         objective: f, the discrepancy.
         constraints: g, (N,): the equations, then the complementarity of every pair.
-        lower: (n + N + K,) bounds on z.
-        upper: (n + N + K,).
-        start: (n + N + K,) the elastic answer at the start.
+        lower: bounds on z, like z.
+        upper: likewise.
+        start: z, the elastic answer at the start.
         reference: (n,) p = reference times the first n variables, SI.
     """
 
@@ -130,16 +131,18 @@ def nonlinear_program(problem: Problem, system: BilinearSystem) -> Program:
     complementarity = a + b - ca.sqrt(a**2 + b**2 + 2.0 * mu)
     robust = problem.shared is not None and not isinstance(problem.loss, SquaredOptions)
     z_s = ca.SX.sym("s", len(problem.shared) if problem.shared is not None and robust else 0)
+    g = len(problem.measured)
+    beyond = ca.SX.sym("beyond", 2 * g if isinstance(problem.loss, HuberOptions) else 0)
     unbounded = np.full(len(x) + z_s.numel(), np.inf)
-    misfit = values(system.readings, np.ones(len(problem.measured))) - problem.measured
+    misfit = values(system.readings, np.ones(g)) - problem.measured
     return Program(
-        ca.vertcat(z_p, z_x, z_s),
+        ca.vertcat(z_p, z_x, z_s, beyond),
         mu,
-        _objective(ca, problem, misfit, p, z_s),
+        _objective(ca, problem, misfit, p, z_s, beyond),
         ca.vertcat(values(system.equations, equation_size), complementarity),
-        np.concatenate([lower / reference, -unbounded]),
-        np.concatenate([upper / reference, unbounded]),
-        np.concatenate([start / reference, x / unit, np.zeros(z_s.numel())]),
+        np.concatenate([lower / reference, -unbounded, np.zeros(beyond.numel())]),
+        np.concatenate([upper / reference, unbounded, np.full(beyond.numel(), np.inf)]),
+        np.concatenate([start / reference, x / unit, np.zeros(z_s.numel() + beyond.numel())]),
         reference,
     )
 
@@ -152,9 +155,21 @@ def _size(parameter: Parameter) -> float:
 
 
 def _objective(
-    ca: Any, problem: Problem, misfit: Expression, p: Expression, z: Expression
+    ca: Any,
+    problem: Problem,
+    misfit: Expression,
+    p: Expression,
+    z: Expression,
+    beyond: Expression,
 ) -> Expression:
     """Phi with the priors' part, as an expression (the formulas of `problem`).
+
+    Huber's loss is the least of a smooth function of two more unknowns (Mangasarian & Musicant
+    2000),
+
+        rho(r) = min  (r - u + v)^2 + 2 delta (u + v)    over  u >= 0,  v >= 0,
+
+    as its curvature jumps at delta: where delta is small, Newton's steps go back and forth.
 
     Args:
         ca: casadi.
@@ -162,13 +177,14 @@ def _objective(
         misfit: (g,) v - v*, SI.
         p: (n,) parameters, SI.
         z: (K,) shared errors, unknowns of the program where the loss is robust; else none.
+        beyond: (2 g,) u, then v, with Huber's loss; else none.
     """
 
     def rho(r: Expression) -> Expression:
         match problem.loss:
             case HuberOptions(delta):
-                tail = 2.0 * delta * ca.fabs(r) - delta**2
-                return ca.if_else(ca.fabs(r) <= delta, r**2, tail)
+                u, v = ca.vertsplit(beyond, r.numel())
+                return (r - u + v) ** 2 + 2.0 * delta * (u + v)
             case StudentOptions(nu):
                 return (nu + 1.0) * ca.log1p(r**2 / nu)
             case _:
@@ -260,7 +276,7 @@ def full_space(
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the solver ended for one mu: z (n + N + K,), its objective, its word for the end."""
+    """Where the solver ended for one mu: z, its objective, its word for the end."""
 
     z: Floats
     objective: float
@@ -275,7 +291,7 @@ def solver(
 
     Args:
         program: what to solve.
-        watch: is told z (n + N + K,) and the objective of every iteration; True stops the solver.
+        watch: is told z and the objective of every iteration; True stops the solver.
     """
     casadi: Any = import_module("casadi")
     n, m = program.variables.numel(), program.constraints.numel()

@@ -130,11 +130,12 @@ def test_shared_errors_count_as_in_the_discrepancy(loss):
     given = problem(off=(0.1, -0.2), loss=loss, shared=SharedErrors(sp.csr_array(columns)))
     program = nonlinear_program(given, given.response.system())
     robust = not isinstance(loss, SquaredOptions)
-    assert program.variables.numel() == 5 + 3 * robust
-    assert len(program.lower) == len(program.upper) == len(program.start) == 5 + 3 * robust
-    assert program.start[5:].tolist() == [0.0] * (3 * robust)
-    assert program.lower[5:].tolist() == [-np.inf] * (3 * robust)
-    assert program.upper[5:].tolist() == [np.inf] * (3 * robust)
+    beyond = 2 * len(SD) if isinstance(loss, HuberOptions) else 0
+    more = 3 * robust + beyond
+    assert program.variables.numel() == 5 + more
+    assert program.start[5:].tolist() == [0.0] * more
+    assert program.lower[5:].tolist() == [-np.inf] * (3 * robust) + [0.0] * beyond
+    assert program.upper[5:].tolist() == [np.inf] * more
     function = casadi.Function("f", [program.variables], [program.objective])
     p = np.array([3.0, 0.5])
     lam = 1.0 / 1.7
@@ -144,7 +145,10 @@ def test_shared_errors_count_as_in_the_discrepancy(loss):
         shared = np.array([0.4, -1.3, 0.7])
         own = (gap - columns @ shared) / SD
         f, _ = transformed(loss, own)
-        assert float(function([*z, *shared])) == pytest.approx(f @ f + shared @ shared)
+        parts = []
+        if isinstance(loss, HuberOptions):  # of own beyond delta, up and down
+            parts = np.maximum(np.concatenate([own, -own]) - loss.delta, 0.0)
+        assert float(function([*z, *shared, *parts])) == pytest.approx(f @ f + shared @ shared)
     else:
         sigma = np.diag(SD**2) + columns @ columns.T
         assert float(function(z)) == pytest.approx(gap @ np.linalg.solve(sigma, gap))
