@@ -49,7 +49,7 @@ def test_points_that_stand_too_densely_are_said(case, monkeypatch):
     monkeypatch.setattr(model_error_covariance, "MOST_MODES", 12)
     *_, said = fitted(case, "--set", "fit.model_error=30 %")
     (found,) = (text for text in said["findings"] if "too densely" in text)
-    assert found.startswith("600 readings stand too densely")
+    assert found.startswith("600 readings are too many for the full model error")
     assert "every fifth" in found
 
 

@@ -81,7 +81,7 @@ def test_faults_of_a_table_of_motions_are_at_their_cells(project, changed):
     (project.folder / "motions.csv").write_text("x [m], y [m], ux [mm]\n1, 2, 3\n4, 5, six\n")
     (fault,) = project.faults(changed(SUPPORTS, "{left: {measured: {file: motions.csv}}}"))
     assert (fault.location.line, fault.location.column) == (3, 7)
-    assert fault.message == "'six' is no number (ux)"
+    assert fault.message == "'six' is not a number (ux)"
 
 
 def test_what_does_not_hold_cannot_let_go(project, changed):
