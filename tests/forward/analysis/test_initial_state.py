@@ -379,8 +379,8 @@ def test_a_surface_below_or_above_the_mesh_is_told_with_its_place(dim):
     (above,) = gaps(6.5)
     assert above.message.startswith(where)
     assert above.message.endswith(
-        " m the surface lies 0.5 m above the top of the mesh, and nothing says what the ground "
-        "between weighs"
+        " m the surface lies 0.5 m above the top of the mesh, and 'cover', the unit weight "
+        "between, is missing"
     )
     assert above.hint == "Add 'cover: 20 kN/m3', correct 'surface', or leave it out."
     assert gaps(6.5, cover=Scalar(2e4)) == []

@@ -112,8 +112,7 @@ def test_readings_of_stages_at_which_the_ground_is_not_there_are_refused():
         _on_mesh(pit, fill, readings=readings)
     said = [fault.message for fault in error.value.faults]
     assert said == [
-        "gauge 'pit' can't have been read at stage 'dig': a point of it stands in ground that is "
-        "no longer there",
+        "gauge 'pit' can't have been read at stage 'dig': a point of it lies in excavated ground",
         "gauge 'fill' can't have been read at stage 'dig': it is zeroed only at a later stage",
     ]
     nowhere = displacement("pit", (1.5, 9.0), (1.0, 0.0))

@@ -205,5 +205,5 @@ def test_a_tunnel_without_a_wall(tmp_path):
     )  # fmt: skip
     assert (
         "face.conversion: no ground is beside 'core', so there is no wall whose motion could be "
-        "asked for Name the element groups of the tunnel by 'groups' of 'face'."
+        "computed Name the element groups of the tunnel by 'groups' of 'face'."
     ) in found
