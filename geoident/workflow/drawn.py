@@ -261,7 +261,7 @@ def _findings(table: ParameterTable) -> list[str]:
 
 
 def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:
-    """What was taken for granted of the density that is drawn from.
+    """What the density that is drawn from assumes.
 
     Args:
         fit: whose posterior it is.
