@@ -303,8 +303,8 @@ class LostCluster(GeoidentError):
 
     def __init__(self, address: str, seconds: float) -> None:
         super().__init__(
-            f"{address}: the scheduler of the cluster was lost, and was not back within "
-            f"{seconds:g} s\n    what has ended is kept. {Term.SAME_AGAIN} goes on with the rest."
+            f"{address}: the scheduler of the cluster was lost, and did not return within "
+            f"{seconds:g} s\n    what has ended is kept. {Term.SAME_AGAIN} continues with the rest."
         )
 
 

@@ -495,7 +495,7 @@ def shown_unit(unit: str, dimension: str) -> str:
 
 
 def size_in(unit: str, dimension: str) -> float | None:
-    """Size of a unit in the SI unit of a dimension; None where it is no unit of it.
+    """Size of a unit in the SI unit of a dimension; None where it is not a unit of it.
 
     >>> size_in("mm/m", "strain"), size_in("mm/m", "length")
     (0.001, None)
@@ -538,7 +538,7 @@ def unit_size(text: str, dimension: str, owner: str) -> float:
     size = size_in(normal_unit(text, dimension), dimension)
     if size is not None:
         return size
-    message = f"'{text}' is no unit of {with_article(dimension)}, as '{owner}' is"
+    message = f"'{text}' is not a unit of {with_article(dimension)}, as '{owner}' is"
     raise UnitError(message, f"Its units: {unit_list(dimension)}.")
 
 

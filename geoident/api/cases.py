@@ -168,7 +168,9 @@ def trust(case: CaseFile | AnyPath) -> None:
     inputs = load_inputs(origin.path, overrides=overrides, text=origin.text)
     model = build_model(inputs) if inputs.case.elsewhere is not None else None
     if not isinstance(model, ProgramModel):
-        raise UsageError(f"{origin.path} runs nothing: its 'model' is no program and no function.")
+        raise UsageError(
+            f"{origin.path} runs nothing: its 'model' is neither a program nor a function."
+        )
     with decided_by(trusting(trust=True)):
         model.runs.require_trust()
 

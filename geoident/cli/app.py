@@ -44,10 +44,10 @@ Examples:
   geoident COMMAND --help
 
 \b
-Exit codes: 0 done, 1 a bug, 2 wrong flags, 3 invalid input,
+Exit codes: 0 done, 1 a defect, 2 wrong flags, 3 invalid input,
 4 finished but not converged, not determined, poorly fitted or out of budget,
 5 the model has no solution, 6 output, 7 some of several cases or runs failed,
-130/143 interrupted (the same command goes on).
+130/143 interrupted (the same command continues).
 """
 
 
@@ -124,7 +124,7 @@ class Commands(click.Group):
 )
 @click.version_option(__version__, "-V", "--version", prog_name="geoident")
 def geoident() -> None:
-    """Identify rock parameters from gauge readings by finite elements.
+    """Identify ground parameters from gauge readings by finite elements.
 
     A case file (YAML) describes the ground, its construction and its gauges; `fit` identifies the
     parameters from the readings and predicts the stages to come.

@@ -118,7 +118,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         "--jobs",
         type=click.IntRange(min=1),
         metavar="N",
-        help="Number of processes: for cases, or for what one search can compute at a time.  "
+        help="Number of processes: for cases, or for the independent parts of one search.  "
         "[default: all cores, for one case where it saves time]",
     ),
     "overrides": click.option(
@@ -150,7 +150,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         "--reduced",
         metavar="RESULT",
         type=click.Path(),
-        help="Ask the reduced model that this fit keeps (fit.reduced: keep) first.",
+        help="Use the reduced model of this fit (fit.reduced: keep) where it is accurate enough.",
     ),
     "dry_run": click.option(
         "--dry-run", is_flag=True, help="Print what would be done, without computing."
@@ -167,7 +167,8 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     "trust": click.option(
         "--trust",
         is_flag=True,
-        help="Run what files name: the model of a case, jobs, a scheduler of dask; remembered.",
+        help="Trust what the files would run (the model of a case, jobs, a scheduler of dask); the "
+        "answer is remembered.",
     ),
     "quiet": click.option("-q", "--quiet", is_flag=True, help="Print errors only."),
     "verbose": click.option("-v", "--verbose", is_flag=True, help="Print more, on stderr."),

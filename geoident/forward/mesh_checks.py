@@ -131,9 +131,7 @@ def _duplicate_notes(on_mesh: CaseOnMesh) -> list[str]:
     if not len(pairs):
         return []
     n, place = len(pairs), format_point(on_mesh.mesh.points[pairs[0, 0]])
-    what = (
-        f"{n} pairs of nodes stand at one place each" if n > 1 else "two nodes stand at one place"
-    )
+    what = f"{n} pairs of nodes coincide" if n > 1 else "two nodes coincide"
     return [
         f"{what} ({'the first ' if n > 1 else ''}near {place}): {_sides(on_mesh, pairs)} "
         "are not tied there and can part or overlap; if no slit is meant, "

@@ -256,12 +256,12 @@ def _findings(table: ParameterTable) -> list[str]:
         return []
     return [
         f"{', '.join(loose)}: the draws are as far apart as prior and bounds allow; the readings "
-        "tell nothing of it alone."
+        "do not determine it alone."
     ]
 
 
 def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:
-    """What was taken for granted of the density that is drawn from.
+    """What the density that is drawn from assumes.
 
     Args:
         fit: whose posterior it is.
@@ -274,7 +274,7 @@ def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:
         _flat_note(parameters),
         f"The size of the model error is that of the fit in all draws ({_percent(error.size)} of "
         f"the computed motion; its 95 % interval is {_percent(error.lower95)} to "
-        f"{_percent(error.upper95)}): what is not known of it is in no draw.",
+        f"{_percent(error.upper95)}): draws do not contain its uncertainty.",
     ]
 
 

@@ -73,7 +73,7 @@ def stranger(tmp_path, monkeypatch):
 
 
 def test_a_campaign_runs_no_program_unasked(stranger, here):
-    with pytest.raises(InputError, match="nobody has said that it may") as error:
+    with pytest.raises(InputError, match="it is not trusted yet") as error:
         batch(stranger)
     assert "geoident.trust(case)" in str(error.value)
     assert not Path(stranger).with_suffix(".batch").exists()

@@ -26,7 +26,7 @@ def test_a_project_runs_no_function_unasked(tmp_path, monkeypatch):
     project = tmp_path / "project.yaml"
     sections = "sections: [{name: A, case: case.yaml}, {name: B, case: case.yaml}]"
     project.write_text(f"format: geoident-project/1\n{sections}\nshared: [E, K0]\n")
-    with pytest.raises(InputError, match="nobody has said that it may") as error:
+    with pytest.raises(InputError, match="it is not trusted yet") as error:
         fit_project(project, jobs=1)
     assert "trust" in str(error.value)
     assert not project.with_suffix(".fit.h5").exists()

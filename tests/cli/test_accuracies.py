@@ -90,7 +90,7 @@ def test_accuracies_stated_too_good_are_told_from_a_model_error_as_far_as_can_be
     """With the one stage that is read they cannot."""
     site(SHARED)
     (found,) = run_json("fit", "case.yaml")
-    (finding,) = [text for text in found["findings"] if "cannot tell a model error" in text]
+    (finding,) = [text for text in found["findings"] if "cannot separate a model error" in text]
     assert "times less accurate than stated" in finding
     assert "'accuracies: estimate' under 'fit'" in finding
     assert found["model_error"]["size"] > 0.1

@@ -101,7 +101,7 @@ def test_ctrl_c_ends_the_family_and_says_how_to_go_on(here, run):
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "have not ended; the same command goes on" in stderr
+    assert "have not ended; the same command continues" in stderr
     wait_until(lambda: not marked(mark), 20.0)
     assert 3 <= len(read_runs("campaign.batch").runs) < 24
     shown = run("show", "campaign.batch", "--json")

@@ -23,7 +23,7 @@ def test_ctrl_c_ends_a_cluster_of_this_machine_with_what_is_kept(here):
             os.kill(pid, signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "have not ended; the same command goes on" in stderr
+    assert "have not ended; the same command continues" in stderr
     wait_until(lambda: not marked(mark), 20.0)
     assert 2 <= len(read_runs("campaign.batch").runs) < 24
 
@@ -33,4 +33,6 @@ def test_ctrl_c_ends_a_cluster_of_this_machine_with_what_is_kept(here):
 def test_a_word_that_is_no_cluster_is_refused(here, run, command):
     failed = run(*command, "--cluster", "nowhere")
     assert failed.exit_code == 3
-    assert "--cluster: 'nowhere' is no address, and there is no file of that name" in failed.stderr
+    assert (
+        "--cluster: 'nowhere' is not an address, and there is no file of that name" in failed.stderr
+    )

@@ -96,7 +96,7 @@ def stop_amid(trench, number):
 def test_an_interrupted_run_goes_on_to_the_result_of_an_uninterrupted_one(trench, run):
     code, stderr = stop_amid(trench, signal.SIGINT)
     assert code == 130
-    assert "The same command goes on from there" in stderr
+    assert "The same command continues from there" in stderr
     assert "Traceback" not in stderr
     assert not (trench / "case.scan.h5").exists()
     rest = run("scan", "case.yaml", *GRID)

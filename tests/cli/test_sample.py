@@ -176,7 +176,7 @@ def test_a_run_that_was_interrupted_goes_on_from_its_checkpoint(fitted, monkeypa
     request = SampleRequest("case.fit.h5", draws=1000, effective=400)
     first = Control()
     first.monitor = Stopping(lambda: first, 200)
-    with pytest.raises(Interrupted, match="goes on from there"):
+    with pytest.raises(Interrupted, match="continues from there"):
         sample(plan_sample(request), first)
     assert (fitted / "case.sample.checkpoint").exists()
     asked, once = [], Asked.answer
@@ -217,7 +217,7 @@ def test_a_time_limit_ends_with_what_there_is(fitted, run, monkeypatch):
     long = ("--max-time", "1h", "-n", "1000", "--effective", "1000")
     found = run("sample", "case.fit.h5", *long)
     assert found.exit_code == ExitCode.NOT_CONVERGED
-    assert "time that was given is used up" in found.stderr.replace("\n", " ")
+    assert "Time limit reached" in found.stderr.replace("\n", " ")
     assert (fitted / "case.sample.checkpoint").exists()
     result = read_result("case.sample.h5")
     assert result.posterior.n_draws == 1000

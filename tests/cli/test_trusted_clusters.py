@@ -84,7 +84,8 @@ def test_what_a_campaign_gives_to_a_queue_system_is_shown_and_not_given(here, ru
     assert refused.exit_code == ExitCode.INVALID_INPUT, refused.output
     assert "campaign.yaml:5:" in refused.stderr
     assert (
-        "submit 1 job of this kind to slurm (SLURMCluster), and nobody has said" in refused.stderr
+        "submit 1 job of this kind to slurm (SLURMCluster), and it is not trusted yet"
+        in refused.stderr
     )
     assert "--trust" in refused.stderr
     assert "curl evil" in refused.stderr
@@ -113,7 +114,7 @@ def test_jobs_are_trusted_until_they_change(here, run):
     assert here.exists()
     here.unlink()
     campaign(given.replace("harmless", "harmful"))
-    assert "nobody has said" in run("batch", "campaign.yaml").stderr
+    assert "it is not trusted yet" in run("batch", "campaign.yaml").stderr
     assert not here.exists()
 
 
@@ -146,14 +147,14 @@ def test_nobody_is_reached_whom_a_file_names(here, run, words):
             f"cluster.yaml:2:10: the file has geoident connect to the scheduler at {address}"
             in (refused.stderr)
         )
-        assert "nobody has said that it may" in refused.stderr
+        assert "it is not trusted yet" in refused.stderr
         assert not came
 
 
 def test_an_address_in_a_campaign_is_trusted_until_it_changes(here, run):
     with somebody() as (address, came):
         campaign(f"address: '{address}'")
-        assert "nobody has said that it may" in run("batch", "campaign.yaml").stderr
+        assert "it is not trusted yet" in run("batch", "campaign.yaml").stderr
         assert not came
         assert "no scheduler of dask answers" in run("batch", "campaign.yaml", "--trust").stderr
         assert came
@@ -162,7 +163,7 @@ def test_an_address_in_a_campaign_is_trusted_until_it_changes(here, run):
         assert came
     with somebody() as (address, came):
         campaign(f"address: '{address}'")
-        assert "nobody has said that it may" in run("batch", "campaign.yaml").stderr
+        assert "it is not trusted yet" in run("batch", "campaign.yaml").stderr
         assert not came
 
 
@@ -177,11 +178,11 @@ def test_an_address_on_the_command_line_is_the_word_of_who_calls(here, run):
 def test_from_python_the_same_rules_hold(here):
     with somebody() as (address, came):
         campaign(f"address: '{address}'")
-        with pytest.raises(InputError, match="nobody has said that it may") as caught:
+        with pytest.raises(InputError, match="it is not trusted yet") as caught:
             geoident.batch("campaign.yaml")
         assert "`geoident.trust(file)`" in str(caught.value)
         Path("cluster.yaml").write_text(f"format: geoident-cluster/1\naddress: {address}\n")
-        with pytest.raises(InputError, match="nobody has said that it may"):
+        with pytest.raises(InputError, match="it is not trusted yet"):
             geoident.fit("case.yaml", cluster="cluster.yaml")
         assert not came
         geoident.trust("cluster.yaml")

@@ -88,12 +88,12 @@ def test_a_node_that_is_a_copy_and_two_of_them():
     left, right = box("quad4", (1, 1)), moved(box("quad4", (1, 1)), 1.0, 0.0)
     (note,) = mesh_notes(on(pasted(b=right, a=left)))
     assert note.startswith(
-        "2 pairs of nodes stand at one place each (the first near (1, 0) m): 'b' and 'a' are not "
+        "2 pairs of nodes coincide (the first near (1, 0) m): 'b' and 'a' are not "
         "tied there and can part"
     )
     corner = moved(box("quad4", (1, 1)), 1.0, 1.0)
     (note,) = mesh_notes(on(pasted(a=left, b=corner)))
-    assert note.startswith("two nodes stand at one place (near (1, 1) m): 'a' and 'b' are not tied")
+    assert note.startswith("two nodes coincide (near (1, 1) m): 'a' and 'b' are not tied")
     mesh = pasted(a=left, b=corner)
     mesh = replace(mesh, groups={"only": np.arange(2)})
     (note,) = mesh_notes(on(mesh))

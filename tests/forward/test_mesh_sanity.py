@@ -70,7 +70,7 @@ def test_an_element_on_a_node_of_its_own_is_told():
     )  # fmt: skip
     assert coinciding_nodes(parted).tolist() == [[node, mesh.n_nodes]]
     note = next(note for note in on(parted).notes if "one place" in note)
-    assert note.startswith("two nodes stand at one place (near (0.5, 0.5")
+    assert note.startswith("two nodes coincide (near (0.5, 0.5")
 
 
 def test_ground_that_is_missing_is_told_where_the_case_says_so():

@@ -213,7 +213,7 @@ def test_a_gauge_in_ground_that_is_never_there_and_a_force_on_no_nodes(tmp_path)
     gauge = "{S: {kind: stress, components: [yy], point: [2 m, 3.5 m], accuracy: 1 kPa}}"
     _, lines = said(tmp_path, gauges=gauge, in_situ=IN_SITU, **keys)
     assert fault(lines, "9:10: gauges.S") == (
-        "point (2, 3.5) m of gauge 'S.yy' stands in 'top', which is never there",
+        "point (2, 3.5) m of gauge 'S.yy' lies in 'top', which is never there",
         "correct the point",
     )
     nails = "{nails: {on: heads, line_force: [0 N/m, 1 N/m]}}"
@@ -292,7 +292,7 @@ def test_a_modulus_that_falls_below_zero_with_depth(tmp_path):
             "measured: [{at: [9 m, 1 m], value: 2 GPa}]}}",
             "nu: 0.25", "5:76: materials.rock.E.field.measured[0]",
             "the measured point (9, 1) m is not in the mesh squares.msh",
-            "Correct its coordinates, or remove it: it says nothing of 'rock'.",
+            "Correct its coordinates, or remove it: it gives no information on 'rock'.",
         ),
     ],
     ids=["moduli", "hardening", "measured"],

@@ -94,7 +94,7 @@ def test_one_unknown_accuracy_gives_the_intervals_of_the_textbooks(tmp_path):
     for got, expected in ((bands.lower95, centre - half), (bands.upper95, centre + half)):
         np.testing.assert_allclose(got[:, 1], expected, atol=1e-3 * half.min())
     (said,) = [note for note in found.data.notes if "degrees of freedom" in note]
-    assert "they rest on 14 degrees of freedom" in said
+    assert "they have 14 degrees of freedom" in said
     assert not [finding for finding in found.data.findings if "degrees of freedom" in finding]
     again = geoident.predict(found.path).data.prediction
     np.testing.assert_allclose(again.upper95, bands.upper95, rtol=1e-12)

@@ -42,14 +42,14 @@ def test_what_is_approximated_of_many_readings_moves_no_answer(case, monkeypatch
     np.testing.assert_allclose(width, half, rtol=0.05)
     assert np.abs(there - mean).max() < 0.1 * sd.max()
     np.testing.assert_allclose(spread, sd, rtol=0.05)
-    assert not any("too densely" in text for text in said["findings"])
+    assert not any("too many for the full model error" in text for text in said["findings"])
 
 
 def test_points_that_stand_too_densely_are_said(case, monkeypatch):
     monkeypatch.setattr(model_error_covariance, "MOST_MODES", 12)
     *_, said = fitted(case, "--set", "fit.model_error=30 %")
-    (found,) = (text for text in said["findings"] if "too densely" in text)
-    assert found.startswith("600 readings stand too densely")
+    (found,) = (text for text in said["findings"] if "too many for the full model error" in text)
+    assert found.startswith("600 readings are too many for the full model error")
     assert "every fifth" in found
 
 

@@ -67,7 +67,7 @@ def test_with_few_readings_the_simpler_is_preferred_and_it_is_said_why(tmp_path)
     comparison = told["comparison"]
     assert not comparison["decided"]
     assert comparison["chosen"] == "isotropic"
-    assert "cannot tell" in comparison["sentences"][0]
+    assert "do not decide between" in comparison["sentences"][0]
     assert "is the simpler" in comparison["sentences"][0]
 
 
@@ -135,7 +135,7 @@ def test_a_wrong_model_is_refused_before_anything_is_computed(tmp_path):
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ("transversely-isotropic", "says nothing of how strata lie"),
+        ("transversely-isotropic", "has no orientation of strata"),
         ("{name: two, elastic: orthotropic, material: clay, " + LYING + "}", "no material 'clay'"),
         ("{set: {}}", "needs a name"),
         ("isotropic", "two models of the ladder are named 'isotropic'"),
@@ -195,8 +195,8 @@ POOR = {"status": "poor-fit"}
         ),
         (
             [score("A", 5.0), score("B", 7.9), score("C", 6.0), score("D", 1.0)], 0,
-            ["The readings cannot tell A, B and C apart (log Bayes factor +2.9 for B; it takes 3, "
-             "odds of 20 to 1): A is the simpler and is preferred.",
+            ["The readings do not decide between A, B and C (log Bayes factor +2.9 for B; it takes "
+             "3, odds of 20 to 1): A is the simpler and is preferred.",
              "They speak against D: odds of 55 to 1 (log Bayes factor 4.0) for A."],
         ),
         (
@@ -224,7 +224,7 @@ def test_what_the_readings_support_is_said(models, chosen, said):
         ((0.4, 10), (0.69, 10),
          ["The backtest does not contradict: B predicts hardly better."]),
         ((0.4, 12), (0.71, 10),
-         ["The backtest speaks for B: its predictions of the last fitted stage have a log score "
+         ["The backtest favours B: its predictions of the last fitted stage have a log score "
           "higher by 0.31 a reading (10 readings)."]),
         ((nan, 0), (0.7, 10), []),
         ((0.7, 10), (nan, 0), []),

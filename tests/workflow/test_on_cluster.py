@@ -228,7 +228,7 @@ def test_a_stop_ends_runs_on_a_cluster_and_the_same_command_goes_on(tmp_path):
     control.cluster = There(
         lambda n: control.stop.ask(ExitCode.INTERRUPTED) or Answered(n, None, (), True)
     )
-    with trusted(), pytest.raises(Interrupted, match="goes on from there") as caught:
+    with trusted(), pytest.raises(Interrupted, match="continues from there") as caught:
         scan(asked(case, "out", "fit.scan.points=2"), control)
     assert caught.value.exit_code == ExitCode.INTERRUPTED
 

@@ -107,9 +107,9 @@ NEAR = (
     ("unit", "words"),
     [
         ("mm", ""),
-        ("cm", "millimetres taken for centimetres"),  # 10 times too large
-        ("um", "metres taken for millimetres"),  # 1000 times too small
-        ("m", "millimetres taken for metres"),
+        ("cm", "millimetres read as centimetres"),  # 10 times too large
+        ("um", "metres read as millimetres"),  # 1000 times too small
+        ("m", "millimetres read as metres"),
     ],
 )
 def test_readings_in_another_unit_are_suspected(tmp_path, unit, words):
@@ -126,7 +126,7 @@ def test_a_start_value_that_is_off_is_no_unit(tmp_path):
     path = write_case(tmp_path)
     for start in ("1 GPa", "3 GPa", "20 GPa", "25 GPa"):
         path.write_text(NEAR.replace("start: 5 GPa", f"start: {start}"))
-        assert "taken for" not in " | ".join(check(str(path)).summary.notes), start
+        assert "read as" not in " | ".join(check(str(path)).summary.notes), start
 
 
 def test_a_fit_says_of_which_readings_the_unit_is_suspected(tmp_path):
@@ -134,4 +134,4 @@ def test_a_fit_says_of_which_readings_the_unit_is_suspected(tmp_path):
     path.write_text(NEAR)
     (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", ",cm\n"))
     done = run_command("fit", str(path), "--json")
-    assert "millimetres taken for centimetres? Check their unit" in done.stdout
+    assert "millimetres read as centimetres? Check their unit" in done.stdout

@@ -221,7 +221,7 @@ def test_a_stop_ends_a_scan_and_the_same_command_goes_on(trench, on_other_models
     request = Request(str(trench), ("fit.scan.points=4", "fit.reduced=false"))
     control = Control(jobs=2)
     control.monitor = Stopping(control)
-    with pytest.raises(Interrupted, match="goes on from there"):
+    with pytest.raises(Interrupted, match="continues from there"):
         scan(plan_scan(request), control)
     job = plan_scan(request)
     with EvaluationLog.open(job.place.checkpoint, job.identity) as kept:

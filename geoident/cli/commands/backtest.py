@@ -28,7 +28,7 @@ Examples:
 
 \b
 Exit codes: 0 done and the bands hold, 4 finished, but the bands do not hold
-or a fit has not converged (the reason says which), others as for all.
+or a fit has not converged (see the reason), others as for all.
 """
 
 
@@ -55,7 +55,7 @@ def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> in
     Fits the readings up to every stage, predicts the later ones, and compares: parameters as
     readings are added, coverage and width of the 95 % bands, standardized errors. Readings of
     stages after the last one of fit.stages count too. Writes CASE.backtest.h5 beside each case and
-    prints its path. An interrupted run goes on from CASE.backtest.checkpoint.
+    prints its path. An interrupted run continues from CASE.backtest.checkpoint.
     """
     if len(cases) > 1:
         from geoident.cli.several import run_cases

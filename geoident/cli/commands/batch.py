@@ -42,7 +42,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     "processes",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Number of runs to compute at a time, one process each.  [default: the cores there are]",
+    help="Number of runs to compute at a time, one process each.  [default: number of cores]",
 )
 @cluster_option
 @takes("output", "dry_run", "force", "fresh", "as_json", "trust", after=_next)
@@ -53,8 +53,8 @@ def command(campaign: str, processes: int | None, cluster: str | None, options: 
     the command of each run: fit, simulate, predict or scan. Writes into CAMPAIGN.batch one HDF5
     file a run, runs.csv and campaign.h5 with all runs, and prints the path of the folder; with
     --json one line a run as it ends. Runs that are up to date are not computed again. A run whose
-    process is lost is begun again, and skipped after three crashes. An interrupted campaign
-    goes on by the same command.
+    process is lost starts again, and is skipped after three crashes. The same command continues an
+    interrupted campaign.
     """
     from geoident.cli.campaign import run_campaign
 

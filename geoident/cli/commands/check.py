@@ -91,7 +91,7 @@ def command(
 ) -> int:
     """Report everything that is wrong with a case, before computing.
 
-    Prints what the case amounts to: groups, stages, gauges, and which readings are used. With
+    Prints a summary of the case: groups, stages, gauges, and which readings are used. With
     --identifiability it solves the model once, at the start values, and prints the 95 % interval to
     which each parameter could be known if every gauge were read at every stage of the fit, and
     which parameters the readings could not separate. With --mesh-error it solves the model on the
@@ -102,10 +102,10 @@ def command(
     from geoident.io.project.head import is_project
 
     if (identifiability or mesh_error or picture) and any(is_project(case) for case in cases):
-        message = "--identifiability, --mesh-error and --picture are of cases, not of projects."
+        message = "--identifiability, --mesh-error and --picture take cases, not projects."
         raise click.UsageError(message)
     if identifiability and mesh_error:
-        raise click.UsageError("--identifiability and --mesh-error are asked for one by one.")
+        raise click.UsageError("--identifiability and --mesh-error cannot be combined.")
     if picture is not None:
         _refuse_picture(cases, picture, identifiability or mesh_error)
     if mesh_error:

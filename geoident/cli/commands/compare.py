@@ -16,8 +16,8 @@ Examples:
   geoident compare one-K0.fit.h5 two-K0.fit.h5
 
 \b
-Exit codes: 0 compared (also where the readings cannot tell), others as for
-all commands: 3 for fits of different readings.
+Exit codes: 0 compared (also where the readings do not decide), others as
+for all commands: 3 for fits of different readings.
 """
 
 
@@ -25,11 +25,11 @@ all commands: 3 for fits of different readings.
 @click.argument("results", nargs=-1, required=True, metavar="RESULT...", type=click.Path())
 @takes("as_json", after=always("geoident report RESULT   # of the model that is preferred"))
 def command(results: tuple[str, ...], options: Options) -> int:
-    """Say which of several models the readings support.
+    """Show which of several models the readings support.
 
     Compares fits of the same readings by the evidence of their models, which a parameter that is
     not needed lowers, and by the backtest of the last fitted stage. A richer model is preferred
-    only where the readings clearly ask for it. `fit.ladder` of a case does all fits at once.
+    only where the readings clearly support it. `fit.ladder` of a case does all fits at once.
     """
     from geoident.report.text.json import dumps
     from geoident.report.text.rivals import models_object, models_text

@@ -104,8 +104,8 @@ def command(
     """Write results for spreadsheets (CSV) and for ParaView (VTU with PVD, VTKHDF).
 
     Files go to the folder RESULT.export beside each result, or to the folder -o; their paths are
-    printed. RESULT.sha256 there lists their checksums: files as listed give way to those of another
-    fit of the case; what was edited is replaced only with --force.
+    printed. RESULT.sha256 there lists their checksums: unchanged files are replaced by those of
+    another fit of the case, edited ones only with --force.
 
     CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
     is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result file

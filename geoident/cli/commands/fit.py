@@ -62,22 +62,22 @@ def command(
     """Identify the parameters from the readings.
 
     Writes CASE.fit.h5 beside each case and prints its path. A result of the same input is kept. An
-    interrupted run leaves CASE.fit.checkpoint, and the same command goes on from there.
+    interrupted run leaves CASE.fit.checkpoint, and the same command continues from there.
 
     In place of a case a project may be given (format: geoident-project/1): several sections of one
-    ground, whose parameters are shared or follow laws about which they scatter. Sections are
+    ground, whose parameters are shared or follow laws with scatter. Sections are
     computed in -j processes, or on a cluster.
     """
     from geoident.io.project.head import is_project
 
     if any(is_project(case) for case in cases):
         if len(cases) > 1:
-            raise UsageError("A project is fitted by itself: name it alone.")
+            raise UsageError("A project is fitted alone: give no other file.")
         from geoident.cli.project import run_project
 
         return run_project(cases[0], options, leave_one_out=leave_one_out, cluster=cluster)
     if leave_one_out:
-        raise UsageError("--leave-one-out is of a project of several sections.")
+        raise UsageError("--leave-one-out needs a project of several sections.")
     if len(cases) > 1:
         from geoident.cli.several import run_cases
 

@@ -53,7 +53,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option("--client", metavar="TEXT", default="", help="For whom the report is made.")
 @click.option("--author", metavar="TEXT", default="", help="Who made it.")
 @click.option("--revision", metavar="TEXT", default="", help="Its revision.")
-@click.option("--date", metavar="TEXT", default="", help="Its date, as it is to be written.")
+@click.option("--date", metavar="TEXT", default="", help="Its date, as printed.")
 @click.option("--logo", metavar="FILE", default="", help="Logo in the head: .png or .svg.")
 @takes("output", "force", after=_next)
 def command(
@@ -69,14 +69,14 @@ def command(
     Parameters with intervals and what is not determined, gauges measured, computed and predicted,
     displacements, stresses, residuals, and the provenance. Several results make one
     page that compares them. The page is CASE.fit.html beside the result. The same results give the
-    same page. After another fit it takes the place of the earlier page of the case; a file that
-    was edited, or that geoident did not make, is replaced only with --force.
+    same page. After another fit it replaces the earlier page of the case; a file that was
+    edited, or that geoident did not make, is replaced only with --force.
 
-    Of a campaign (its folder CAMPAIGN.batch) the page report.html in it shows what varied and the
+    For a campaign (its folder CAMPAIGN.batch) the page report.html in it shows what varied and the
     parameters against the misfit, failed runs and why, and a table of all.
 
-    Of a project (several sections of one ground) it shows the laws with the sections about them,
-    each section by itself and with all others, and what is predicted.
+    For a project (several sections of one ground) it shows the laws and sections, the fit of each
+    section alone and with all others, and the predictions.
 
     Its head is that of `report` in the case (project, client, author, revision, date, logo), which
     may be written after the fit; flags override it. Of a campaign or a project it is that of flags.

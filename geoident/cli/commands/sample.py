@@ -59,10 +59,10 @@ def command(
     shared errors of the fit. Without a prior a parameter of scale log is flat in its logarithm, one
     of scale linear in its value, between its bounds: where the readings do not determine it, the
     bounds do. Every evaluation computes the model, or a reduced one where that is estimated to be
-    as good; draws that are worth less than their number
-    are told by their effective size. Samplers, from cheap to robust: importance sampling from the
-    normal approximation at the fit, the same from proposals adapted to the draws, an
-    affine-invariant ensemble; preconditioned Crank-Nicolson steps for fields and many parameters.
+    as good; the effective sample size shows how many independent draws they are worth. Samplers,
+    from cheap to robust: importance sampling from the normal approximation at the fit, the same
+    from proposals adapted to the draws, an affine-invariant ensemble; preconditioned Crank-Nicolson
+    steps for fields and many parameters.
 
     Writes CASE.sample.h5, which `arviz.from_netcdf` opens, and prints its path.
 

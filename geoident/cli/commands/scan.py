@@ -38,7 +38,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 def command(case: str, cluster: str | None, options: Options) -> int:
     """Compute the misfit on a grid of one or two parameters.
 
-    The grid is that of fit.scan in the case, else it spans the bounds of the first one or two
+    The grid is that of fit.scan in the case, otherwise it spans the bounds of the first one or two
     parameters. Writes CASE.scan.h5 and prints its path.
     """
     from geoident.cli.jobs import run_case

@@ -36,7 +36,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
     """Print results: parameters, findings, readings and predictions.
 
-    Of a campaign (its folder CAMPAIGN.batch) the runs that have ended, also while it is computed.
+    For a campaign (its folder CAMPAIGN.batch) it prints the completed runs, also while others run.
     The text and --csv have the units of the case and readings in mm; --json has SI units. `geoident
     export` writes the tables into files.
     """

@@ -76,7 +76,7 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     nargs=2,
     metavar="PARAMS RESULTS",
     type=click.Path(),
-    help="Answer Dakota: what its file PARAMS asks for goes to its file RESULTS.",
+    help="Compute what Dakota's file PARAMS requests and write RESULTS.",
 )
 @takes(
     "output", "overrides", "seed", "solver", "reduced", "force", "as_json", "trust",
@@ -93,7 +93,7 @@ def command(
 ) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
-    Prints lines gauge,stage,value,unit, which a case takes as its readings. With -o into a file,
+    Prints lines gauge,stage,value,unit, that a case can use as readings. With -o into a file,
     which says that they are simulated; earlier ones of the case are kept beside (FILE.1.csv).
     """
     from geoident.workflow.simulate import ComputedBy, Noise, Outputs, simulate
@@ -127,7 +127,7 @@ def _refused_with_dakota(
     others |= {"--fields": fields, "--json": options.as_json}
     given = [name for name, value in others.items() if value]
     if given:
-        raise UsageError(f"{given[0]} does not go with --dakota, whose files say all of that")
+        raise UsageError(f"{given[0]} does not go with --dakota, whose files define these")
     return options
 
 

@@ -119,7 +119,7 @@ def _terms_of(mesh: Mesh, support: Support) -> list[_Term]:
     """The motion of a support as numbers of the case times given motions.
 
     Raises:
-        ValueError: points do not cover it, or a wall is no closed line (`motion_faults`).
+        ValueError: points do not cover it, or a wall is not a closed line (`motion_faults`).
     """
     nodes, dim = support_nodes(mesh, support), mesh.dim
     terms = [_Term(nodes * dim + c, np.ones(len(nodes)), s) for c, s in support.motions]
@@ -139,7 +139,7 @@ def _terms_of(mesh: Mesh, support: Support) -> list[_Term]:
         else:
             line = closed_line(mesh, support.group)
             if line is None:
-                raise ValueError("a wall is no closed line")
+                raise ValueError("a wall is not a closed line")
             centre = _centroid(mesh.points[line])
         inwards = -0.5 * (mesh.points[nodes] - centre)
         for c in support.components:

@@ -56,7 +56,7 @@ _GRAVITY = 9.81  # m/s^2
 
 _SHOWN = 8  # groups in a note
 
-ACCEPT = "or take it knowingly: in_situ: {equilibrium: accept}"
+ACCEPT = "or accept it: in_situ: {equilibrium: accept}"
 
 
 def contradictions(analysis: StagedAnalysis, values: Values) -> list[Fault]:
@@ -212,7 +212,7 @@ def _meeting_hint(groups: Sequence[str]) -> str:
         "A steep boundary bears only one horizontal stress, that of both sides: give "
         f"{_listed(groups)} the same horizontal stress there (one K0), or let them meet at a "
         "horizontal boundary; where the ground is so, "
-        "take it knowingly: in_situ: {equilibrium: accept} brings the difference to equilibrium "
+        "accept it: in_situ: {equilibrium: accept} brings the difference to equilibrium "
         "before the first stage."
     )
 
@@ -376,7 +376,7 @@ def surface_gaps(analysis: StagedAnalysis, values: Values) -> list[Fault]:
             hint = "Correct 'surface', or leave it out: the ground then ends with the mesh."
         elif gap[high] > 0 and model.cover is None:
             message = _gap_text(places.positions[high], gap[high], "above")
-            message += ", and nothing says what the ground between weighs"
+            message += ", and 'cover', the unit weight between, is missing"
             hint = "Add 'cover: 20 kN/m3', correct 'surface', or leave it out."
         else:
             continue

@@ -36,7 +36,7 @@ class Placed:
     readable: Bools
     snapped: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
-    unreadable: str = "a point of it stands in ground that is no longer there"
+    unreadable: str = "a point of it lies in excavated ground"
     as_built: tuple[str, ...] = ()
 
 
@@ -175,7 +175,7 @@ def point_fault(
     return source.fault(
         written if channel.is_zeroed and written in source.positions else channel.key,
         code="gauge-in-absent-ground",
-        message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
+        message=f"point {place} of gauge '{channel.name}' lies in '{', '.join(groups)}', which "
         + when,
         hint=hint,
     )

@@ -157,7 +157,8 @@ def field_faults(case: Case, not_in: Callable[[str, tuple[float, ...]], str | No
                 continue
             origin = f" ({test.origin})" if test.origin else ""
             message = f"the measured point {format_point(test.position)}{origin} {reason}"
-            hint = f"Correct its coordinates, or remove it: it says nothing of {field.material!r}."
+            hint = "Correct its coordinates, or remove it: it gives no information on "
+            hint += f"{field.material!r}."
             faults.append(
                 case.source.fault(
                     (*field.path, *test.path), code="point-outside", message=message, hint=hint

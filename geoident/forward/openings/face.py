@@ -108,9 +108,7 @@ def _mesh_faults(on_mesh: CaseOnMesh, profile: FaceProfile) -> list[Fault]:
         return [source.fault(path, code="branches", message=message, hint=hint)]
     if not wall_of(on_mesh, profile.groups, tunnel_base(on_mesh)):
         names = ", ".join(f"'{name}'" for name in profile.groups)
-        message = (
-            f"no ground is beside {names}, so there is no wall whose motion could be asked for"
-        )
+        message = f"no ground is beside {names}, so there is no wall whose motion could be computed"
         hint = "Name the element groups of the tunnel by 'groups' of 'face'."
         return [source.fault(path, code="no-wall", message=message, hint=hint)]
     return []
@@ -256,7 +254,7 @@ def _unlike_circle(on_mesh: CaseOnMesh, profile: FaceProfile) -> str:
     if 2.0 * apart > _ROUND * abs(0.5 * (xx + yy)):
         least, most = (1e-6 * abs(0.5 * (xx + yy) + sign * apart) for sign in (1.0, -1.0))
         differs.append(
-            f"stands in uneven stress ({least:.3g} and {most:.3g} MPa at the start values)"
+            f"lies in uneven stress ({least:.3g} and {most:.3g} MPa at the start values)"
         )
     if not differs:
         return ""

@@ -133,7 +133,7 @@ class OpeningModel(ObservedModel):
             return reason
         if not reads_displacements(self.case.channels[row]):
             return "it reads something else than displacements"
-        return "a point of it stands in ground that is no longer there"
+        return "a point of it lies in excavated ground"
 
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""

@@ -88,7 +88,7 @@ def _obstacle(
         return "there is water in the pores"
     for name, load in state.loads.items():
         if not isinstance(load, Pressure) or not (site.walls is None or load.group in site.walls):
-            return f"the load '{name}' is no pressure on the wall of the opening"
+            return f"the load '{name}' is not a pressure on the wall of the opening"
         if closed:
             return f"the load '{name}' acts before the opening is excavated"
     return None

@@ -128,7 +128,7 @@ def site_in_mesh(
     ((material, ground),) = around.items()
     if far < DEEP:
         remarks.append(
-            f"the model ends {far:.1f} radii from the centre, where the closed form goes on: "
+            f"the model ends {far:.1f} radii from the centre, where the closed form continues: "
             f"displacements differ by some {100.0 / far**2:.0f} %"
         )
     if others := {m for g, m in virgin.items() if m != material and g not in groups}:

@@ -234,7 +234,7 @@ def _off_symmetry(
         )
     elif min(place - low, high - place) > ON_PLANE * size:
         yield (
-            f"the mesh goes on on both sides of {name} = {place:.6g} m, from {low:.6g} to "
+            f"the mesh continues on both sides of {name} = {place:.6g} m, from {low:.6g} to "
             f"{high:.6g} m",
             hint,
             False,

@@ -64,12 +64,12 @@ _REASONS: dict[SimplexEnding, str] = {
         "The simplex is small and the misfit is the same at its vertices (tolerance {delta:g})."
     ),
     "moved": (
-        "The last restart still found a clearly better point: raise restarts, or go on from "
-        "here with the method gauss-newton."
+        "The last restart still found a clearly better point: raise restarts, or continue "
+        "from here with the method gauss-newton."
     ),
     "evaluations": (
         "The search did not converge in {max_evaluations} evaluations: raise "
-        "max_evaluations, or go on from here with the method gauss-newton."
+        "max_evaluations, or continue from here with the method gauss-newton."
     ),
     "stopped": "",
 }

@@ -86,7 +86,7 @@ LONGEST_CYCLE = 6
 SHORTENINGS = 10
 """How often a step to parameters without solution is halved."""
 
-_FOLLOW = "go on from here with the method gauss-newton."
+_FOLLOW = "continue from here with the method gauss-newton."
 _NO_SOLUTION = (
     "The condensed equations lead to parameters at which the model has no solution: "
     f"give tighter bounds, or {_FOLLOW}"
@@ -143,9 +143,7 @@ def condensation(
                 f"{options.tolerance:g}, relative."
             )
         elif len(points) > 1 and changes[-1] <= change <= np.sqrt(options.tolerance):
-            rest = (
-                f"The changes do not fall below {change:.1e}, relative: what is left is rounding."
-            )
+            rest = f"The changes do not fall below {change:.1e}, relative: only rounding remains."
         if rest:
             return history.outcome(point.p, point.phi, "converged", rest)
         trouble = _trouble(equations, points, changes, options)

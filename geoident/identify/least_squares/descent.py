@@ -47,8 +47,8 @@ UNSEEN_SD = 2.0
 """Standard deviations of the noise of phi within which two values are not told apart."""
 
 _STALLED = (
-    "No shorter step lowers the misfit, although the derivatives say so: the computed "
-    "readings are not smooth here; go on with the method simplex."
+    "No shorter step lowers the misfit, although the derivatives predict it: the computed "
+    "readings are not smooth here; continue with the method simplex."
 )
 AT_KINK = 1e-3
 """A promised gain that is not worth looking for where the readings are not smooth.
@@ -67,7 +67,7 @@ _NOISE = (
     "The next step would lower the misfit by {:.1g}, no more than what is noise of the computed "
     "readings."
 )
-_ROUNDING = "The misfit cannot be lowered further: what is left is rounding."
+_ROUNDING = "The misfit cannot be lowered further: only rounding remains."
 _EXHAUSTED = (
     "The search did not converge in {} steps: raise max_iterations, start nearer to the expected "
     "values or give tighter bounds."

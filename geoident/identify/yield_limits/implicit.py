@@ -88,7 +88,7 @@ _SPENT = (
 
 _STALLED = (
     "The search ended at a kink of the response near which points are better: raise restarts or "
-    "max_evaluations, or go on with the method simplex."
+    "max_evaluations, or continue with the method simplex."
 )
 
 _AT_KINK = (

@@ -94,17 +94,17 @@ def read_request(path: str) -> DakotaRequest:
         if _COUNT.fullmatch(one.text):
             parts = int(one.text)
         if not 0 <= parts <= VALUE + GRADIENT + HESSIAN:
-            message = f"'{shorten(one.text)}' is no entry of the active set vector"
+            message = f"'{shorten(one.text)}' is not an entry of the active set vector"
             hint = "It is a sum of 1, 2 and 4."
             faults.append(Fault("bad-request", message, hint, one.text_place))
         elif parts & HESSIAN:
-            message = f"second derivatives (a Hessian) of '{name}' are asked for"
-            hint = "geoident has values and gradients: say no_hessians, or quasi_hessians."
+            message = f"second derivatives (a Hessian) of '{name}' are requested"
+            hint = "geoident has values and gradients: write no_hessians or quasi_hessians."
             faults.append(Fault("no-hessian", message, hint, one.text_place))
         asked.append(AskedResponse(name, parts, one.name_place))
     for one in entries:
         if one.name.lower().removeprefix("dakota_") == "metadata" and one.text != "0":
-            message = f"{one.text} values of metadata are asked for, and geoident has none"
+            message = f"{one.text} values of metadata are requested, and geoident has none"
             hint = "Leave out 'metadata' in responses."
             faults.append(Fault("no-metadata", message, hint, one.text_place))
     if faults:
@@ -130,7 +130,7 @@ def _entry(line: str, place: Location) -> _Entry:
     match = _APREPRO.fullmatch(line) or _STANDARD.fullmatch(line)
     if match is None:
         begin = len(line) - len(line.lstrip()) + 1
-        message = f"'{shorten(line)}' is no line of a file of parameters of Dakota"
+        message = f"'{shorten(line)}' is not a line of a parameter file of Dakota"
         hint = "Each line is a number and its name, or '{ NAME = NUMBER }'."
         raise InputError(
             [Fault("bad-line", message, hint, Location(place.file, place.line, begin))]

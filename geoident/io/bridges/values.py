@@ -103,7 +103,7 @@ def values_of(written: Sequence[WrittenValue], parameters: Sequence[Parameter]) 
             message = f"there is no parameter '{shorten(row.name)}' in the case"
             faults.append(Fault("unknown-parameter", message, hint, row.place))
         elif name in found:
-            message = f"the parameter '{name}' is there twice"
+            message = f"the parameter '{name}' is given twice"
             faults.append(Fault("same-parameter", message, "Keep one of them.", row.place))
         else:
             value = _value(row, known[name])
@@ -121,7 +121,7 @@ def _value(row: WrittenValue, parameter: Parameter) -> float | Fault:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        message = f"'{shorten(row.text)}' is no number"
+        message = f"'{shorten(row.text)}' is not a number"
         return Fault("not-a-number", message, "", row.number_place)
     try:
         value = number * _size(row, parameter)

@@ -167,7 +167,7 @@ class CampaignSection(Section):
     )
     set: Settings = Field(
         {},
-        description="Path to a value that takes the place of that of the base case in all runs.",
+        description="Path to a value that replaces that of the base case in all runs.",
         examples=[{"fit.backtest": False}],
     )
     variations: VariationsSection = Field(description="What varies from run to run.")
@@ -180,12 +180,12 @@ class CampaignSection(Section):
     )
     time_limit: GivenTime | None = Field(
         None,
-        description="Time after which a run is taken to hang: its process is ended, and it is "
-        "begun again.",
+        description="Time after which a run counts as hanging: its process is ended, and it is "
+        "restarted.",
         examples=["1 h"],
     )
     retries: Annotated[int, Count(0)] = Field(
-        2, description="Times that a run is begun again after its process was lost."
+        2, description="Times that a run is restarted after its process was lost."
     )
     cluster: ClusterSection | None = Field(
         None, description="Cluster that computes the runs; the command line may name another."

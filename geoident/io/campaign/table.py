@@ -75,7 +75,7 @@ def _check_header(header: Sequence[Cell], path: str, line: int, faults: list[Fau
     for cell in header:
         place = Location(path, line, cell.column)
         if cell.text in seen:
-            message = f"the column '{shorten(cell.text)}' is there twice"
+            message = f"the column '{shorten(cell.text)}' is given twice"
             faults.append(Fault("duplicate-column", message, "Remove one of them.", place))
         seen.add(cell.text)
         try:

@@ -329,7 +329,7 @@ def _gravity(given: Gravity | None, context: Context) -> tuple[float, ...] | Non
     if isinstance(given, list):
         return context.vector(given, "gravity")
     if given.factor < 0:
-        hint = "A single value points downwards by itself; write it positive, or as a vector."
+        hint = "A single value is downwards; write it positive, or as a vector."
         context.refuse("out-of-range", f"'{given.text}' is negative", hint)
     return (*(0.0,) * (context.dim - 1), -given.factor)
 

@@ -336,7 +336,7 @@ class FaceCheck:
             path: KeyPath = ("stages", n, "distance")
             if isinstance(section, PanetSection) and self._lowest(given) < 0.0:
                 message = f"'{given.text}' is ahead of the face, where Panet's profile ends"
-                hint = "Take 'profile: vlachopoulos-diederichs' or 'chern', which go on there."
+                hint = "Take 'profile: vlachopoulos-diederichs' or 'chern', which cover this range."
                 self._faults.add(path, "out-of-range", message, hint)
             for group in sorted(stage.release.keys() & set(groups)):
                 message = f"what '{group}' releases is given, and follows from the distance, too"
@@ -351,7 +351,7 @@ class FaceCheck:
             if second.factor < first.factor:
                 message = f"the face is {second.text} away, after {first.text} at "
                 message += f"'{self._stages[one].name}'"
-                hint = "A face goes on or stands still: correct one of the distances."
+                hint = "A face advances or stops: correct one of the distances."
                 self._faults.add(("stages", other, "distance"), "face-order", message, hint)
 
     def _lowest(self, given: CaseNumber) -> float:

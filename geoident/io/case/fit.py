@@ -138,22 +138,22 @@ class FitBase(Section):
     )
     model_error: ModelErrorValue | None = Field(
         None,
-        description="How far the ground may differ from the model: `estimate` from what is left of "
-        "the readings (the default where they are enough), `none`, a part of the computed motion, "
+        description="How far the ground may differ from the model: `estimate` from the residuals "
+        "(the default where they are enough), `none`, a part of the computed motion, "
         "or {size: , length: }. Intervals and bands of later stages follow.",
         examples=["estimate", "none", "15 %", {"size": "15 %", "length": "20 m"}],
     )
     backtest: bool = Field(
         True,
         description="Whether a fit also predicts its last stage from those before it, which costs "
-        "a few evaluations, and says whether that came true.",
+        "a few evaluations, and reports the result.",
     )
     mesh_error: bool = Field(
         True,
         description="Whether a fit halves the elements of the mesh once, at the end, to see how "
         "much of the readings' accuracy is lost to mesh error (where that costs less than the fit; "
-        "else second order in space or the jumps of the stress tell), says it, and widens "
-        "intervals and bands by it.",
+        "otherwise it estimates it from second order in space or the jumps of the stress), reports "
+        "it, and widens intervals and bands by it.",
     )
     reduced: ReducedUse = Field(
         True,

@@ -115,7 +115,7 @@ class TransverselyIsotropicSection(_InclinedBase):
 
     one_of = (
         Alternatives("E_p nu_p E_n nu_np G_np", "A C F L N", hint="Give all five of one set."),
-        Alternatives("dip dip_direction?", "normal", hint="Strata that lie flat: 'dip: 0 deg'."),
+        Alternatives("dip dip_direction?", "normal", hint="Horizontal strata: 'dip: 0 deg'."),
     )
 
     elastic: Literal["transversely-isotropic"] = Field(description="Symmetry of the elasticity.")

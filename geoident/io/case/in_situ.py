@@ -46,7 +46,7 @@ _SURFACE = (
 
 
 _EQUILIBRIUM = (
-    "`accept` takes it knowingly that weight and in-situ stress do not agree: a stress that grows "
+    "`accept` accepts that weight and in-situ stress do not agree: a stress that grows "
     "with depth without gravity, or by more than 2 % another unit weight than density times "
     "gravity, or a virgin state out of balance somewhere by more than 1 % of the local stress "
     "(slopes with K0 times the weight above always are). An elastic step then brings it to "
@@ -211,8 +211,8 @@ class GeostaticModel(_ModelBase):
     surface: LevelOrGroup | None = Field(
         None,
         description="Surface of the ground: a level, or a group of lines (2-D) or surfaces (solid)"
-        "; the top of the mesh if missing. Where it lies above the top of the mesh, `cover` says "
-        "what the ground between weighs.",
+        "; the top of the mesh if missing. Where it lies above the top of the mesh, `cover` gives "
+        "its unit weight.",
         examples=["300 m", "topography"],
     )
     cover: UnitWeight | None = Field(

@@ -209,7 +209,7 @@ class _Ladder:
             return {"dip": new.dip()}
         if place.analysis is Analysis.AXISYMMETRIC:
             return {"dip": "0 deg"}
-        message = f"the material '{name}' says nothing of how strata lie in it"
+        message = f"the material '{name}' has no orientation of strata"
         hint = "Write {elastic: " + str(section.elastic) + ", dip: ..., dip_direction: ...}."
         place.refuse("missing-key", message, hint)
         return {}

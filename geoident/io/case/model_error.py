@@ -56,8 +56,8 @@ class ModelErrorSection(Section):
 
     size: Annotated[CaseNumber, RelativeError()] = Field(
         CaseNumber(ESTIMATE, math.nan, None, DIMENSIONLESS),
-        description="Part of the computed motion by which the model is wrong; `estimate` from what "
-        "is left of the readings, or `none`.",
+        description="Part of the computed motion by which the model is wrong; `estimate` from the "
+        "residuals, or `none`.",
     )
     length: FixedSize | None = Field(
         None,

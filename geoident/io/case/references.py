@@ -47,7 +47,7 @@ def check_references(section: CaseSection, faults: Faults, wrong: Collection[str
 def _check_materials(section: CaseSection, faults: Faults) -> None:
     known = section.materials
     if ABSENT in known:
-        message = f"'{ABSENT}' says that a group is not there; no material can have this name"
+        message = f"'{ABSENT}' means an absent group; no material can have this name"
         faults.add(("materials", ABSENT), "reserved-name", message, "Rename it.", key=True)
     uses: list[tuple[KeyPath, str]] = [
         (("groups", group), name) for group, name in section.groups.items() if name != ABSENT

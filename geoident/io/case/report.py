@@ -25,7 +25,7 @@ class ReportSection(Section):
     author: Text = Field("", description="Who made the report.", examples=["J. Doe, Ground AG"])
     client: Text = Field("", description="For whom it was made.")
     revision: Text = Field("", description="Its revision.", examples=["B"])
-    date: Text = Field("", description="Its date, as it is to be written.", examples=["3 May 2026"])
+    date: Text = Field("", description="Its date, as printed.", examples=["3 May 2026"])
     logo: Text = Field(
         "",
         description="Path of a picture, .png or .svg, relative to the case.",

@@ -62,9 +62,9 @@ class StageSection(Section):
     )
     release: dict[Name, Coefficient] = Field(
         {},
-        description="Element group to the part of its stress, 0 to 1, that is released so far: of "
-        "a group that this stage excavates, or that an earlier one excavated with part of it. The "
-        "rest goes on supporting the ground until a later stage releases more "
+        description="Element group to the part of its stress, 0 to 1, released up to this stage: "
+        "of a group that this stage excavates, or that an earlier one excavated with part of it. "
+        "The rest supports the ground until a later stage releases more "
         "(convergence-confinement).",
         examples=[{"heading": 0.4}],
     )

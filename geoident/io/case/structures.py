@@ -116,7 +116,7 @@ class BeamSection(_StructureBase):
 
 
 class _BarSection(_StructureBase):
-    """What all bars have in common."""
+    """A kind of bars: bolts, struts or anchors, with the keys that all have in common."""
 
     what: ClassVar[str]
     """What one of them is."""

@@ -43,7 +43,7 @@ def read_cluster(given: str) -> Cluster:
     except (OSError, ValueError):
         there = False
     if not there:
-        message = f"'{shorten(given)}' is no address, and there is no file of that name"
+        message = f"'{shorten(given)}' is not an address, and there is no file of that name"
         raise InputError([Fault("no-cluster", message, _HINT, Location(str(Term.CLUSTER)))])
     return _of_file(given)
 

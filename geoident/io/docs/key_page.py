@@ -125,8 +125,7 @@ def _about(key: Schema) -> str:
 
 def _default(key: Schema) -> str:
     default = key.get("default")
-    without = default in (None, "", [], {}) or str(default) == "nan"
-    return "" if without else f"`{_yaml(default)}`"
+    return "" if default in (None, "", [], {}) else f"`{_yaml(default)}`"
 
 
 def _yaml(value: object) -> str:

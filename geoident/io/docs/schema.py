@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -39,7 +40,7 @@ class _Generator(GenerateJsonSchema):
 
     def encode_default(self, dft: Any) -> Any:
         if isinstance(dft, CaseNumber):
-            return dft.text if dft.unit else dft.factor
+            return dft.text if dft.unit or math.isnan(dft.factor) else dft.factor
         return super().encode_default(dft)
 
 

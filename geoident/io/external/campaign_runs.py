@@ -91,7 +91,7 @@ def read_campaign_runs(
 def _read(path: Path) -> _Campaign:
     if not path.is_file() and (path.parent / JOURNAL).is_file():
         message = "the campaign has not ended: there is no such file"
-        hint = "Run `geoident batch` of this campaign again: it goes on where it stopped."
+        hint = "Run `geoident batch` of this campaign again: it continues where it stopped."
         raise refusal(path, "no-campaign", message, hint)
     with hdf5_input(path) as file:
         if file.attrs.get("format") != FORMAT:
@@ -240,7 +240,7 @@ def _notes(campaign: _Campaign, channels: Sequence[Channel]) -> Iterator[str]:
     if campaign.total > len(campaign.runs):
         yield (
             f"{len(campaign.runs)} of {campaign.total} runs of {campaign.name} have ended: "
-            "`geoident batch` goes on with it"
+            "`geoident batch` continues it"
         )
     own = {channel.name for channel in channels}
     others = list(dict.fromkeys(gauge for gauge, _ in campaign.readings if gauge not in own))

@@ -152,7 +152,7 @@ def _unit_faults(
     """What is wrong with a unit, which stands there as a text."""
     given = call.args[0] if len(call.args) == 1 and not call.kwargs else None
     if not isinstance(given, nodes.Const) or not isinstance(given.value, str):
-        message = "the unit is no text"
+        message = "the unit is not a text"
         hint = 'Write {{ NAME | to("GPa") }}.'
         yield Fault("unit", message, hint, Location(source, call.lineno, 1))
         return

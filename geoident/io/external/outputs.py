@@ -78,7 +78,7 @@ class RunFiles:
         try:
             value = float(str(found).replace("D", "e").replace("d", "e"))
         except ValueError:
-            raise NotFound(f"{where}: '{shorten(str(found))}' is no number") from None
+            raise NotFound(f"{where}: '{shorten(str(found))}' is not a number") from None
         if not math.isfinite(value):
             raise NotFound(f"{where}: the reading of '{gauge}' at '{stage}' is {value}")
         return value * output.size
@@ -139,7 +139,7 @@ def _cell(rows: list[list[str]], file: str, how: TableCell) -> str:
     if isinstance(how.row, int):
         index = how.row - 1 if how.row > 0 else how.row
         if not -len(body) <= index < len(body):
-            raise NotFound(f"{file} has {len(body)} rows, and row {how.row} is asked for")
+            raise NotFound(f"{file} has {len(body)} rows, and row {how.row} is requested")
         row = body[index]
     else:
         places = [(names.index(key), value) for key, value in how.row]
@@ -167,7 +167,7 @@ def _pointed(data: Any, file: str, how: JsonValue) -> Any:
         else:
             raise NotFound(f"{file} has nothing at '{how.pointer}': '{key}' is not there")
     if isinstance(node, bool) or not isinstance(node, int | float | str):
-        raise NotFound(f"{file}: what stands at '{how.pointer}' is no number")
+        raise NotFound(f"{file}: the value at '{how.pointer}' is not a number")
     return node
 
 
@@ -182,7 +182,8 @@ def _dataset(opened: h5py.File, file: str, how: Hdf5Value) -> float:
         if found.size == 1 and not how.index:
             return float(np.ravel(found[()])[0])
         shape = " x ".join(map(str, found.shape)) or "one number"
-        raise NotFound(f"'{how.dataset}' of {file} is {shape}; index {list(how.index)} is asked")
+        message = f"'{how.dataset}' of {file} is {shape}; index {list(how.index)} is requested"
+        raise NotFound(message)
     return float(found[how.index])
 
 
@@ -198,14 +199,15 @@ def _word(lines: list[str], file: str, how: LineValue) -> str:
             raise NotFound(f"{file} has no {said}")
     index += how.after
     if not 0 <= index < len(lines):
-        raise NotFound(f"{file} has {len(lines)} lines, and {how.after} after {said} is asked for")
+        message = f"{file} has {len(lines)} lines, and {how.after} after {said} is requested"
+        raise NotFound(message)
     line = lines[index]
     if how.word == 0:
         first, last = how.columns
         return line[first - 1 : last].strip()
     words = line.replace(",", " ").split()
     if how.word > len(words):
-        raise NotFound(f"{file}:{index + 1} has {len(words)} words; word {how.word} is asked for")
+        raise NotFound(f"{file}:{index + 1} has {len(words)} words; word {how.word} is requested")
     return words[how.word - 1]
 
 
@@ -214,5 +216,5 @@ def _match(text: str, file: str, how: PatternValue) -> str:
     index = how.occurrence - 1 if how.occurrence > 0 else how.occurrence
     if not -len(found) <= index < len(found):
         message = f"{file}: '{shorten(how.pattern)}' is found {len(found)} times"
-        raise NotFound(f"{message}, and number {how.occurrence} is asked for")
+        raise NotFound(f"{message}, and number {how.occurrence} is requested")
     return str(found[index])

@@ -119,7 +119,7 @@ class _InstructionReader:
     def _item(self, number: int, column: int, word: str) -> Instruction | None:
         match = _ITEM.fullmatch(word)
         if match is None:
-            message = f"'{shorten(word)}' is no instruction"
+            message = f"'{shorten(word)}' is not an instruction"
             self._refuse(number, column, message, f"Known: {_KNOWN}.")
             return None
         if match["advance"]:

@@ -216,7 +216,7 @@ class _TableReader:
             self.refuse(line, cell, "unit", error.message, error.hint)
             return 1.0
         if of.dimension != DIMENSIONLESS:
-            message = f"the column '{of.name}' says no unit, and is {with_article(of.dimension)}"
+            message = f"the column '{of.name}' has no unit, and is {with_article(of.dimension)}"
             hint = f"Write '{of.name} [UNIT]'. Its units: {unit_list(of.dimension)}."
             self.refuse(line, cell, "unit", message, hint)
         return 1.0

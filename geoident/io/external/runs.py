@@ -156,7 +156,7 @@ def runs_of(
 def _column_faults(
     column: RunColumn, values: Floats, parameters: Mapping[str, Parameter]
 ) -> Iterator[Fault]:
-    """A column that never changes tells nothing; a logarithm is of what is positive."""
+    """A column that never changes has no information; a logarithm is of what is positive."""
     name, size = column.parameter, float(np.max(np.abs(values)))
     if float(np.ptp(values)) <= _CONSTANT * size and not (column.zero and size == 0.0):
         what = f"the parameter '{name}'" if name else f"the column '{shorten(column.label)}'"
@@ -186,6 +186,6 @@ def _run_faults(
     size, vectors = np.linalg.svd(unit - unit.mean(axis=0), full_matrices=False)[1:]
     if size[-1] < _TIED * size[0]:
         tied = [names[k] for k in np.flatnonzero(np.abs(vectors[-1]) > 0.1).tolist()]
-        message = f"{listing(tied)} change only together, so nothing tells them apart"
-        hint = "Add runs in which each changes by itself, or make one parameter of them."
+        message = f"{listing(tied)} change only together and cannot be separated"
+        hint = "Add runs in which each changes alone, or make one parameter of them."
         yield Fault("tied-columns", message, hint, place)

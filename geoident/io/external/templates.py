@@ -97,7 +97,7 @@ def _field(inside: str, place: Location, parameters: Mapping[str, Parameter]) ->
     known = _FORM.fullmatch(form)
     if form and known is None:
         hint = "Width, digits after the point and e, f or g: 10.3e, 12.6f, .17g."
-        raise Refusal("bad-form", f"'{shorten(form)}' is no form of a number", hint)
+        raise Refusal("bad-form", f"'{shorten(form)}' is not a form of a number", hint)
     return TemplateField(name, size, known[1] if known else "", place)
 
 

@@ -121,7 +121,7 @@ def _dispatch(path: Path, head: bytes) -> RawMesh:
     if is_gmsh(head):
         return read_gmsh(path.read_bytes())
     if suffix == ".msh":
-        message = "the file does not begin with $MeshFormat: it is no mesh of gmsh"
+        message = "the file does not begin with $MeshFormat: it is not a mesh of gmsh"
         raise Refused("mesh-format", message, "write it with gmsh, or give it its proper suffix")
     if suffix == ".inp":
         text = path.read_text(encoding="utf-8", errors="replace")

@@ -115,7 +115,7 @@ def _law(
             faults.add((*at, "formula"), "circular-law", message, hint)
         else:
             near = faults.did_you_mean(one, [*law.constants, *known], what="Known")
-            message = f"'{one}' is no covariate of the sections and no constant of the law"
+            message = f"'{one}' is neither a covariate of the sections nor a constant of the law"
             faults.add((*at, "formula"), "unknown-name", message, near)
     for constant in law.constants:
         where = (*at, "constants", constant)
@@ -157,7 +157,7 @@ def _check_common(found: ProjectFile, faults: Faults) -> None:
             message = f"'{name}' is shared and has a law"
             faults.add(("shared", n), "two-ways", message, "Remove one of them.")
         elif name in seen:
-            faults.add(("shared", n), "same-name", f"'{name}' stands there twice", "Remove one.")
+            faults.add(("shared", n), "same-name", f"'{name}' is given twice", "Remove one.")
         seen[name] = "a shared parameter"
     for law, section in found.laws.items():
         for constant in section.constants:

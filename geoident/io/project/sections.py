@@ -66,7 +66,7 @@ class SiteSection(Section):
     case: Text = Field(description="Path of its case.", examples=["km-1.yaml"])
     set: Settings = Field(
         {},
-        description="Path to a value that takes the place of that of its case.",
+        description="Path to a value that replaces that of its case.",
         examples=[{"readings": "km-1.csv", "in_situ.vertical": "8 MPa"}],
     )
     covariates: dict[ParameterName, AnyQuantity] = Field(

@@ -43,7 +43,7 @@ class LongRows:
             if name in passed:
                 continue
             if name in keys and name in names[:n]:
-                message = f"the column '{name}' is there twice"
+                message = f"the column '{name}' is given twice"
                 table.refuse(line, cell, "bad-header", message)
             elif name not in keys and not layout.columns:  # whoever names columns names all
                 message = f"there is no column '{shorten(cell.text)}'"

@@ -151,7 +151,7 @@ class Table:
         if not any(isinstance(c.value, float) or numbers.fullmatch(c.text) for c in cells):
             return False
         row = "row" if self.sheet else "line"
-        message = f"this {row} is no header: it has numbers, and none of the names of columns"
+        message = f"this {row} is not a header: it has numbers, and none of the names of columns"
         hint = f"If it is a reading already, put a header above it: {header}. If the header is "
         hint += "further down, declare its row: readings: {file: ..., header_row: ...}."
         self.refuse(line, 1, "bad-header", message, hint)

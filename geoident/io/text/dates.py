@@ -20,7 +20,7 @@ _OFFSET = re.compile(r":\d{2}.*(?:[+-]\d{2}|[Zz])|T.*(?:[+-]\d{2}|[Zz])")
 
 
 class DateError(ValueError):
-    """A text that is no date of the format."""
+    """A text that is not a date of the format."""
 
 
 def format_problem(pattern: str) -> str | None:
@@ -67,7 +67,7 @@ def read_date(text: str, pattern: str = ISO) -> float:
             code = _TOKEN.sub(lambda match: _TOKENS[match[0]], pattern)
             found = datetime.strptime(text, code)
     except ValueError:
-        raise DateError(f"'{text}' is no date of the form {pattern}") from None
+        raise DateError(f"'{text}' is not a date of the form {pattern}") from None
     return found.replace(tzinfo=UTC).timestamp()
 
 

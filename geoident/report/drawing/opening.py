@@ -210,7 +210,7 @@ def advance_pictures(result: Result) -> tuple[Picture, ...]:
         "its section behind the face; dots: the stages. Squares: part of the stress that is "
         f"released at each of them.{lost}"
     )
-    title = "Motion of the wall and released stress as the face goes on"
+    title = "Motion of the wall and released stress as the face advances"
     return (Picture("face-profile", title, caption, lambda: advance_figure(found)),)
 
 

@@ -57,7 +57,7 @@ def law_pictures(result: ProjectResult) -> tuple[Picture, ...]:
                     f"law-{len(found) + 1}",
                     f"{law.parameter} over {name}: {law.formula}",
                     "Line and dark band: the law and its 95 % interval; light band: where 95 % of "
-                    "sections are expected. Hollow: what a section says by itself; full: with all "
+                    "sections are expected. Hollow: a section by its own fit; full: with all "
                     f"others. Bars: 95 % intervals.{others}",
                     partial(law_figure, result, law, name),
                 )
@@ -98,7 +98,7 @@ def law_figure(result: ProjectResult, law: LawEstimate, name: str) -> Figure:
         key("law", color=COMPUTED, lw=1.4),
         Patch(color=COMPUTED, alpha=0.3, lw=0, label="law, 95 %"),
         Patch(color=COMPUTED, alpha=0.12, lw=0, label="sections, 95 %"),
-        key("by itself", marker="o", mfc="none", mec=FAINT, ls="", ms=5),
+        key("own fit", marker="o", mfc="none", mec=FAINT, ls="", ms=5),
         key("with all", marker="o", color=MEASURED, ls="", ms=4),
     ]
     if predicted:
@@ -154,8 +154,8 @@ def estimate_pictures(result: ProjectResult) -> tuple[Picture, ...]:
             picture=(
                 f"sections-{len(found) + 1}",
                 f"{name} of the sections",
-                "Tick: the law at the section with its 95 % interval; hollow: what the section "
-                "says by itself; full: with all others. How far the full dot is from the hollow "
+                "Tick: the law at the section with its 95 % interval; hollow: the section "
+                "by its own fit; full: with all others. How far the full dot is from the hollow "
                 "one towards the tick is the shrinkage.",
             ),
             label=lambda row: row.section,
@@ -197,7 +197,7 @@ def estimate_figure(
     axes.grid(visible=True, axis="x")
     handles = [
         key("law", color=COMPUTED, marker="|", ls="-", lw=2.0, ms=7),
-        key("by itself", marker="o", mfc="white", mec=FAINT, color=FAINT, lw=1.2, ms=5),
+        key("own fit", marker="o", mfc="white", mec=FAINT, color=FAINT, lw=1.2, ms=5),
         key("with all", marker="o", color=MEASURED, lw=1.2, ms=4),
     ]
     if any(row.section in predicted for row in rows):

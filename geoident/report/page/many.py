@@ -104,7 +104,7 @@ def _project(result: ProjectResult) -> tuple[PagePart, ...]:
             "Sections",
             Figures(estimate_pictures(result)),
             TitledTable(
-                "By the law, by itself, and with all others, with 95 % intervals",
+                "By the law, by its own fit, and with all others, with 95 % intervals",
                 parameters_table(result),
             ),
             TitledTable(

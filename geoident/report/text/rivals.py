@@ -113,8 +113,8 @@ def _percent(part: float) -> str:
 
 
 MODELS_LEGEND = (
-    "log evidence: less that of the best. probability: if all are as likely before the readings "
-    "and one of them is right. backtest: log score, a reading, of the last fitted stage. *: taken."
+    "log evidence: less that of the best. probability: for equal prior odds, "
+    "if one of them is right. backtest: log score, a reading, of the last fitted stage. *: taken."
 )
 
 

@@ -130,7 +130,7 @@ def _places(model: ObservedModel, asked: Sequence[AskedResponse]) -> list[tuple[
         if name in known:
             found.append(known[name])
         else:
-            message = f"the response '{shorten(one.name)}' is no reading of the case"
+            message = f"the response '{shorten(one.name)}' is not a reading of the case"
             hint = did_you_mean(one.name, known, what="Its readings are called")
             faults.append(Fault("unknown-response", message, hint, one.place))
     if faults:

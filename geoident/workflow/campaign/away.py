@@ -196,7 +196,7 @@ def _kept(answer: AwayEnd, folder: Path, inputs: Iterable[str]) -> RunRecord:
     make_folder(folder)
     place = folder / record.file if record.file else None
     if place is not None and place.exists() and read_identity(place) is None:
-        reason = f"{place}: exists and is no result of geoident; it is not overwritten"
+        reason = f"{place}: exists and was not written by geoident; it is not overwritten"
         return replace(
             record, status=FAILED, exit_code=int(ExitCode.OUTPUT), reason=reason, file=""
         )

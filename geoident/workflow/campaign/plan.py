@@ -211,7 +211,9 @@ def _require_own(folder: Path, path: str, *, force: bool) -> None:
     remedy = f"{Term.FORCE} uses it nonetheless, {Term.OUTPUT} names another one"
     if not (folder / JOURNAL).is_file():
         if any(folder.iterdir()):
-            raise OutputError(f"{folder}: is no folder of a campaign, and not empty\n    {remedy}")
+            raise OutputError(
+                f"{folder}: is not a folder of a campaign, and not empty\n    {remedy}"
+            )
         return
     head = read_head(folder)
     if head is not None and head.campaign_file != seen_from(folder, path):
@@ -291,7 +293,7 @@ def _planned(
     for row in rows:
         seed, given = campaign.seed, dict(row.settings)
         if SEED in given and not (given[SEED].isdecimal() and len(given[SEED]) < 19):
-            message = f"'{given[SEED]}' is no seed; a whole number from 0 on is expected"
+            message = f"'{given[SEED]}' is not a seed; a whole number from 0 on is expected"
             hint = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
             place = dict(zip(given, row.places, strict=True))[SEED]
             faults.append(Fault("bad-count", message, hint, place, SEED))

@@ -302,15 +302,15 @@ def freedom_notes(
     same = len({_count(one) for one in nu.tolist()}) == 1
     on = f"{_count(float(nu[0]))}" if same else join(each)
     said = (
-        f"The accuracies are estimated from the residuals, and intervals and bands allow for what "
-        f"is not known of them: they rest on {on} degrees of freedom (Student's t), so the "
+        f"The accuracies are estimated from the residuals, and intervals and bands allow for "
+        f"their uncertainty: they have {on} degrees of freedom (Student's t), so the "
         f"intervals are {_times(size)} as wide as with these accuracies given."
     )
     if nu.min() >= FEW:
         return (), (said,)
     return (
-        f"{said} So few tell little of the accuracies: the intervals may hold a few per cent less "
-        "than 95 %. More readings, or accuracies that are stated, would do.",
+        f"{said} So few determine the accuracies poorly: the intervals may hold a few per cent "
+        "less than 95 %. More readings, or accuracies that are stated, would do.",
     ), ()
 
 

@@ -69,11 +69,11 @@ def evaluation_log(
 def _too_short(job: Planned, log: EvaluationLog) -> str:
     """That no result could be written in the time that was given."""
     if not len(log) and not log.solutions:
-        return "The time that was given is used up before the model was evaluated once."
+        return "Time limit reached before the model was evaluated once."
     return (
-        "The time that was given is used up before a result could be written. "
+        "Time limit reached before a result could be written. "
         f"What was computed is kept in {job.place.checkpoint}.\n"
-        f"    {Term.SAME_AGAIN} goes on from there."
+        f"    {Term.SAME_AGAIN} continues from there."
     )
 
 
@@ -81,7 +81,7 @@ def _how_to_go_on(job: Planned) -> str:
     same = f"{Term.SAME_AGAIN} without {Term.FRESH}" if job.request.fresh else Term.SAME_AGAIN
     return (
         f"Interrupted. What was computed is kept in {job.place.checkpoint}.\n"
-        f"    {same} goes on from there."
+        f"    {same} continues from there."
     )
 
 

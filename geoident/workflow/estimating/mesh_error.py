@@ -306,9 +306,9 @@ def _chord_notes(model: StagedModel) -> tuple[str, ...]:
     if not typical:
         return ()
     return (
-        "New nodes stand in the middle of straight edges: what chords cut off of a curved wall "
-        f"(turns of {np.degrees(typical):.0f} degrees, {100.0 * typical**2 / 6.0:.1g} % of the "
-        "opening) is not in these numbers.",
+        "New nodes lie in the middle of straight edges: this does not include the area that chords "
+        f"cut off at a curved wall (turns of {np.degrees(typical):.0f} degrees, "
+        f"{100.0 * typical**2 / 6.0:.1g} % of the opening).",
     )
 
 

@@ -289,7 +289,7 @@ class FittedModelError:
         within = f"The model meets the readings within {_accuracies(self.used.channels, self.sd)}"
         if self.weighed is None:
             taken = f"{percent(self.size)} of the computed {what}"
-            return f"The model is taken to be right within {taken}, as the case says."
+            return f"The model is assumed accurate to {taken}, as the case says."
         low, high = (self.weighed.quantile(part) for part in (0.025, 0.975))
         if low <= _NONE:
             return (

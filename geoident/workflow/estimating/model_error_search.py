@@ -319,8 +319,8 @@ def explanations(found: FittedModelError) -> tuple[str, ...]:
             else "the model error"
         )
         return (
-            f"The readings cannot tell {said} from {join(alike, 'or')}: intervals and bands are "
-            f"those of {of}. {_REMEDY}",
+            f"The readings cannot separate {said} from {join(alike, 'or')}: intervals and bands "
+            f"are those of {of}. {_REMEDY}",
         )
     return ()
 
@@ -335,10 +335,10 @@ def too_dense(part: Floats) -> tuple[str, ...]:
     if square <= _DENSE:
         return ()
     return (
-        f"{len(part)} readings stand too densely for all of the model error between them: what "
-        f"is left out counts as {percent(np.sqrt(1.0 / (1.0 - square)) - 1.0)} less accuracy of "
-        "each. A part of the points (every fifth, say), or means of neighbouring ones, tell as "
-        "much, and need no such approximation.",
+        f"{len(part)} readings are too many for the full model error between them: what is left "
+        f"out counts as {percent(np.sqrt(1.0 / (1.0 - square)) - 1.0)} less accuracy of each. A "
+        "part of the points (every fifth, say), or means of neighbouring ones, carry the same "
+        "information and need no such approximation.",
     )
 
 
@@ -346,8 +346,8 @@ _DENSE = 0.05
 """Part of the variance of the readings that may stand for what was left out without a word."""
 
 _REMEDY = (
-    "'accuracies: estimate' under 'fit' lets the residuals say how accurate the gauges are; "
-    "'zero: estimate' in the accuracy of a gauge, what its zero is worth."
+    "'accuracies: estimate' under 'fit' estimates the accuracy of the gauges from the "
+    "residuals; 'zero: estimate' in the accuracy of a gauge estimates that of its zero."
 )
 
 

@@ -92,7 +92,7 @@ def accuracy_residuals(gauges: GaugeTable) -> tuple[str, ...]:
     return (
         f"{gauges.channels[i]} at {gauges.stages[j]} is {size} from what is computed, "
         f"{_shown(float(times[i, j]))} of its accuracies: if the accuracy is right, the model or "
-        "the reading is wrong. `geoident compare` says whether another model (anisotropic, "
+        "the reading is wrong. `geoident compare` shows whether another model (anisotropic, "
         "yielding, different in-situ stress) describes the ground better.",
     )
 

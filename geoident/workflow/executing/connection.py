@@ -203,7 +203,7 @@ class Connection:
                     raise LostCluster(cluster.address, cluster.patience) from error
                 time.sleep(_PAUSE)
             else:
-                self._tell("It is back; what was running there is begun again.")
+                self._tell("It is back; what was running there is restarted.")
                 if not self.threads:
                     self._say_waiting()
                 return

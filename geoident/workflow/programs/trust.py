@@ -159,7 +159,7 @@ def require(
     if is_remembered(execution, folder):
         return
     if not _decide.get()(execution):
-        message = f"{execution.said}, and nobody has said that it may"
+        message = f"{execution.said}, and it is not trusted yet"
         hint = f"Look at what it runs. {term} runs it, and is remembered until it changes."
         raise refused("not-trusted", message, hint + execution.shown("        "))
     if _remembers.get():

@@ -81,11 +81,11 @@ def _one_in(probability: float) -> str:
 
 
 def _off(result: ProjectResult, name: str) -> str:
-    """By how much what a section says by itself is off its laws."""
+    """By how much the own fit of a section is off its laws."""
     said = []
     for row in result.of(name):
         if row.law == row.law and row.alone == row.alone and row.law != 0.0:
-            said.append(f"by itself it has {row.alone / row.law:.2g} times the {row.parameter} "
+            said.append(f"its own fit gives {row.alone / row.law:.2g} times the {row.parameter} "
                         "of the law")  # fmt: skip
     return f" Of {name}, {' and '.join(said)}." if said else ""
 

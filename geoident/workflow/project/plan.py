@@ -207,7 +207,7 @@ def _loose(
 ) -> Iterator[Fault]:
     for name, parameter in own.items():
         if name not in keys and parameter.prior is None:
-            message = f"nothing tells '{name}' of the section '{section.name}', which is predicted"
+            message = f"'{name}' of the predicted section '{section.name}' has no law or prior"
             hint = "Share it, give it a law or a prior, or write its value in place of it."
             yield Fault("nothing-known", message, hint, section.place)
 

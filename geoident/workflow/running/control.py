@@ -14,7 +14,7 @@ from geoident.model.results.result import Iteration
 from geoident.workflow.executing.executor import Workplace
 from geoident.workflow.executing.stop import StopRequest
 
-OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
+OUT_OF_TIME = "Time limit reached; the same command continues from here."
 
 
 NOTHING_SENT = "There was nothing to run in parallel: the cluster was not used."

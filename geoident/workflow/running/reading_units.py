@@ -1,6 +1,6 @@
 """Readings of which the unit is suspected: ten or a thousand times those of the model.
 
-Readings in centimetres that are taken for millimetres have the pattern of the model and a tenth of
+Readings in centimetres that are read as millimetres have the pattern of the model and a tenth of
 its size. A modulus of a tenth of its start value does the same, so it is said, not refused.
 """
 
@@ -29,22 +29,22 @@ _CLEAR = 3.0
 """Standard deviations that the larger of both must have on the average."""
 
 _MISTAKEN = {
-    ("length", -1): "centimetres taken for millimetres",
-    ("length", 1): "millimetres taken for centimetres",
-    ("length", -3): "metres taken for millimetres",
-    ("length", 3): "millimetres taken for metres, or micrometres for millimetres",
-    ("pressure", -1): "MPa taken for bar",
-    ("pressure", 1): "bar taken for MPa",
-    ("pressure", -2): "bar taken for kPa",
-    ("pressure", 2): "kPa taken for bar",
-    ("pressure", -3): "MPa taken for kPa",
-    ("pressure", 3): "kPa taken for MPa",
-    ("force", -3): "MN taken for kN",
-    ("force", 3): "kN taken for MN, or N for kN",
-    ("angle", -3): "rad taken for mrad",
-    ("angle", 3): "mrad taken for rad",
-    ("strain", -3): "per mille taken for micrometres per metre",
-    ("strain", 3): "micrometres per metre taken for per mille",
+    ("length", -1): "centimetres read as millimetres",
+    ("length", 1): "millimetres read as centimetres",
+    ("length", -3): "metres read as millimetres",
+    ("length", 3): "millimetres read as metres, or micrometres for millimetres",
+    ("pressure", -1): "MPa read as bar",
+    ("pressure", 1): "bar read as MPa",
+    ("pressure", -2): "bar read as kPa",
+    ("pressure", 2): "kPa read as bar",
+    ("pressure", -3): "MPa read as kPa",
+    ("pressure", 3): "kPa read as MPa",
+    ("force", -3): "MN read as kN",
+    ("force", 3): "kN read as MN, or N for kN",
+    ("angle", -3): "rad read as mrad",
+    ("angle", 3): "mrad read as rad",
+    ("strain", -3): "per mille read as micrometres per metre",
+    ("strain", 3): "micrometres per metre read as per mille",
 }
 """Dimension and power of ten of the readings, by the model, to what was likely mistaken."""
 

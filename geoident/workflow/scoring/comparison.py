@@ -163,7 +163,7 @@ def support_sentences(models: Sequence[ModelScore], chosen: int) -> list[str]:
         rival = max(equal, key=lambda model: model.log_evidence)
         gap = rival.log_evidence - best.log_evidence
         sentences.append(
-            f"The readings cannot tell {names} apart (log Bayes factor {gap:+.1f} for "
+            f"The readings do not decide between {names} (log Bayes factor {gap:+.1f} for "
             f"{rival.name}; it takes {CLEAR:g}, odds of 20 to 1): {best.name} is the simpler and "
             "is preferred."
         )
@@ -199,6 +199,6 @@ def _backtested(models: Sequence[ModelScore], chosen: ModelScore) -> list[str]:
     if gain * min(best.backtested, chosen.backtested) < CLEAR:
         return [f"The backtest does not contradict: {best.name} predicts hardly better."]
     return [
-        f"The backtest speaks for {best.name}: its predictions of the last fitted stage have a log "
+        f"The backtest favours {best.name}: its predictions of the last fitted stage have a log "
         f"score higher by {gain:.2g} a reading ({best.backtested} readings)."
     ]

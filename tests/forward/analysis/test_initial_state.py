@@ -50,7 +50,7 @@ def heim(growth, surface=6.0):
     return HeimStress(Scalar(0.5), unit_weight=Scalar(growth), surface=Scalar(surface))
 
 
-ACCEPT = "or take it knowingly: in_situ: {equilibrium: accept}"
+ACCEPT = "or accept it: in_situ: {equilibrium: accept}"
 
 
 # --- unit weights ---
@@ -256,7 +256,7 @@ def test_a_load_counts_as_one_of_the_forces_of_its_patch():
     assert fault.hint == (
         "Hold the edges of the model ('supports', or 'held: true'), and let weight, water, loads "
         "and in-situ stress agree, as 'model: geostatic' does; where slopes or dipping layers "
-        "remain, take it knowingly: in_situ: {equilibrium: accept}."
+        "remain, accept it: in_situ: {equilibrium: accept}."
     )
     solid = layered(
         3, in_situ=heim(2000 * G), low=2000.0,
@@ -315,7 +315,7 @@ def test_groups_of_different_horizontal_stress_meet_at_a_steep_boundary(dim, axi
     assert fault.hint == (
         "A steep boundary bears only one horizontal stress, that of both sides: give 'low' and "
         "'rock' the same horizontal stress there (one K0), or let them meet at a horizontal "
-        "boundary; where the ground is so, take it knowingly: in_situ: {equilibrium: accept} "
+        "boundary; where the ground is so, accept it: in_situ: {equilibrium: accept} "
         "brings the difference to equilibrium before the first stage."
     )
 
@@ -379,8 +379,8 @@ def test_a_surface_below_or_above_the_mesh_is_told_with_its_place(dim):
     (above,) = gaps(6.5)
     assert above.message.startswith(where)
     assert above.message.endswith(
-        " m the surface lies 0.5 m above the top of the mesh, and nothing says what the ground "
-        "between weighs"
+        " m the surface lies 0.5 m above the top of the mesh, and 'cover', the unit weight "
+        "between, is missing"
     )
     assert above.hint == "Add 'cover: 20 kN/m3', correct 'surface', or leave it out."
     assert gaps(6.5, cover=Scalar(2e4)) == []

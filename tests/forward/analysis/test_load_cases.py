@@ -130,7 +130,7 @@ def test_a_reading_at_its_own_zero_is_nothing():
 def test_ground_that_leaves_on_one_branch_can_be_read_on_the_others():
     leave = Stage("leave", excavate=("dam",), independent=True)
     staged = dam(BUILD, leave, CASES[0], zero="build")
-    assert "no longer there" in staged.unreadable("c0", "leave")
+    assert "excavated ground" in staged.unreadable("c0", "leave")
     assert staged.unreadable("c2", "leave") is None  # it stands in the rock
     assert staged.unreadable("c0", "full") is None
     found, alone = readings(staged), readings(dam(BUILD, CASES[0]))

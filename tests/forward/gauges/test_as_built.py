@@ -98,7 +98,7 @@ def test_a_lift_that_comes_later_than_the_stage_after_the_zero_is_refused():
         column(displacement("S", (0.5, 2.5 * H), DOWN))
     (fault,) = error.value.faults
     assert fault.code == "gauge-in-absent-ground"
-    assert "stands in 'l3', which is not there at stage 'virgin'" in fault.message
+    assert "lies in 'l3', which is not there at stage 'virgin'" in fault.message
     assert fault.hint == (
         "set 'zero' to 'lift 3', which places that ground, or to 'lift 2' before it: then what "
         "its own placing does counts, too"

@@ -68,17 +68,17 @@ HINT = ("set 'zero' to 'put', which places that ground, or to 'dig' before it: t
     ("channel", "said", "hint"),
     [
         (displacement("d", (5.5, 3.5), (1.0, 0.0)),
-         "point (5.5, 3.5) m of gauge 'd' stands in 'fill', which is not there at stage 'virgin', "
+         "point (5.5, 3.5) m of gauge 'd' lies in 'fill', which is not there at stage 'virgin', "
          "where the gauge is zeroed", HINT),
         (displacement("d", (5.5, 0.5), (1.0, 0.0)),
-         "point (5.5, 0.5) m of gauge 'd' stands in 'never', which is not there at stage 'virgin', "
+         "point (5.5, 0.5) m of gauge 'd' lies in 'never', which is not there at stage 'virgin', "
          "where the gauge is zeroed",
          "correct the point, or let it be there: 'install' it"),
         (gauge("stress", "s", (5.5, 0.5), "xx"),
-         "point (5.5, 0.5) m of gauge 's' stands in 'never', which is never there",
+         "point (5.5, 0.5) m of gauge 's' lies in 'never', which is never there",
          "correct the point"),
         (gauge("stress", "s", (5.5, 3.5), "xx", reads=Reads.VIRGIN),
-         "point (5.5, 3.5) m of gauge 's' stands in 'fill', which is not there before the first "
+         "point (5.5, 3.5) m of gauge 's' lies in 'fill', which is not there before the first "
          "stage, when it is read", "correct the point"),
         (displacement("d", (7.5, 9.0), (1.0, 0.0)),
          "point (7.5, 9) m of gauge 'd' lies outside the mesh",
@@ -112,8 +112,7 @@ def test_readings_of_stages_at_which_the_ground_is_not_there_are_refused():
         _on_mesh(pit, fill, readings=readings)
     said = [fault.message for fault in error.value.faults]
     assert said == [
-        "gauge 'pit' can't have been read at stage 'dig': a point of it stands in ground that is "
-        "no longer there",
+        "gauge 'pit' can't have been read at stage 'dig': a point of it lies in excavated ground",
         "gauge 'fill' can't have been read at stage 'dig': it is zeroed only at a later stage",
     ]
     nowhere = displacement("pit", (1.5, 9.0), (1.0, 0.0))

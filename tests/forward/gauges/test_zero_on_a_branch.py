@@ -56,7 +56,7 @@ def test_a_zero_where_a_load_case_has_taken_the_ground_away_is_refused(tmp_path,
     line = next(n for n, row in enumerate(text.splitlines(), 1) if row.startswith("gauges"))
     at = f"case.yaml:{line}:{text.splitlines()[line - 1].index('zero: dig') + 1}: gauges.S.zero: "
     assert at in found
-    assert "stands in 'top', which is not there at stage 'dig', where the gauge is" in found
+    assert "lies in 'top', which is not there at stage 'dig', where the gauge is" in found
     assert "write 'zero: virgin' (it is there at 'b', 'c', too), or correct the point" in found
     assert "placing" not in found
 

@@ -156,7 +156,7 @@ def test_stress_is_uneven_where_its_principal_ones_are_two_hundredths_apart(stre
     found = staged(quarter(2, 5, 12.0), YIELDS, face=profile("chern"), stages=steps,
                    in_situ=in_situ)  # fmt: skip
     (note,) = [n for n in found.notes if n.startswith("distances to the face")]
-    assert ("stands in uneven stress" in note) == told
+    assert ("lies in uneven stress" in note) == told
     if len(stress) > 3 and stress[1] != -10.0:
         mean, apart = 10.09, np.hypot(0.09, 0.1)
         assert f"({mean - apart:.3g} and {mean + apart:.3g} MPa at the start values)" in note

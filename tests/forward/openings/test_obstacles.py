@@ -73,7 +73,7 @@ AWAY = displacement("away", (3.0 * RADIUS, 1.0), (1.0, 0.0))
             ("the support 'x0' is moved by what is given", None),
         ),
         ((BOTH, Stage("pull", loads={"wind": PULL})),
-         (None, "the load 'wind' is no pressure on the wall of the opening")),
+         (None, "the load 'wind' is not a pressure on the wall of the opening")),
         ((Stage("pull", loads={"wind": PRESS}), BOTH),
          ("the load 'wind' acts before the opening is excavated",) * 2),
         ((BOTH, Stage("pull", loads={"wind": PRESS}), Stage("on")), (None, None, None)),
@@ -105,7 +105,7 @@ def test_why_a_channel_is_not_covered():
         channels=(GAUGES[1], inner, cell),
     )  # fmt: skip
     other = "it reads something else than displacements"
-    gone = "a point of it stands in ground that is no longer there"
+    gone = "a point of it lies in excavated ground"
     wet = "there is water in the pores"
     for name, expected in (
         ("up", [None, None, wet]),
@@ -253,9 +253,9 @@ def test_a_wall_may_lie_off_its_circle_by_two_hundredths():
     [
         (2.99, "the model, or another opening, ends 3.0 radii from the centre of the opening; at "
                "least 3 are needed"),
-        (3.01, "the model ends 3.0 radii from the centre, where the closed form goes on: "
+        (3.01, "the model ends 3.0 radii from the centre, where the closed form continues: "
                "displacements differ by some 11 %"),
-        (9.99, "the model ends 10.0 radii from the centre, where the closed form goes on: "
+        (9.99, "the model ends 10.0 radii from the centre, where the closed form continues: "
                "displacements differ by some 1 %"),
         (10.01, None),
     ],
@@ -351,5 +351,5 @@ def test_a_pressure_elsewhere_is_no_pressure_on_the_wall():
     away = np.linalg.norm(mesh.points[lines], axis=2)
     mesh = with_lines(mesh, "edge", lines[(away > 11.9 * RADIUS).all(axis=1)])
     found = model_of(mesh, *stages, channels=(AWAY,))
-    why = "the load 'side' is no pressure on the wall of the opening"
+    why = "the load 'side' is not a pressure on the wall of the opening"
     assert [found.unreadable("away", s.name) for s in stages] == [None, None, why]

@@ -140,7 +140,7 @@ def said_of_face(tmp_path, **keys):
 YIELDING = "{rock: {E: $E, nu: 0.25, " + COULOMB + "}}"
 CURVE = (
     "the part of the final motion becomes a part of the stress on the reaction curve of a circular "
-    "opening without support, in the mean in-situ stress. This tunnel is not round and stands in "
+    "opening without support, in the mean in-situ stress. This tunnel is not round and lies in "
     "uneven stress (5 and 10 MPa at the start values), so that the mean motion of its wall is "
     "another part of the final one (theory 2.9): 'conversion: mesh' takes that of the mesh"
 )
@@ -205,5 +205,5 @@ def test_a_tunnel_without_a_wall(tmp_path):
     )  # fmt: skip
     assert (
         "face.conversion: no ground is beside 'core', so there is no wall whose motion could be "
-        "asked for Name the element groups of the tunnel by 'groups' of 'face'."
+        "computed Name the element groups of the tunnel by 'groups' of 'face'."
     ) in found

@@ -158,7 +158,7 @@ def test_plane_inside_the_mesh_is_none_of_symmetry():
             mesh,
             supports=(*rollers(2), Support("middle", (0,))),
         )
-    assert "the mesh goes on on both sides of x = 0.5 m, from 0 to 1 m" in str(error.value)
+    assert "the mesh continues on both sides of x = 0.5 m, from 0 to 1 m" in str(error.value)
 
 
 def test_jacked_strut_pushes_with_its_force_and_is_then_a_spring():

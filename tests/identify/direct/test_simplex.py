@@ -274,8 +274,8 @@ def test_too_few_evaluations_are_said_with_the_remedy() -> None:
     outcome = simplex(problem(Curve()), SimplexOptions(max_evaluations=30), go_on)
     assert outcome.status == "not-converged"
     assert outcome.reason == (
-        "The search did not converge in 30 evaluations: raise max_evaluations, or go on from here "
-        "with the method gauss-newton."
+        "The search did not converge in 30 evaluations: raise max_evaluations, or continue from "
+        "here with the method gauss-newton."
     )
 
 
@@ -293,7 +293,7 @@ def test_a_last_restart_that_finds_a_better_point_is_said(restarts: int) -> None
     assert (outcome.objective == 0.0) == (restarts > 0)
     assert outcome.status == ("not-converged" if restarts == 1 else "converged")
     better = (
-        "The last restart still found a clearly better point: raise restarts, or go on from here "
-        "with the method gauss-newton."
+        "The last restart still found a clearly better point: raise restarts, or continue from "
+        "here with the method gauss-newton."
     )
     assert (outcome.reason == better) == (restarts == 1)

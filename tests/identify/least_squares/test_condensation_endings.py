@@ -23,7 +23,7 @@ from geoident.model.results.result import Iteration
 
 EQUATION = CondensationOptions(weighting="equation")
 OUTPUT = CondensationOptions(weighting="output")
-FOLLOW = "go on from here with the method gauss-newton."
+FOLLOW = "continue from here with the method gauss-newton."
 
 
 def go_on(_: Iteration) -> None:

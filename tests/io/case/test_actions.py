@@ -286,7 +286,7 @@ def test_a_file_of_temperatures_becomes_part_of_the_case(table, project, changed
             "x [m],y [m],change [K]\n1,2\n",
             "the cell is empty (change)",
         ),
-        ("x [m],y [m],change [K]\n1,2,warm\n", "'warm' is no number (change)"),
+        ("x [m],y [m],change [K]\n1,2,warm\n", "'warm' is not a number (change)"),
         ("x [m],y [m],change [K]\n", "the table has no row"),
         ("x [m],y [m],change [kPa]\n1,2,3\n", "has no unit of a temperature"),
         ("x [m],y [m],z [m],change [K]\n1,2,3,4\n", "the column 'z [m]' is not known here"),

@@ -111,4 +111,4 @@ def test_an_offset_has_the_dimension_of_what_is_read(project, changed):
     gauge = "{kind: load-cell, structure: prop, accuracy: 5 kN, offset: «3 kN/m}"
     text = changed(PLANE, f"  G: {gauge}").replace("readings: readings.csv\n", "")
     fault = project.only_fault(text.replace("gauges:\n", NAILS))
-    assert fault.message == "'3 kN/m' is a line load; the accuracy says that a force is read"
+    assert fault.message == "'3 kN/m' is a line load; by its accuracy the gauge reads a force"

@@ -58,7 +58,7 @@ def test_measured_motions_come_from_the_case_or_a_file(project, changed):
         ("{left: {z: «1 mm}}", "wrong-dimension", "no direction z"),
         ("{left: {x: 1 mm, contraction: «1 %}}", "wrong-pair", "all of the motion"),
         ("{left: {x: 1 mm, centre: «[0, 0 m]}}", "wrong-pair", "belongs to"),
-        ("{left: {contraction: «150 %}}", "out-of-range", "no part"),
+        ("{left: {contraction: «150 %}}", "out-of-range", "not a part"),
         ("{left: {contraction: 1 %, axis: «x}}", "wrong-dimension", "only a solid"),
         ("{left: {measured: «{points: [[0, 0 m]]}}}", "wrong-pair", "or a file"),
         ("{left: {measured: {points: [[0, 0 m]], x: «[1, 2 mm]}}}", "wrong-number", "2 motions"),
@@ -81,7 +81,7 @@ def test_faults_of_a_table_of_motions_are_at_their_cells(project, changed):
     (project.folder / "motions.csv").write_text("x [m], y [m], ux [mm]\n1, 2, 3\n4, 5, six\n")
     (fault,) = project.faults(changed(SUPPORTS, "{left: {measured: {file: motions.csv}}}"))
     assert (fault.location.line, fault.location.column) == (3, 7)
-    assert fault.message == "'six' is no number (ux)"
+    assert fault.message == "'six' is not a number (ux)"
 
 
 def test_what_does_not_hold_cannot_let_go(project, changed):

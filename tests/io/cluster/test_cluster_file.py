@@ -33,7 +33,9 @@ def test_addresses(given, address):
 
 
 def test_what_is_neither_an_address_nor_a_file_is_refused():
-    with pytest.raises(InputError, match="'nowhere' is no address, and there is no file") as caught:
+    with pytest.raises(
+        InputError, match="'nowhere' is not an address, and there is no file"
+    ) as caught:
         read_cluster("nowhere")
     assert "tcp://node1:8786" in str(caught.value)
 

@@ -49,7 +49,7 @@ def test_stages_are_those_of_the_face_and_what_is_resolved_is_the_same_law(tmp_p
          "Add it"),
         ("chainage: 100 m", "chainage: 105 m", "gauges.H.zero", "would be negative", "Correct the"),
         ("fourth: 127 m", "fourth: 107 m", "model.face.fourth", "behind that at 'third'",
-         "stands"),
+         "stops"),
         ("first: 2024-03-01, ", "", "dates", "'first' has no date", "Add dates: {first:"),
         ("excavated: 2024-03-01", "excavated: 2024-03-02", "model.sections.A.excavated",
          "excavated after 'first'", "Correct this date"),

@@ -158,8 +158,8 @@ def test_all_that_is_wrong_in_a_file_is_said_with_its_place(tmp_path):
         (4, 11, "the text that begins here has no second '~'"),
         (5, 4, "column 9 does not come before 3"),
         (5, 11, "the observation 'b' is read in line 3 already"),
-        (5, 15, "'(f)3' is no instruction"),
-        (6, 1, "'l0' is no instruction"),
+        (5, 15, "'(f)3' is not an instruction"),
+        (6, 1, "'l0' is not an instruction"),
         (6, 1, "the line does not say which line of the output it is of"),
         (7, 4, "the text between the marks is empty"),
     ]

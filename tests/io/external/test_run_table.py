@@ -102,14 +102,14 @@ def test_bounds_a_little_beyond_the_runs_are_moved_and_that_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "line", "code", "said"),
     [
-        ("E [GPa]", "E", 1, "unit", "the column 'E' says no unit, and is a pressure"),
-        ("E [GPa]", "E [mm]", 1, "unit", "'mm' is no unit of a pressure"),
+        ("E [GPa]", "E", 1, "unit", "the column 'E' has no unit, and is a pressure"),
+        ("E [GPa]", "E [mm]", 1, "unit", "'mm' is not a unit of a pressure"),
         ("E [GPa]", "E [GPaa]", 1, "unit", "there is no unit 'GPaa'"),
         ("E [GPa]", "Emod [GPa]", 1, "unknown-column", "'Emod' is neither a parameter nor a gauge"),
         ("V @ open [mm]", "V @ ope [mm]", 1, "unknown-stage", "there is no stage 'ope'"),
         ("V @ open [mm]", "V [mm]", 1, "no-stage", "does not say of which stage"),
         ("V @ open [mm]", "H @ open [mm]", 1, "duplicate-column", "two columns hold 'H @ open'"),
-        ("V @ open [mm]", "V @ open", 1, "unit", "the column 'V' says no unit, and is a length"),
+        ("V @ open [mm]", "V @ open", 1, "unit", "the column 'V' has no unit, and is a length"),
         ("\n3,", "\n3,,", 4, "bad-row", "10 cells; 9 are expected"),
         ("\n3,", "\n3,soft", 4, "bad-number", "of 'E' is not a number"),
     ],

@@ -28,7 +28,7 @@ def faults_of(folder, text):
          "sections[1].covariates.GSI: '52 m' is a length; elsewhere GSI is a number without unit"),
         ("shared: [K0]", "shared: [K1]",
          "project.yaml:7:10: shared[0]: the case of the section 'A' has no parameter 'K1'"),
-        ("b * GSI", "b * GSJ", "'GSJ' is no covariate of the sections and no constant of the law"),
+        ("b * GSI", "b * GSJ", "'GSJ' is neither a covariate of the sections nor a constant of"),
         ("b * GSI", "b * E_rock", "the law of 'E_rock' refers to itself"),
         ("b * GSI", "b * K0", "the law of 'E_rock' refers to the parameter 'K0'"),
         ("b * GSI", "GSI", "the formula 'a * exp(GSI)' has no 'b'"),
@@ -36,7 +36,7 @@ def faults_of(folder, text):
         ("a * exp(b", "a * exq(b", "there is no function 'exq'"),
         ("name: B", "name: A", "two sections are called 'A'"),
         ("shared: [K0]", "shared: [K0, E_rock]", "'E_rock' is shared and has a law"),
-        ("shared: [K0]", "shared: [K0, K0]", "'K0' stands there twice"),
+        ("shared: [K0]", "shared: [K0, K0]", "'K0' is given twice"),
         ("scatter: none", "scatter: 2 GPa", "a number without unit is expected"),
         ("scatter: none", "scatter: nine", "Did you mean 'none'?"),
         ("scatter: none", "scatter: -20 %", "a standard deviation is above zero"),
@@ -48,7 +48,7 @@ def faults_of(folder, text):
          "project.yaml:5:79: in_situ.vertical: '8'"),
         ("readings: km-2.csv}", "readings: km-2.csv, 'parameters[': 8}", "is not the path"),
         ("readings: km-2.csv}", "readings: km-2.csv, fit.loss: huber}", "has a robust loss"),
-        ("shared: [K0]", "shared: []", "nothing tells 'K0' of the section 'C'"),
+        ("shared: [K0]", "shared: []", "'K0' of the predicted section 'C' has no law or prior"),
         ("sections:", "section:", "Did you mean 'sections'?"),
         ("geoident-project/1", "geoident-project/2", "geoident-project/1"),
     ],
@@ -64,7 +64,7 @@ def test_all_faults_of_a_project_are_said_at_once(tmp_path):
     )
     said = faults_of(tmp_path, text)
     assert "two sections" in said
-    assert "'c' is no covariate" in said
+    assert "'c' is neither a covariate" in said
     assert "has no 'b'" in said
 
 

@@ -54,7 +54,7 @@ def test_columns_without_name_and_cells_are_none():
 
 def test_a_file_without_header_has_one_fault_and_a_column_without_name_another():
     (fault,) = refused("A,b,1,mm\nA,c,2,mm\n")
-    assert "no header" in fault.message
+    assert "not a header" in fault.message
     (fault,) = refused("gauge,stage,value,unit,\nA,b,1,5,mm\nA,c,1,5,mm\n")
     assert "decimal comma" in fault.hint
 

@@ -108,7 +108,7 @@ def test_a_column_that_is_no_gauge_is_said_with_what_to_declare(refused):
     faults = refused(DATES + "{file: r.csv, layout: wide, blank: [n/a]}", files={"r.csv": FIELD})
     (fault,) = faults
     assert fault.message == "the column 'weather' has no unit"
-    assert "If it is no gauge: ignore: [weather], or columns: {remarks: weather}." in fault.hint
+    assert "If it is not a gauge: ignore: [weather], or columns: {remarks: weather}." in fault.hint
 
 
 def test_a_name_that_is_no_gauge_is_said_once_and_not_for_every_row(refused):
@@ -388,7 +388,7 @@ def test_an_azimuth_and_a_scale_turn_coordinates(read):
         (", channels: {S: P7, T: {name: P7}}", "", "there is no target 'P7'", "channels: {TARGET"),
         ("height: H", "height: Z", "columns missing in the header: z", "columns: {point: NAME"),
         ("x: [3, 4, 0]", "x: [3, 4, 1]", "the axes x and y are not at right angles", "Correct"),
-        ("x: [3, 4, 0], y", "x: [3, 4], y", "the axis x is no vector of easting", "[0.6, 0.8, 0]"),
+        ("x: [3, 4, 0], y", "x: [3, 4], y", "the axis x is not a vector of", "[0.6, 0.8, 0]"),
         ("axes: {x: [3, 4, 0], y: [0, 0, 1]}, ", "", "found neither; either azimuth or axes", ""),
         ("  transformation:", "  #", "'transformation' is missing", "azimuth: 37.5 deg"),
         ("[1000, 2000, 50 m]", "[1000, 2000, 60 m]", "the case has 'S' at (5, 1) m, the survey "

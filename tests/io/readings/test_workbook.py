@@ -238,7 +238,7 @@ def test_a_number_is_no_date(refused):
     faults = refused(DATES + "{file: r.xlsx, layout: wide}", workbook(rows))
     assert [fault.location.cell for fault in faults] == ["A2", "A3"]
     assert faults[0].message == "the cell holds the number 45352, not a date"
-    assert "'03.02.2024' is no date of the form YYYY-MM-DD" in faults[1].message
+    assert "'03.02.2024' is not a date of the form YYYY-MM-DD" in faults[1].message
 
 
 def test_stored_results_of_formulas_are_read(read, tmp_path):
@@ -291,7 +291,7 @@ def test_one_of_several_sheets_must_be_named(refused):
         ("{file: r.csv, sheet: A}", "readings.sheet", "'sheet' belongs to an Excel workbook"),
         ("{file: r.csv, range: 'A1:B2'}", "readings.range", "'range' belongs to an Excel workbook"),
         ("{file: r.xlsx, range: 'B2:A1'}", "readings.range", "first cell is not the upper left"),
-        ("{file: r.xlsx, encoding: utf-8}", "readings.encoding", "a workbook says its own"),
+        ("{file: r.xlsx, encoding: utf-8}", "readings.encoding", "a workbook has its own"),
         ("{file: r.xlsx, header_row: 4, data_row: 4}", "readings.data_row", "not below the header"),
     ],
 )  # fmt: skip

@@ -305,7 +305,7 @@ def test_seeds_of_runs_give_other_noise(here):
     one, two, same = computed()[0].runs
     assert one.readings == same.readings
     assert one.readings != two.readings
-    with pytest.raises(InputError, match="is no seed"):
+    with pytest.raises(InputError, match="is not a seed"):
         plan_campaign(write("command: simulate\nvariations: {product: {seed: [1.5]}}"))
     with pytest.raises(InputError, match="they cannot be sampled"):
         plan_campaign(
@@ -355,7 +355,7 @@ def test_the_folder_of_something_else_is_not_used(here):
     write(SIMULATED)
     Path("campaign.batch").mkdir()
     Path("campaign.batch/precious.txt").write_text("mine")
-    with pytest.raises(OutputError, match="is no folder of a campaign"):
+    with pytest.raises(OutputError, match="is not a folder of a campaign"):
         plan_campaign("campaign.yaml")
     plan_campaign("campaign.yaml", force=True)
     computed(output="mine")

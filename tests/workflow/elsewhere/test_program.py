@@ -182,7 +182,7 @@ def test_nothing_is_run_before_somebody_has_said_so(tmp_path):
     refused = run_command("simulate", case)
     assert refused.exit_code == ExitCode.INVALID_INPUT
     assert "case.yaml:4:3: model.command: the case runs" in refused.output
-    assert "(with opening.py), and nobody has said that it may" in refused.output
+    assert "(with opening.py), and it is not trusted yet" in refused.output
     assert not (tmp_path / "case.runs").exists()
     checked = run_command("check", case)
     assert checked.exit_code == 0

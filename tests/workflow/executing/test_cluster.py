@@ -253,7 +253,7 @@ def test_a_scheduler_that_is_killed_and_started_again_is_gone_on_with(tmp_path):
             next(more)
             cluster.kill_scheduler()
             executor._link._where = at(cluster, patience=0.5)
-            with pytest.raises(LostCluster, match="goes on with the rest"):
+            with pytest.raises(LostCluster, match="continues with the rest"):
                 list(more)
 
 

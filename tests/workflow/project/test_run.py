@@ -147,7 +147,7 @@ def test_an_interrupted_fit_goes_on_from_its_checkpoint(two, tmp_path):
     path = example(tmp_path, SECTIONS)
     control = Control()
     stopping = replace(control, monitor=Stops(control))
-    with pytest.raises(Interrupted, match="goes on from there"):
+    with pytest.raises(Interrupted, match="continues from there"):
         fit_project(plan_project(ProjectRequest(path)), stopping)
     checkpoint = tmp_path / "project.fit.checkpoint"
     assert checkpoint.stat().st_size > 1000
@@ -346,7 +346,7 @@ def test_sections_whose_model_is_elsewhere_are_one_stack(tmp_path, monkeypatch, 
     if kind != "table":
         refused = run.invoke(geoident, ["fit", path])
         assert refused.exit_code == ExitCode.INVALID_INPUT
-        assert "nobody has said that it may" in refused.stderr
+        assert "it is not trusted yet" in refused.stderr
     done = run.invoke(geoident, ["fit", path, "--trust"])
     assert done.exit_code in (0, ExitCode.NOT_CONVERGED), done.output
     found = {row.name: row for row in read_project_result(tmp_path / "project.fit.h5").common}

@@ -163,7 +163,7 @@ class _Build:
         missing = [stage for stage in stages if stage not in given]
         if missing:
             message = f"no place of the face at {', '.join(map(repr, missing))}"
-            hint = "Add its chainage there; where the face stands still, the same as before."
+            hint = "Add its chainage there; where the face has stopped, the same as before."
             self._faults.add((*_AT, "face"), "missing-stage", message, hint, key=True)
         found = np.array([given[s].factor if s in given else np.nan for s in stages])
         known: list[int] = np.flatnonzero(np.isfinite(found)).tolist()
@@ -173,7 +173,7 @@ class _Build:
                 message = f"the face at '{stages[other]}' ({given[stages[other]].text}) is behind "
                 message += f"that at '{stages[one]}' ({given[stages[one]].text})"
                 path: KeyPath = (*_AT, "face", stages[other])
-                hint = "A face advances or stands still: correct one of them."
+                hint = "A face advances or stops: correct one of them."
                 self._faults.add(path, "face-order", message, hint)
         return found
 

@@ -181,7 +181,7 @@ def _unit(section: OutputSection, channel: Channel, path: KeyPath, faults: Fault
         faults.add((*path, "unit"), "unit", error.message, error.hint)
         return None
     if size is None:
-        message = f"'{section.unit}' is no unit of {with_article(dimension)}, which "
+        message = f"'{section.unit}' is not a unit of {with_article(dimension)}, which "
         message += f"'{channel.name}' reads"
         faults.add((*path, "unit"), "unit", message, f"Its units: {unit_list(dimension)}.")
     return size

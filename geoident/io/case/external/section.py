@@ -39,7 +39,7 @@ def _whole(value: object) -> int:
 def _called(value: object) -> str:
     text = require_text(value, "MODULE:FUNCTION").strip()
     if not re.fullmatch(r"[^:]*[^:\s]:[A-Za-z_]\w*", text):
-        message = f"'{shorten(text)}' is no function"
+        message = f"'{shorten(text)}' is not a function"
         hint = "Write 'mymodel:readings' for the function readings in mymodel.py beside the case."
         raise Refusal("bad-function", message, hint)
     return text
@@ -50,7 +50,7 @@ def _pattern(value: object) -> str:
     try:
         re.compile(text)
     except re.error as error:
-        message = f"'{shorten(text)}' is no regular expression: {error}"
+        message = f"'{shorten(text)}' is not a regular expression: {error}"
         raise Refusal(
             "bad-pattern", message, "Put a \\ before ( ) [ ] . * + ? that are meant."
         ) from None
@@ -116,11 +116,11 @@ class OutputSection(Section):
     row: TableRow | None = Field(
         None,
         description="CSV: number of the row below the names (-1: the last, which is the default), "
-        "or what stands in other columns of it.",
+        "or the values of other columns in it.",
         examples=[1, {"stage": "{stage}"}],
     )
     pointer: Text | None = Field(
-        None, description="JSON: where the number stands (RFC 6901).", examples=["/{stage}/{gauge}"]
+        None, description="JSON: pointer to the number (RFC 6901).", examples=["/{stage}/{gauge}"]
     )
     dataset: Text | None = Field(None, description="HDF5: path of the dataset.")
     index: list[Annotated[int, Count(least=0)]] | None = Field(
@@ -133,7 +133,7 @@ class OutputSection(Section):
         examples=["DISPLACEMENTS"],
     )
     after: Annotated[int, Count(least=0)] | None = Field(
-        None, description="Text: so many lines below `line`."
+        None, description="Text: number of lines below `line`."
     )
     word: Annotated[int, Count()] | None = Field(
         None, description="Text: number of the word in the line."
@@ -185,7 +185,7 @@ class OutputSection(Section):
             faults.add((), "missing-key", "'file' is missing", "Add 'file: ...'.")
         if way == "line" and (self.word is None) == (self.columns is None):
             message = "of 'word' and 'columns' one is expected"
-            faults.add((), "wrong-pair", message, "Say which word of the line, or which columns.")
+            faults.add((), "wrong-pair", message, "Give the word of the line, or the columns.")
         if self.columns is not None and self.columns[0] > self.columns[1]:
             message = f"column {self.columns[0]} does not come before {self.columns[1]}"
             faults.add(("columns",), "bad-order", message, "Write the first one first.")

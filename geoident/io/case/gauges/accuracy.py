@@ -183,7 +183,7 @@ def computable(given: CaseNumber) -> CaseNumber:
         return given
     message = f"'{shorten(given.text)}' is an implausible accuracy for a gauge"
     hint = f"From {LEAST_SD:g} to {MOST_SD:g} of the SI unit is expected; "
-    raise Refusal("out-of-range", message, f"{hint}a gauge that tells nothing is best left out.")
+    raise Refusal("out-of-range", message, f"{hint}leave out a gauge without information.")
 
 
 AccuracyPart = Annotated[CaseNumber, StandardDeviationOf(None)]
@@ -197,7 +197,7 @@ class ErrorsSection(Section):
     """
 
     reading: AccuracyPart | None = Field(
-        None, description="Of each reading by itself.", examples=["0.1 mm"]
+        None, description="Of each single reading.", examples=["0.1 mm"]
     )
     zero: AccuracyPart | None = Field(
         None,

@@ -120,7 +120,7 @@ class PressureCellSection(ValueGauge):
 
     one_of = (
         *ValueGauge.one_of,
-        Alternatives("normal", "on towards?", hint="'towards' tells the sides of a beam apart."),
+        Alternatives("normal", "on towards?", hint="'towards' distinguishes the sides of a beam."),
     )
 
     measures = ("pressure",)
@@ -205,7 +205,7 @@ class LoadCellSection(ValueGauge):
         """A force is read; only an axial one has a sign."""
         super().check(faults)
         if isinstance(self.accuracy, CaseNumber) and self.dimension not in FORCES:
-            message = f"'{self.accuracy.text}' is no force, line load or moment per length"
+            message = f"'{self.accuracy.text}' is not a force, line load or moment per length"
             hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
             faults.add(("accuracy",), "unit", message, hint)
         if self.sign is not None and self.quantity != "N":

@@ -163,8 +163,10 @@ class GaugeBase(Section):
             given = None if key == "accuracy" else getattr(self, key)
             if given is None or given.parameter is not None or given.dimension == like.dimension:
                 continue
-            message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says that "
-            message += f"{with_article(read)} is read"
+            message = (
+                f"'{given.text}' is {with_article(given.dimension)}; by its accuracy the gauge "
+            )
+            message += f"reads {with_article(read)}"
             hint = "Use 'drift_per_stage'."
             if like.dimension:
                 hint = f"Its units: {unit_list(like.dimension)}."

@@ -159,7 +159,7 @@ class ReadingChecks:
         zero = self.zeros.get(placed.channel, VIRGIN)
         if name == VIRGIN:
             message = f"nothing can be read in the state '{VIRGIN}', before the first stage"
-            code, hint = "unknown-stage", "Readings stand at the end of stages."
+            code, hint = "unknown-stage", "Readings belong to the end of stages."
         elif name not in self.order:
             message, code = f"there is no stage '{name}'", "unknown-stage"
             hint = self.hints.get(("stage", name), "")

@@ -45,9 +45,9 @@ class OriginSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """A calibration says itself which unit it gives."""
+        """A calibration defines its unit."""
         if self.calibration is not None and self.unit is not None:
-            message = "found unit and calibration, which says itself what is read"
+            message = "found unit and calibration, which defines the unit"
             faults.add(("unit",), "contradiction", message, "Remove 'unit'.")
 
     def origin(self) -> Origin:
@@ -112,7 +112,7 @@ class ReadingsFileSection(Section):
         "column 'remarks' is kept with the readings of its row.",
     )
     unit: UnitRead | None = Field(None, description="Unit of all values without one.")
-    unit_row: Flag = Field(False, description="wide: units stand in the line below the header.")
+    unit_row: Flag = Field(False, description="wide: units are in the line below the header.")
     date_format: DateFormat = Field(
         ISO, description="How dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
     )
@@ -179,7 +179,7 @@ class ReadingsFileSection(Section):
                 message = f"'{key}' belongs to an Excel workbook"
                 faults.add((key,), "contradiction", message, "Remove it, or name an .xlsx file.")
         if self.encoding and any(sheets):
-            message = "'encoding' belongs to a text; a workbook says its own"
+            message = "'encoding' belongs to a text; a workbook has its own"
             faults.add(("encoding",), "contradiction", message, "Remove it.")
 
     def _check_rows(self, faults: SectionFaults) -> None:
@@ -200,7 +200,7 @@ class ReadingsFileSection(Section):
             hint = "Write transformation: {azimuth: 37.5 deg, origin: [E, N, H]}, the azimuth of x."
             faults.add((), "missing-key", message, hint)
         if self.unit and size_in(self.unit, "length") is None:
-            message = f"'{self.unit}' is no unit of coordinates"
+            message = f"'{self.unit}' is not a unit of coordinates"
             faults.add(("unit",), "unit", message, "Write 'unit: m'.")
         for name, value in self.channels.items():
             if isinstance(value, OriginSection) and value.origin() != Origin(value.name):

@@ -156,7 +156,7 @@ class _Table:
                 good = False
             elif name in units:
                 refuse(
-                    1, at, "duplicate-column", f"the column '{name}' is there twice", "Remove one."
+                    1, at, "duplicate-column", f"the column '{name}' is given twice", "Remove one."
                 )
                 good = False
             else:
@@ -196,7 +196,7 @@ class _Table:
                 read_quantity(f"{text} {unit}")
                 row[name] = f"{text} {unit}"
             except UnitError:
-                what = f"'{shorten(text)}' is no number" if text else "the cell is empty"
+                what = f"'{shorten(text)}' is not a number" if text else "the cell is empty"
                 hint = f"Write the {name} in {unit} as a number, or remove the row."
                 refuse(line, at, "bad-number", f"{what} ({name})", hint)
         return row

@@ -157,7 +157,7 @@ class TransformationSection(Section):
             components = tuple(number.factor for number in vector)
             unit = _unit(components) if len(components) == 3 else None
             if unit is None:
-                message = f"the axis {name} is no vector of easting, northing and height"
+                message = f"the axis {name} is not a vector of easting, northing and height"
                 faults.add(
                     ("axes", name), "zero-direction", message, "Write it like [0.6, 0.8, 0]."
                 )

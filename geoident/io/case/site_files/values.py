@@ -20,7 +20,7 @@ def _date_format(value: object) -> str:
     text = require_text(value, "a date format")
     problem = format_problem(text)
     if problem:
-        message = f"'{shorten(text)}' is no date format: {problem}"
+        message = f"'{shorten(text)}' is not a date format: {problem}"
         raise Refusal("bad-date-format", message, "Write it like DD.MM.YYYY or DD/MM/YYYY hh:mm.")
     return text
 
@@ -40,7 +40,7 @@ def _unit_read(value: object) -> str:
     except UnitError as error:
         raise Refusal("unit", error.message, error.hint) from None
     if all(size_in(unit, dimension) is None for dimension in READ):
-        message = f"'{text}' is no unit of {_WHAT}"
+        message = f"'{text}' is not a unit of {_WHAT}"
         raise Refusal("unit", message, f"Units of {_WHAT}: {listing(_UNITS)}.")
     return unit
 
@@ -66,7 +66,7 @@ def _encoding(value: object) -> str:
     text = require_text(value, "the name of an encoding")
     problem = encoding_problem(text)
     if problem:
-        message = f"'{shorten(text)}' is no encoding of texts: {problem}"
+        message = f"'{shorten(text)}' is not an encoding of texts: {problem}"
         hint = "Usual ones: utf-8, windows-1252 (Excel in the West), utf-16, shift-jis, gb18030."
         raise Refusal("bad-encoding", message, hint)
     return text
@@ -76,7 +76,7 @@ def _cells(value: object) -> str:
     text = require_text(value, "a range of cells")
     problem = range_problem(text)
     if problem:
-        message = f"'{shorten(text)}' is no range of cells: {problem}"
+        message = f"'{shorten(text)}' is not a range of cells: {problem}"
         raise Refusal("bad-range", message, "Write it like B4:H60.")
     return text
 

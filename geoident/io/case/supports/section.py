@@ -160,7 +160,7 @@ class SupportSection(Section):
         """The contraction of the wall."""
         solid = context.analysis is Analysis.SOLID
         if part.parameter is None and not -1 < part.factor < 1:
-            message = f"'{part.text}' is no part of an area"
+            message = f"'{part.text}' is not a part of an area"
             context.at("contraction").refuse("out-of-range", message, "Write it such as 1.5 %.")
         if solid != (self.axis is not None):
             place = context if solid else context.at("axis")

@@ -12,6 +12,8 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Tag,
+    TypeAdapter,
+    WithJsonSchema,
 )
 from pydantic_core import CoreSchema, core_schema
 
@@ -131,7 +133,9 @@ FieldAngle = Annotated[
     Annotated[Angle, Tag("<number>")]
     | Annotated[CaseNumber, FieldOf(VariedAngleSection), Tag("<field>")],
     Discriminator(_number_or_field),
+    WithJsonSchema(TypeAdapter(Angle).json_schema()),
 ]
+"""An angle. A field of it is read and then refused with the reason, so schemas do not offer it."""
 
 
 def fields_in(

@@ -139,6 +139,8 @@ class PlanesSection(SurfaceBase):
 
 
 class _CoulombBase(SurfaceBase):
+    """A yield surface of Mohr and Coulomb, exact or by planes."""
+
     tension: FieldStrength | None = Field(None, description=TENSION)
     planes: Annotated[int, Count()] | None = Field(
         None,
@@ -236,7 +238,7 @@ class WeakPlaneSection(SurfaceBase):
     """
 
     one_of = (
-        Alternatives("dip dip_direction?", "normal", hint="Planes that lie flat: 'dip: 0 deg'."),
+        Alternatives("dip dip_direction?", "normal", hint="Horizontal planes: 'dip: 0 deg'."),
     )
 
     type: Literal["weak-plane"] = Field(description="Kind of yield surface.")

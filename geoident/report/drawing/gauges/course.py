@@ -74,8 +74,8 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
         words += f" Of instruments with more than {_MOST_CHANNELS} channels, some."
     caption = (
         "Dots: measured, with bars of 1.96 times their standard deviation; hollow: not used. "
-        "Lines: computed; dashed, in their 95 % bands: predicted. Positive is what the axis says, "
-        f"and of changes of length: longer. {words}"
+        "Lines: computed; dashed, in their 95 % bands: predicted. See the axis for the sign; "
+        f"a change of length is positive where it gets longer. {words}"
     )
     return paged(
         shown,

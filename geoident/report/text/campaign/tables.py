@@ -47,7 +47,7 @@ def outcome_sentences(table: CampaignTable) -> list[str]:
     sentences.append(f"{done} of {table.total} runs done ({statuses}).")
     left = table.total - len(table.runs)
     if left:
-        sentences.append(f"{left} runs have not ended; the same command goes on with them.")
+        sentences.append(f"{left} runs have not ended; the same command continues with them.")
     if table.failed:
         named = ", ".join(run.name for run in table.failed[:_NAMED])
         more = f" and {len(table.failed) - _NAMED} more" if len(table.failed) > _NAMED else ""

@@ -52,7 +52,7 @@ def project_text(result: ProjectResult, *, title: str) -> str:
         section("Findings", bullets(result.findings)),
         section("Sections", sections_table(result).folded()),
         section(
-            "Parameters of the sections (law; by itself; with all others)",
+            "Parameters of the sections (law; own fit; with all others)",
             parameters_table(result).folded(2),
         ),
         *(
@@ -201,7 +201,7 @@ def parameters_table(result: ProjectResult) -> TextTable:
              f"{value} ({interval})" if interval else value, shrunk,
              "at bound" if row.at_bound else ""]
         )  # fmt: skip
-    header = ["parameter", "section", "unit", "law", "by itself", "with all", "shrinkage", ""]
+    header = ["parameter", "section", "unit", "law", "own fit", "with all", "shrinkage", ""]
     return TextTable(header, rows, right="lllrrrr")
 
 
@@ -232,7 +232,7 @@ def left_out_table(result: ProjectResult) -> TextTable:
             alone = _joined(row.alone, row.alone_lower95, row.alone_upper95, *of)
             cells = [one.name, row.parameter, shown_unit(*of) or "-", predicted, alone, inside]
             rows.append(cells)
-    header = ["section", "parameter", "unit", "predicted by others", "by itself", "readings inside"]
+    header = ["section", "parameter", "unit", "predicted by others", "own fit", "readings inside"]
     return TextTable(header, rows, right="lllrrr")
 
 
