@@ -189,11 +189,11 @@ def _known(
     runs: Sequence[PlannedRun], records: Iterable[RunRecord], folder: Path
 ) -> dict[str, RunRecord]:
     """Records of runs that would end the same way again, and whose files are there."""
-    found = {record.name: record for record in records}
+    by_name = {record.name: record for record in records}
     return {
         run.name: replace(record, settings=run.varied)
         for run in runs
-        if (record := found.get(run.name)) is not None
+        if (record := by_name.get(run.name)) is not None
         and record.key == run.key
         and record.final
         and (not record.file or (folder / record.file).is_file())
@@ -354,10 +354,10 @@ def _check(campaign: Campaign, rows: Sequence[Run], text: str) -> None:
             if fault in of_base or (fault.code in _OF_PATHS and fault.path in paths):
                 continue  # said of the base case, or of another value
             paths.add(fault.path)
-            said = placed(fault, run)
-            if said.location.file == run.case:
-                said = replace(said, message=f"in the run {run.name}: {said.message}")
-            faults.append(said)
+            of_run = placed(fault, run)
+            if of_run.location.file == run.case:
+                of_run = replace(of_run, message=f"in the run {run.name}: {of_run.message}")
+            faults.append(of_run)
     if faults:
         raise InputError(in_order(faults))
 

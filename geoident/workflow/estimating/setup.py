@@ -241,9 +241,9 @@ def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
     readings = fit.gauges.readings
     used = readings.used
     structure = errors_of_used(case, used)
-    found = model_error_of_result(fit, case)
-    if found is not None:
-        structure = found.with_later(structure)
+    model_error = model_error_of_result(fit, case)
+    if model_error is not None:
+        structure = model_error.with_later(structure)
     _, shared = structure.stated
     own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
     return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)

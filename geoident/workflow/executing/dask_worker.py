@@ -47,13 +47,13 @@ class WorkerRefused(Exception):
 
 def own_versions() -> dict[str, str]:
     """Versions on which numbers, or what is sent, depend."""
-    found = {"geoident": __version__, "python": platform.python_version()}
+    versions = {"geoident": __version__, "python": platform.python_version()}
     for package in ("numpy", "scipy", "h5py"):
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+            versions[package] = "missing"
+    return versions
 
 
 @dataclass(frozen=True)
@@ -240,16 +240,16 @@ class TaskPlugin(WorkerPlugin):
         order = self._order
         try:
             folder = self._folder / str(next(self._numbers))
-            here = order.parcel.unpack(folder)
+            unpacked = order.parcel.unpack(folder)
         except OSError as error:
             raise WorkerRefused(f"cannot take the files of the case: {error}") from error
         child: ChildProcess[Any, Any] = ChildProcess(
-            pickle.dumps(partial(_set_up_in, str(here), order.set_up)),
+            pickle.dumps(partial(_set_up_in, str(unpacked), order.set_up)),
             time_limit=order.time_limit,
             retries=order.retries,
             environment=share_of_cores(int(self._worker.state.nthreads)),
         )
-        return _Place(folder, here, child)
+        return _Place(folder, unpacked, child)
 
     def _send_journals(self) -> None:
         """Send what tasks add to their journals, in a thread of its own."""
@@ -266,9 +266,9 @@ class TaskPlugin(WorkerPlugin):
                             place.sent[name] = at + len(content)
 
 
-def _set_up_in(here: str, set_up: SetUp[Any, Any]) -> Callable[[Any], Any]:
+def _set_up_in(folder: str, set_up: SetUp[Any, Any]) -> Callable[[Any], Any]:
     """In a process of its own: work in a folder as if it were that of the command."""
-    os.chdir(here)
+    os.chdir(folder)
     return set_up()
 
 

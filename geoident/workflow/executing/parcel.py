@@ -63,17 +63,17 @@ def packed(
         OSError: a file cannot be read.
         ValueError: they are on different drives.
     """
-    here = os.path.abspath(os.curdir)  # noqa: PTH100 - links stay links
+    current = os.path.abspath(os.curdir)  # noqa: PTH100 - links stay links
     paths = [os.path.abspath(path) for path in files]  # noqa: PTH100
     others = [os.path.abspath(path) for path in beside]  # noqa: PTH100
-    root = os.path.commonpath([here, *paths, *others])
+    root = os.path.commonpath([current, *paths, *others])
 
     def name(path: str) -> str:
         return Path(os.path.relpath(path, root)).as_posix()
 
     contents = {name(path): Path(path).read_bytes() for path in paths}
     executable = frozenset(name(path) for path in paths if os.access(path, os.X_OK))
-    return Parcel(contents, executable, name(here), programs)
+    return Parcel(contents, executable, name(current), programs)
 
 
 def relative(path: str) -> str:

@@ -69,15 +69,15 @@ class ModelFiles:
     def __init__(self, files: Iterable[str]) -> None:
         self._known = {path: (_state(path), _hashed(path)) for path in dict.fromkeys(files)}
 
-    def digest(self, said: Sequence[str], files: Sequence[str]) -> str:
+    def digest(self, texts: Sequence[str], files: Sequence[str]) -> str:
         """SHA-256 of texts and of the contents of some of the files.
 
         Args:
-            said: the texts.
+            texts: the texts.
             files: paths.
         """
         total = hashlib.sha256()
-        for text in said:
+        for text in texts:
             total.update(hashlib.sha256(text.encode("utf-8", "surrogateescape")).digest())
         for path in files:
             total.update(self._known[path][1])
@@ -104,26 +104,26 @@ class ModelFiles:
             self._known[path] = now, content
 
 
-def digest_of(said: Sequence[str], files: Sequence[str]) -> str:
+def digest_of(texts: Sequence[str], files: Sequence[str]) -> str:
     """SHA-256 of texts and of the contents of files.
 
     Args:
-        said: the texts.
+        texts: the texts.
         files: paths.
 
     Raises:
         InputError: a file cannot be read.
     """
-    return ModelFiles(files).digest(said, files)
+    return ModelFiles(files).digest(texts, files)
 
 
 def _state(path: str) -> tuple[int, ...]:
     """What tells, without reading a file, that it may be another; nothing where there is none."""
     try:
-        found = Path(path).stat()
+        status = Path(path).stat()
     except OSError:
         return ()
-    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+    return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def _hashed(path: str) -> bytes:

@@ -50,11 +50,11 @@ def trusted(cluster: Cluster) -> Cluster:
     """
     if not cluster.file or cluster.local:
         return cluster
-    said: list[object] = [cluster.address, cluster.queue, dict(cluster.options), cluster.jobs]
+    stated: list[object] = [cluster.address, cluster.queue, dict(cluster.options), cluster.jobs]
     if cluster.keys is not None:
         keys = (cluster.keys.ca_file, cluster.keys.cert, cluster.keys.key)
-        said.append([read_bytes(key, limit=_MOST, what="key").hex() for key in keys])
-    digest = hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
+        stated.append([read_bytes(key, limit=_MOST, what="key").hex() for key in keys])
+    digest = hashlib.sha256(json.dumps(stated, sort_keys=True, default=str).encode()).hexdigest()
     if cluster.address:
         words = f"the scheduler at {cluster.address}, which can have any program run here as you"
         execution = Execution(words, digest, does="the file has geoident connect to")
