@@ -148,20 +148,20 @@ def plan_campaign(
     return plan
 
 
-def cluster_of(plan: CampaignPlan, given: str | None) -> Cluster | None:
+def cluster_of(plan: CampaignPlan, stated: str | None) -> Cluster | None:
     """The cluster for the runs of a campaign; None for processes of this machine.
 
     Args:
         plan: of the campaign.
-        given: by who calls, in place of that of the campaign: an address, ``local``, or the path of
-            a cluster file; None for none.
+        stated: by who calls, in place of that of the campaign: an address, ``local``, or the path
+            of a cluster file; None for none.
 
     Raises:
         InputError: there is no such cluster, or nobody has said that what a file names may be run.
         MissingExtra: dask is not installed.
     """
-    if given is not None:
-        return cluster_given(given)
+    if stated is not None:
+        return cluster_given(stated)
     where = plan.campaign.cluster
     return trusted(where) if where is not None and plan.remaining else where
 
@@ -289,17 +289,17 @@ def _planned(
     digest = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
     runs, faults = [], []
     for row in rows:
-        seed, given = campaign.seed, dict(row.settings)
-        if SEED in given and not (given[SEED].isdecimal() and len(given[SEED]) < 19):
-            message = f"'{given[SEED]}' is no seed; a whole number from 0 on is expected"
+        seed, settings = campaign.seed, dict(row.settings)
+        if SEED in settings and not (settings[SEED].isdecimal() and len(settings[SEED]) < 19):
+            message = f"'{settings[SEED]}' is no seed; a whole number from 0 on is expected"
             hint = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
-            place = dict(zip(given, row.places, strict=True))[SEED]
+            place = dict(zip(settings, row.places, strict=True))[SEED]
             faults.append(Fault("bad-count", message, hint, place, SEED))
-        elif SEED in given:
-            seed = int(given[SEED])
+        elif SEED in settings:
+            seed = int(settings[SEED])
         key = digest.copy()
         key.update(json.dumps([row.settings, seed], ensure_ascii=False).encode())
-        varied = tuple((path, given.get(path, "")) for path in paths)
+        varied = tuple((path, settings.get(path, "")) for path in paths)
         overrides = _of_case(row).on(campaign.base).overrides
         runs.append(PlannedRun(row.name, key.hexdigest(), overrides, varied, seed))
     if faults:

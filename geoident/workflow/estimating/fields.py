@@ -265,9 +265,9 @@ def _drawn(
 
 def _averages(model: StagedModel, points: Ints) -> tuple[Ints, sp.csr_array]:
     """Elements (n,), and the means over their strain points of numbers at points, (n, points)."""
-    given = model.discretization.points
-    elements, row = np.unique(given.element[points], return_inverse=True)
-    weight = given.volume[points]
+    strain_points = model.discretization.points
+    elements, row = np.unique(strain_points.element[points], return_inverse=True)
+    weight = strain_points.volume[points]
     weight = weight / np.bincount(row, weight)[row]
     return elements, sp.csr_array(
         (weight, (row, np.arange(len(points)))), shape=(len(elements), len(points))

@@ -78,7 +78,7 @@ def reading_steps(
         pairs: channel and stage of each of the g readings.
         length: over which it is correlated, m.
     """
-    computed = np.where(_given(case), 0.0, increments)
+    computed = np.where(_prescribed(case), 0.0, increments)
     number = {channel.name: k for k, channel in enumerate(case.channels)}
     rows = np.array([number[channel] for channel, _ in pairs], dtype=np.int64)
     weight = model.steps(pairs)
@@ -91,23 +91,23 @@ def reading_steps(
     )
 
 
-def _given(case: Case) -> Bools:
+def _prescribed(case: Case) -> Bools:
     """(n_states, n_channels) what the case gives, so that no model can be wrong there.
 
     The force to which a jack brings a bar; the pressure of water, which is a table.
     """
-    given = np.zeros((len(case.stages) + 1, len(case.channels)), dtype=np.bool_)
+    prescribed = np.zeros((len(case.stages) + 1, len(case.channels)), dtype=np.bool_)
     for k, channel in enumerate(case.channels):
         if channel.kind == "piezometer":
-            given[:, k] = True
+            prescribed[:, k] = True
         bars = case.structures.get(channel.structure)
         if channel.kind != "load-cell" or not isinstance(bars, Bars):
             continue
         for j, stage in enumerate(case.stages, start=1):
             locked = channel.structure in stage.prestress
             built = channel.structure in stage.build and bars.prestress is not None
-            given[j, k] = locked or built
-    return given
+            prescribed[j, k] = locked or built
+    return prescribed
 
 
 def _floors(channels: Sequence[Channel], increments: Floats, length: float) -> Floats:

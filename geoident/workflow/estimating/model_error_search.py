@@ -122,8 +122,8 @@ class ModelErrorSearch:
             return None
         modes = ErrorModes()
         columns = shared_columns([used], self.length, modes)
-        size, given = PRIOR_SD, self.options.kind == "given"
-        if given:
+        size, fixed = PRIOR_SD, self.options.kind == "given"
+        if fixed:
             size = self.options.size
         elif self.plain:
             weighed = self._weighed(problem, outcome, columns, t)
@@ -133,21 +133,21 @@ class ModelErrorSearch:
             now = self._steps(problem, outcome.values)
             following = now if turn < EAGER else _halfway(used, now)
             columns = shared_columns([following], self.length, modes)
-            held = size if given else None
+            held = size if fixed else None
             weighed = self._weighed(problem, outcome, columns, t, held)
-            known = FittedModelError(used, size, self.length, None if given else weighed)
+            known = FittedModelError(used, size, self.length, None if fixed else weighed)
             factor, zero = self._gauges(t)
             known = replace(known, factor=factor, zero=zero)
             # the accuracies of the problem, so that all that is said of it comes from one posterior
             components = replace(weighed.components, log_factor=t)
             state = WithModelError(problem, outcome, components, known)
-            rest = given or _near(weighed.size, size)
+            rest = fixed or _near(weighed.size, size)
             if outcome.status == STOPPED or (
                 rest and _alike(now, used) and _close(weighed.components.log_factor, t)
             ):
                 return self._explained(state, modes)
             used, t = following, weighed.components.log_factor
-            size = size if given else weighed.size
+            size = size if fixed else weighed.size
         finding = (
             f"Parameters and model error did not come to rest in {ROUNDS} rounds: others, "
             "with the model error that follows from them, meet the readings as well. State the "

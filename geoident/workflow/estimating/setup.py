@@ -127,8 +127,8 @@ def prepare(job: Job) -> Setup:
     require_enough(case, readings)
     require_room(case, readings, job.methods)
     require_possible(model, case, job.methods)
-    given = job.request.reduced
-    kept = None if given is None else restored_for(given, job.inputs)
+    reduced = job.request.reduced
+    kept = None if reduced is None else restored_for(reduced, job.inputs)
     return Setup(model, case, readings, kept=kept)
 
 

@@ -87,14 +87,14 @@ class _Place:
 
     Args:
         folder: with the files.
-        here: where the process works.
+        current: where the process works.
         child: the process.
         task: that it computes.
         sent: bytes of each journal that have come back, or were there before.
     """
 
     folder: Path
-    here: Path
+    current: Path
     child: ChildProcess[Any, Any]
     task: Any = None
     sent: dict[str, int] = field(default_factory=dict)
@@ -103,7 +103,7 @@ class _Place:
         self.task = task
         if isinstance(task, Resumable):
             self.sent = {
-                name: size_of(self.here / name)
+                name: size_of(self.current / name)
                 if name.endswith(LINES)
                 else len(task.kept.get(name, b""))
                 for name in task.journals
@@ -116,7 +116,7 @@ class _Place:
             OSError: it is not there.
         """
         at = self.sent[name]
-        with (self.here / name).open("rb") as file:
+        with (self.current / name).open("rb") as file:
             file.seek(at)
             content = file.read(min(_PART, _MOST - at))
         if name.endswith(LINES):
@@ -152,8 +152,10 @@ class TaskPlugin(WorkerPlugin):
         self._lock, self._over, self._stopping = threading.RLock(), threading.Event(), False
         if order.ignores_interrupt and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        ours, here = order.versions, own_versions()
-        wrong = [f"{n} {here[n]} (here {ours[n]})" for n in ours if here.get(n) != ours[n]]
+        ours, installed = order.versions, own_versions()
+        wrong = [
+            f"{n} {installed[n]} (here {ours[n]})" for n in ours if installed.get(n) != ours[n]
+        ]
         missing = [name for name in order.parcel.programs if shutil.which(name) is None]
         if wrong:
             self.problem = f"has other versions: {', '.join(wrong)}"

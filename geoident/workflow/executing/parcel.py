@@ -18,13 +18,13 @@ class Parcel:
     Args:
         files: path of each, relative to a folder that holds them all, to its content.
         executable: which of them may be executed.
-        here: where paths in tasks are meant from, as seen from the folder of the files.
+        current: where paths in tasks are meant from, as seen from the folder of the files.
         programs: that must be there already, as commands name them.
     """
 
     files: Mapping[str, bytes]
     executable: frozenset[str] = frozenset()
-    here: str = "."
+    current: str = "."
     programs: tuple[str, ...] = ()
 
     def unpack(self, folder: Path) -> Path:
@@ -41,7 +41,7 @@ class Parcel:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
             path.chmod(_PROGRAM if name in self.executable else _READ_ONLY)
-        place = folder / self.here
+        place = folder / self.current
         place.mkdir(parents=True, exist_ok=True)
         return place
 

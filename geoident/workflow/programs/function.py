@@ -54,7 +54,7 @@ class FunctionRuns(LoggedRuns):
             if scalar is not None
         }
         self.seen: Bools = np.array([name not in tied for name in self._names], dtype=bool)
-        self.given: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
+        self.provided: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
         channels = [channel.name for channel in case.channels]
         texts = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
         texts.append(repr(names_of(function, Path(function.path).parent)))
@@ -146,7 +146,7 @@ class FunctionRuns(LoggedRuns):
 
     def _table(self, answer: Any) -> Floats | FailedRun:
         """Readings (n_stages, n_channels) of what the function gave."""
-        stages, channels = self.given.shape
+        stages, channels = self.provided.shape
         if isinstance(answer, Mapping):
             answer = self._of_mapping(answer)
             if isinstance(answer, FailedRun):
@@ -192,7 +192,7 @@ class FunctionRuns(LoggedRuns):
 
     def _derivatives(self, answer: Any) -> Floats | FailedRun:
         """(n_stages, n_channels, n) of what the function of derivatives gave."""
-        stages, channels = self.given.shape
+        stages, channels = self.provided.shape
         wanted = (channels, stages, int(self.seen.sum()))
         try:
             table = np.asarray(answer, dtype=np.float64)

@@ -117,11 +117,11 @@ class Guard:
                     if is_program(Path(folder) / word):
                         self._require(word, folder)
 
-    def _require(self, given: Any, folder: str = os.curdir, *, code: bool = False) -> None:
+    def _require(self, file: Any, folder: str = os.curdir, *, code: bool = False) -> None:
         """Refuse a file of the case that the case does not name, and code from elsewhere."""
-        if not isinstance(given, str | bytes | os.PathLike):
+        if not isinstance(file, str | bytes | os.PathLike):
             return  # a file that is open
-        absolute = Path.cwd() / folder / os.fsdecode(given)
+        absolute = Path.cwd() / folder / os.fsdecode(file)
         path, real = absolute.parent.resolve() / absolute.name, absolute.resolve()
         if real in self._named or not real.is_file():
             return

@@ -69,15 +69,15 @@ _SHOWN = 12
 _STDOUT, _STDERR = "stdout.txt", "stderr.txt"
 
 
-def program_of(given: ExternalProgram | PythonFunction) -> tuple[str, ...]:
+def program_of(source: ExternalProgram | PythonFunction) -> tuple[str, ...]:
     """What must be installed where a model runs: its program, if that does not lie beside the case.
 
     Args:
-        given: the model.
+        source: the model.
     """
-    if isinstance(given, PythonFunction) or is_beside(given) or executable(given) is None:
+    if isinstance(source, PythonFunction) or is_beside(source) or executable(source) is None:
         return ()
-    return (given.command[0],)
+    return (source.command[0],)
 
 
 def _named(output: Output) -> Output:
@@ -88,23 +88,23 @@ def _named(output: Output) -> Output:
     return replace(output, how=replace(how, path=Path(how.path).name))
 
 
-def executed(given: ExternalSource) -> str:
+def executed(source: ExternalSource) -> str:
     """What a model elsewhere runs, in words; of a table, what it has.
 
     Args:
-        given: the model.
+        source: the model.
     """
-    if isinstance(given, ConvergenceLaw):
-        also = "" if given.creep is None else " and time"
+    if isinstance(source, ConvergenceLaw):
+        also = "" if source.creep is None else " and time"
         return f"convergence law in distance to the face{also} (Sulem, Panet and Guenot 1987)"
-    if isinstance(given, RunTable):
-        return f"the {len(given)} runs of {given.called}"
-    if isinstance(given, PythonFunction):
-        also = f" and '{given.jacobian}'" if given.jacobian else ""
-        with_files = _with([file for file in given.files if file != given.path])
-        return f"the function '{given.name}'{also} of {Path(given.path).name}{with_files}"
-    first = executable(given) or given.command[0]
-    return f"`{shlex.join((first, *given.command[1:]))}`{_with([*given.files, *given.code])}"
+    if isinstance(source, RunTable):
+        return f"the {len(source)} runs of {source.called}"
+    if isinstance(source, PythonFunction):
+        also = f" and '{source.jacobian}'" if source.jacobian else ""
+        with_files = _with([file for file in source.files if file != source.path])
+        return f"the function '{source.name}'{also} of {Path(source.path).name}{with_files}"
+    first = executable(source) or source.command[0]
+    return f"`{shlex.join((first, *source.command[1:]))}`{_with([*source.files, *source.code])}"
 
 
 def _with(files: Sequence[str]) -> str:
@@ -139,9 +139,9 @@ class ProgramRuns(LoggedRuns):
         self._command = (path, *program.command[1:])
         self._names = tuple(parameter.name for parameter in case.parameters)
         self.seen: Bools = np.array(seen_parameters(program, self._names), dtype=bool)
-        self.given: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
+        self.provided: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
         for output in program.outputs:
-            self.given[output.stage, output.channel] = True
+            self.provided[output.stage, output.channel] = True
         files = ModelFiles(model_files(program))
         texts = [repr([_named(output) for output in program.outputs]), repr(case.stage_names)]
         texts += [
@@ -290,7 +290,7 @@ class ProgramRuns(LoggedRuns):
         failed = self._computed(folder)
         if failed is not None:
             return FailedRun(failed, str(folder))
-        case, result = self._case, np.full(self.given.shape, np.nan)
+        case, result = self._case, np.full(self.provided.shape, np.nan)
         files = RunFiles(folder.resolve(), self._called)
         try:
             for output in program.outputs:

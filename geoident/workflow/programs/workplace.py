@@ -21,11 +21,11 @@ _MOST = 1_000_000
 """Bytes of a certificate or of a key."""
 
 
-def cluster_given(given: str) -> Cluster:
+def cluster_given(option: str) -> Cluster:
     """The cluster that somebody names.
 
     Args:
-        given: an address, ``local``, or the path of a cluster file.
+        option: an address, ``local``, or the path of a cluster file.
 
     Raises:
         InputError: there is no such thing, its file is wrong, or nobody has said that what this
@@ -33,7 +33,7 @@ def cluster_given(given: str) -> Cluster:
         MissingExtra: dask is not installed.
     """
     require_dask()
-    return trusted(read_cluster(given))
+    return trusted(read_cluster(option))
 
 
 def trusted(cluster: Cluster) -> Cluster:
@@ -83,11 +83,13 @@ def require_dask() -> None:
             raise MissingExtra(f"a cluster needs {package}\n    {hint}", name=package)
 
 
-def workplace(given: str | None, jobs: int | None, tell: Callable[[str], None]) -> Workplace | None:
+def workplace(
+    option: str | None, jobs: int | None, tell: Callable[[str], None]
+) -> Workplace | None:
     """Where a command has computed what it can compute at a time; None for processes here.
 
     Args:
-        given: an address, ``local``, or the path of a cluster file; None for none.
+        option: an address, ``local``, or the path of a cluster file; None for none.
         jobs: number of workers, where they are started here; None for the cores there are.
         tell: is told what people should know.
 
@@ -95,9 +97,9 @@ def workplace(given: str | None, jobs: int | None, tell: Callable[[str], None]) 
         InputError: there is no such thing, its file is wrong, or it may not be used.
         MissingExtra: dask is not installed.
     """
-    if given is None:
+    if option is None:
         return None
-    cluster = cluster_given(given)
+    cluster = cluster_given(option)
     from geoident.workflow.executing.cluster import OnCluster
 
     return OnCluster(cluster, jobs, tell)
