@@ -188,7 +188,7 @@ def say_plan(job: Planned, text: str, as_object: dict[str, Any], options: Option
         return ExitCode.DONE
     click.echo(text)
     click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
-    if job.found is Existing.OTHER and not options.force:
+    if job.existing is Existing.OTHER and not options.force:
         click.echo("and keep what stands there beside it")
     return ExitCode.DONE
 

@@ -105,7 +105,9 @@ def _up_to_date(command: str, case: str, options: Options) -> CaseEnd | None:
     """A case whose result is up to date, as the checksums of its files tell."""
     from geoident.workflow.running.outputs import known
 
-    found = known(case, command, output=options.output, said=options.overrides, seed=options.seed)
+    found = known(
+        case, command, output=options.output, overrides=options.overrides, seed=options.seed
+    )
     if found is None:
         return None
     place, identity = found

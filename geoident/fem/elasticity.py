@@ -105,8 +105,8 @@ def love(constants: Constants) -> Dual:
 
 def anisotropic(constants: Constants) -> Dual:
     """E (6, 6) from entries of the upper triangle, linear in each; what is missing is zero."""
-    given = [name for name in ENTRIES if name in constants]
-    return _linear(constants, {c: _unit(int(c[1]) - 1, int(c[2]) - 1) for c in given})
+    entries = [name for name in ENTRIES if name in constants]
+    return _linear(constants, {c: _unit(int(c[1]) - 1, int(c[2]) - 1) for c in entries})
 
 
 def turned(elasticity: Dual, axes: Dual) -> Dual:

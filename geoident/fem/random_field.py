@@ -129,27 +129,27 @@ class Modes:
 
 
 def principal_modes(
-    covariance: Matern, points: Floats, given: Conditioning, *, explained: float, most: int
+    covariance: Matern, points: Floats, conditioning: Conditioning, *, explained: float, most: int
 ) -> Modes:
     """The fewest principal modes that hold a part of the variance.
 
     Args:
         covariance: of the field.
         points: (n, dim).
-        given: by what it is conditioned.
+        conditioning: by what it is conditioned.
         explained: part of the variance, summed over the points, that the modes are to hold.
         most: modes at most.
 
     Returns:
         No modes where nothing varies.
     """
-    variance = np.maximum(covariance.sd**2 - np.sum(given.factor**2, axis=0), 0.0)
+    variance = np.maximum(covariance.sd**2 - np.sum(conditioning.factor**2, axis=0), 0.0)
     whole = float(variance.sum())
     if whole <= JITTER * len(points) * covariance.sd**2:
         return Modes(np.zeros((len(points), 0)), 1.0)
     left_out = MARGIN * (1 - explained) * whole
     most_columns = max(2 * most, _LEAST_COLUMNS)
-    columns = _pivoted_cholesky(covariance, points, given, variance, left_out, most_columns)
+    columns = _pivoted_cholesky(covariance, points, conditioning, variance, left_out, most_columns)
     sizes, turn = np.linalg.eigh(columns.T @ columns)
     order = np.argsort(sizes)[::-1]
     held = np.cumsum(np.maximum(sizes[order], 0.0)) / whole
@@ -162,7 +162,7 @@ def principal_modes(
 def _pivoted_cholesky(
     covariance: Matern,
     points: Floats,
-    given: Conditioning,
+    conditioning: Conditioning,
     variance: Floats,
     left_out: float,
     most: int,
@@ -172,7 +172,7 @@ def _pivoted_cholesky(
     Args:
         covariance: of the field.
         points: (n, dim).
-        given: what is taken off the covariance.
+        conditioning: what is taken off the covariance.
         variance: (n,) the diagonal of what is to be factorized.
         left_out: sum of the variance that may be left.
         most: columns at most.
@@ -184,7 +184,7 @@ def _pivoted_cholesky(
         if left.sum() <= left_out or left[pivot] <= JITTER * covariance.sd**2:
             return np.ascontiguousarray(rows[:k].T)
         column = covariance.between(points[pivot : pivot + 1], points)[0]
-        column -= given.factor[:, pivot] @ given.factor
+        column -= conditioning.factor[:, pivot] @ conditioning.factor
         column -= rows[:k, pivot] @ rows[:k]
         rows[k] = column / sqrt(left[pivot])
         left = np.maximum(left - rows[k] ** 2, 0.0)

@@ -248,8 +248,8 @@ class PointwiseStiffness:
                     places = np.arange(part.start + some.start, part.start + some.stop)
                     change = moduli.matrices(places) * weight[some, None, None]
                     lower = self._element_matrices(block, local[some], change)
-                    here = elements[some.start // n_q : some.stop // n_q]
-                    total += _sums(pattern.places(block, here).ravel(), lower, len(total))
+                    touched = elements[some.start // n_q : some.stop // n_q]
+                    total += _sums(pattern.places(block, touched).ravel(), lower, len(total))
                 continue
             assert isinstance(moduli, ScaledModuli)
             size = float(moduli.matrix[0, 0])

@@ -338,9 +338,9 @@ class _Assembly:
 
     def _history(self, j: int, s: int) -> Iterator[_Place]:
         """The places whose multipliers harden a point set: its own, then those it builds on."""
-        here = self.places[j, s]
-        planes = self.staged.laws[here.law].n_planes
-        yield here
+        own = self.places[j, s]
+        planes = self.staged.laws[own.law].n_planes
+        yield own
         while s not in self.staged.stages[j].fresh:
             j = self.staged.stages[j].base
             before = self.places.get((j, s))

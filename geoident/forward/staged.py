@@ -334,12 +334,12 @@ class StagedKernel(ObservedModel):
     ) -> tuple[AnalysisRun, Iterator[Seen] | Sequence[Seen]]:
         """An analysis at p (n,) and its states: of the one that is kept, or one by one."""
         kept = self._kept if tell is None else None
-        here = kept is not None and np.array_equal(kept.p, p)
+        at_p = kept is not None and np.array_equal(kept.p, p)
         # A run with displacements of the reduced model is not kept: evaluations would take it.
-        keep = here or (query.derivatives and known is None)
+        keep = at_p or (query.derivatives and known is None)
         if back is None and self.keeps_analysis and keep:
             self._kept = None  # its memory is free for the next
-            analysis = kept if here and kept is not None else ResumableRun(self, p, _WHOLE)
+            analysis = kept if at_p and kept is not None else ResumableRun(self, p, _WHOLE)
             analysis.to(query.last, tell)
             self._kept = analysis
             return analysis.run, analysis.states[: query.last + 1]

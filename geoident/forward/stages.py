@@ -98,9 +98,9 @@ class ConstructionSequence:
 
     def present(self, state: int) -> Bools:
         """(n_elements,) which elements are present at a state."""
-        here = np.zeros(len(self.groups), dtype=bool)
-        here[list(self.states[state].materials)] = True
-        return here[self.group_of]
+        present = np.zeros(len(self.groups), dtype=bool)
+        present[list(self.states[state].materials)] = True
+        return present[self.group_of]
 
     def elements(self, group: int) -> Ints:
         """Element indices (k,) of a group."""
@@ -290,8 +290,8 @@ class CaseOnMesh:
             growths: constants that grow, at the strain points.
         """
         changed = replace(self, case=case, fields=fields, growths=growths)
-        given = {entry.name for entry in dataclass_fields(self)}
-        changed.__dict__.update({k: v for k, v in self.__dict__.items() if k not in given})
+        names = {entry.name for entry in dataclass_fields(self)}
+        changed.__dict__.update({k: v for k, v in self.__dict__.items() if k not in names})
         return changed
 
     @cached_property
@@ -302,9 +302,12 @@ class CaseOnMesh:
         made_of: dict[str, list[int]] = {}
         for group, material in self.sequence.states[0].materials.items():
             made_of.setdefault(material, []).append(group)
-        here = {m: np.isin(self.sequence.group_of, groups) for m, groups in made_of.items()}
+        elements_of = {m: np.isin(self.sequence.group_of, groups) for m, groups in made_of.items()}
         table = self.table
-        return {m: patches(self.mesh, table, table.free(elements)) for m, elements in here.items()}
+        return {
+            m: patches(self.mesh, table, table.free(elements))
+            for m, elements in elements_of.items()
+        }
 
     def missing_group(
         self, path: KeyPath, what: str, among: str, groups: Mapping[str, object]

@@ -35,39 +35,43 @@ class Breach:
         return f"{self.value:.6g}" + ("" if self.constant in _RATIOS else " Pa")
 
 
-def not_positive(given: Numbers, *names: str) -> Breach | None:
+def not_positive(constants: Numbers, *names: str) -> Breach | None:
     """The first of some constants that is not above zero; one that is not given may be anything."""
     for name in names:
-        if not given.get(name, 1.0) > 0.0:
-            return Breach(name, given[name], "it must be positive")
+        if not constants.get(name, 1.0) > 0.0:
+            return Breach(name, constants[name], "it must be positive")
     return None
 
 
-def negative(given: Numbers, name: str) -> Breach | None:
+def negative(constants: Numbers, name: str) -> Breach | None:
     """A constant below zero."""
-    if given.get(name, 0.0) >= 0.0:
+    if constants.get(name, 0.0) >= 0.0:
         return None
-    return Breach(name, given[name], "it must not be negative")
+    return Breach(name, constants[name], "it must not be negative")
 
 
-def beyond(given: Numbers, name: str, least: float, most: float) -> Breach | None:
+def beyond(constants: Numbers, name: str, least: float, most: float) -> Breach | None:
     """A constant that is not from ``least`` to ``most``, both included."""
-    if least <= given.get(name, least) <= most:
+    if least <= constants.get(name, least) <= most:
         return None
-    return Breach(name, given[name], f"it must be from {least:g} to {most:g}")
+    return Breach(name, constants[name], f"it must be from {least:g} to {most:g}")
 
 
-def outside(given: Numbers, name: str, low: float, high: float, known: str = "") -> Breach | None:
+def outside(
+    constants: Numbers, name: str, low: float, high: float, known: str = ""
+) -> Breach | None:
     """A constant that is not between ``low`` and ``high``, both excluded.
 
     Args:
-        given: the constants.
+        constants: the constants.
         name: of the constant.
         low: SI.
         high: SI.
         known: on what the bounds depend, a clause before the limit.
     """
-    if name not in given or low < given[name] < high:
+    if name not in constants or low < constants[name] < high:
         return None
     unit = "" if name.startswith("nu") else " Pa"
-    return Breach(name, given[name], f"{known}it must be between {low:.4g} and {high:.4g}{unit}")
+    return Breach(
+        name, constants[name], f"{known}it must be between {low:.4g} and {high:.4g}{unit}"
+    )

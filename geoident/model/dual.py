@@ -133,13 +133,13 @@ class Dual:
         """Value ** exponent, of a positive value."""
         return (self.log() * exponent).exp()
 
-    def times(self, given: Floats | float) -> Dual:
+    def times(self, factor: Floats | float) -> Dual:
         """Product with given numbers (...), which depend on no parameter."""
-        return Dual(self.columns * np.asarray(given)[..., None])
+        return Dual(self.columns * np.asarray(factor)[..., None])
 
-    def plus(self, given: Floats | float) -> Dual:
+    def plus(self, term: Floats | float) -> Dual:
         """Sum with given numbers (...)."""
-        value = self.value + given
+        value = self.value + term
         slopes = np.broadcast_to(self.columns[..., 1:], (*value.shape, self.columns.shape[-1] - 1))
         return Dual(np.concatenate([value[..., None], slopes], axis=-1))
 

@@ -375,7 +375,7 @@ class RunTable:
         return len(self.values)
 
     @property
-    def given(self) -> Bools:
+    def provided(self) -> Bools:
         """(n_stages, n_channels) which readings have a column."""
         return np.asarray(~np.isnan(self.readings[0]))
 
@@ -440,15 +440,15 @@ class ConvergenceLaw:
 ExternalSource = ExternalProgram | PythonFunction | RunTable | ConvergenceLaw
 
 
-def seen_parameters(given: ExternalSource, names: Sequence[str]) -> tuple[bool, ...]:
+def seen_parameters(source: ExternalSource, names: Sequence[str]) -> tuple[bool, ...]:
     """Which parameters a model elsewhere is given.
 
     Args:
-        given: the model.
+        source: the model.
         names: of all parameters.
     """
-    if isinstance(given, PythonFunction):
+    if isinstance(source, PythonFunction):
         return (True,) * len(names)
-    if isinstance(given, RunTable):
-        return tuple(name in given.names for name in names)
-    return tuple(name in given.seen for name in names)
+    if isinstance(source, RunTable):
+        return tuple(name in source.names for name in names)
+    return tuple(name in source.seen for name in names)

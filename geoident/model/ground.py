@@ -352,11 +352,11 @@ def constants(elastic: Elastic) -> dict[str, Scalar]:
     return scalars_of(elastic)
 
 
-def with_constants(elastic: Elastic, given: Mapping[str, Scalar]) -> Elastic:
+def with_constants(elastic: Elastic, changed: Mapping[str, Scalar]) -> Elastic:
     """An elasticity with other numbers for some of its constants, by name."""
     if isinstance(elastic, Anisotropic):
-        return Anisotropic({**elastic.entries, **given})
-    known = {**elastic.__dict__, **given}
+        return Anisotropic({**elastic.entries, **changed})
+    known = {**elastic.__dict__, **changed}
     return type(elastic)(**known)
 
 
@@ -397,59 +397,61 @@ def breach(elastic: Elastic, values: Values) -> Breach | None:
 
 
 def _rock_mass(modulus: RockMassModulus, values: Values) -> Breach | None:
-    given = {name: part.value(values) for name, part in modulus.parts.items()}
-    fault = beyond(given, "GSI", 0.0, LARGEST_GSI) or beyond(given, "D", 0.0, 1.0)
-    return fault or not_positive(given, "Ei", "MR", "sigci")
+    constants = {name: part.value(values) for name, part in modulus.parts.items()}
+    fault = beyond(constants, "GSI", 0.0, LARGEST_GSI) or beyond(constants, "D", 0.0, 1.0)
+    return fault or not_positive(constants, "Ei", "MR", "sigci")
 
 
-def _isotropic(given: Numbers) -> Breach | None:
-    fault = not_positive(given, "E", "K", "G")
-    return fault or outside(given, "nu", -1.0, 0.5)
+def _isotropic(constants: Numbers) -> Breach | None:
+    fault = not_positive(constants, "E", "K", "G")
+    return fault or outside(constants, "nu", -1.0, 0.5)
 
 
-def _strata(given: Numbers) -> Breach | None:
-    fault = not_positive(given, "E_p", "E_n", "G_np") or outside(given, "nu_p", -1.0, 1.0)
+def _strata(constants: Numbers) -> Breach | None:
+    fault = not_positive(constants, "E_p", "E_n", "G_np") or outside(constants, "nu_p", -1.0, 1.0)
     if fault:
         return fault
-    ratio = given["E_n"] / given["E_p"]
-    bound = sqrt(ratio * (1 - given["nu_p"]) / 2)
-    known = f"with E_n/E_p = {ratio:.4g} and nu_p = {given['nu_p']:.4g} "
-    return outside(given, "nu_np", -bound, bound, known)
+    ratio = constants["E_n"] / constants["E_p"]
+    bound = sqrt(ratio * (1 - constants["nu_p"]) / 2)
+    known = f"with E_n/E_p = {ratio:.4g} and nu_p = {constants['nu_p']:.4g} "
+    return outside(constants, "nu_np", -bound, bound, known)
 
 
-def _love(given: Numbers) -> Breach | None:
-    fault = not_positive(given, "A", "C", "L", "N")
+def _love(constants: Numbers) -> Breach | None:
+    fault = not_positive(constants, "A", "C", "L", "N")
     if fault:
         return fault
-    if given["A"] <= given["N"]:
-        return Breach("A", given["A"], f"it must exceed N = {given['N']:.6g} Pa")
-    bound = sqrt((given["A"] - given["N"]) * given["C"])
-    return outside(given, "F", -bound, bound, "with these A, C and N ")
+    if constants["A"] <= constants["N"]:
+        return Breach("A", constants["A"], f"it must exceed N = {constants['N']:.6g} Pa")
+    bound = sqrt((constants["A"] - constants["N"]) * constants["C"])
+    return outside(constants, "F", -bound, bound, "with these A, C and N ")
 
 
-def _orthotropic(given: Numbers) -> Breach | None:
-    fault = not_positive(given, "E_1", "E_2", "E_3", "G_12", "G_13", "G_23")
+def _orthotropic(constants: Numbers) -> Breach | None:
+    fault = not_positive(constants, "E_1", "E_2", "E_3", "G_12", "G_13", "G_23")
     if fault:
         return fault
-    size = {(i, j): sqrt(given[f"E_{i}"] / given[f"E_{j}"]) for i, j in ((1, 2), (1, 3), (2, 3))}
+    size = {
+        (i, j): sqrt(constants[f"E_{i}"] / constants[f"E_{j}"]) for i, j in ((1, 2), (1, 3), (2, 3))
+    }
     for (i, j), bound in size.items():
         known = f"with E_{i}/E_{j} = {bound**2:.4g} "
-        fault = fault or outside(given, f"nu_{i}{j}", -bound, bound, known)
+        fault = fault or outside(constants, f"nu_{i}{j}", -bound, bound, known)
     if fault:
         return fault
     # Scaled to ones on the diagonal the compliance is [1, -a, -b; -a, 1, -c; -b, -c, 1]; its
     # determinant 1 - a^2 - b^2 - c^2 - 2 a b c is positive between two values of c.
-    a, b = given["nu_12"] / size[1, 2], given["nu_13"] / size[1, 3]
+    a, b = constants["nu_12"] / size[1, 2], constants["nu_13"] / size[1, 3]
     middle, half = -a * b * size[2, 3], sqrt((1 - a**2) * (1 - b**2)) * size[2, 3]
-    known = f"with nu_12 = {given['nu_12']:.4g} and nu_13 = {given['nu_13']:.4g} "
-    return outside(given, "nu_23", middle - half, middle + half, known)
+    known = f"with nu_12 = {constants['nu_12']:.4g} and nu_13 = {constants['nu_13']:.4g} "
+    return outside(constants, "nu_23", middle - half, middle + half, known)
 
 
-def _anisotropic(given: Numbers) -> Breach | None:
+def _anisotropic(constants: Numbers) -> Breach | None:
     """By the pivots of elimination: c_kk must exceed what its column takes away."""
-    n = 6 if "c55" in given and "c66" in given else 4
+    n = 6 if "c55" in constants and "c66" in constants else 4
     matrix = np.zeros((n, n))
-    for name, value in given.items():
+    for name, value in constants.items():
         i, j = int(name[1]) - 1, int(name[2]) - 1
         if max(i, j) < n:
             matrix[i, j] = matrix[j, i] = value

@@ -57,8 +57,8 @@ class Scalar:
 
 def scalars_of(record: Any) -> dict[str, Scalar]:
     """The fields of a record that are numbers of the case, by name."""
-    given = {entry.name: getattr(record, entry.name) for entry in fields(record)}
-    return {name: value for name, value in given.items() if isinstance(value, Scalar)}
+    values = {entry.name: getattr(record, entry.name) for entry in fields(record)}
+    return {name: value for name, value in values.items() if isinstance(value, Scalar)}
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ class _Surface(ABC):
         return numbers["cohesion"] / tan(phi) if 0.0 < phi < pi / 2 else None
 
     @abstractmethod
-    def _breach(self, given: Numbers) -> Breach | None:
+    def _breach(self, strengths: Numbers) -> Breach | None:
         """The first bound that its strengths (SI, by name) break, or None."""
 
     def _values(self, values: Values) -> dict[str, float]:
@@ -116,24 +116,24 @@ class GivenPlanes(_Surface):
         """What it is, in a few words."""
         return "given planes"
 
-    def _breach(self, given: Numbers) -> Breach | None:
-        return negative(given, "hardening")
+    def _breach(self, strengths: Numbers) -> Breach | None:
+        return negative(strengths, "hardening")
 
 
 class _Coulomb(_Surface):
     """A surface by cohesion and angle of friction."""
 
-    def _breach(self, given: Numbers) -> Breach | None:
-        friction, cohesion = given["friction"], given["cohesion"]
-        fault = _beyond_90_deg(given, "friction")
+    def _breach(self, strengths: Numbers) -> Breach | None:
+        friction, cohesion = strengths["friction"], strengths["cohesion"]
+        fault = _beyond_90_deg(strengths, "friction")
         if not fault and friction > 0.0:
-            fault = negative(given, "cohesion")
+            fault = negative(strengths, "cohesion")
         elif not fault and not cohesion > 0.0:
             fault = Breach("cohesion", cohesion, "without friction it must be positive")
-        if not fault and not 0.0 <= given.get("dilation", 0.0) <= friction:
+        if not fault and not 0.0 <= strengths.get("dilation", 0.0) <= friction:
             limit = f"it must be from 0 to the friction angle, {degrees(friction):.6g} deg"
-            fault = Breach("dilation", given["dilation"], limit)
-        return fault or negative(given, "tension")
+            fault = Breach("dilation", strengths["dilation"], limit)
+        return fault or negative(strengths, "tension")
 
 
 @dataclass(frozen=True)
@@ -294,16 +294,16 @@ class HoekBrown(_Surface):
         mb, s, _ = self.rock_mass(lambda scalar: Dual(scalar.columns(values, ())))
         return float(s.value) * self.sigci.value(values) / float(mb.value)
 
-    def _breach(self, given: Numbers) -> Breach | None:
+    def _breach(self, strengths: Numbers) -> Breach | None:
         return (
-            not_positive(given, "sigci", "mi")
-            or beyond(given, "GSI", 0.0, LARGEST_GSI)
-            or beyond(given, "D", 0.0, 1.0)
-            or not_positive(given, "mb")
-            or beyond(given, "s", 0.0, 1.0)
-            or beyond(given, "a", *_EXPONENTS)
-            or _beyond_90_deg(given, "dilation")
-            or negative(given, "tension")
+            not_positive(strengths, "sigci", "mi")
+            or beyond(strengths, "GSI", 0.0, LARGEST_GSI)
+            or beyond(strengths, "D", 0.0, 1.0)
+            or not_positive(strengths, "mb")
+            or beyond(strengths, "s", 0.0, 1.0)
+            or beyond(strengths, "a", *_EXPONENTS)
+            or _beyond_90_deg(strengths, "dilation")
+            or negative(strengths, "tension")
         )
 
 
@@ -317,10 +317,10 @@ def _with_tension(name: str, tension: Scalar | None) -> str:
     return name if tension is None else f"{name} with a tension cut-off"
 
 
-def _beyond_90_deg(given: Numbers, name: str) -> Breach | None:
-    if 0.0 <= given.get(name, 0.0) < pi / 2:
+def _beyond_90_deg(strengths: Numbers, name: str) -> Breach | None:
+    if 0.0 <= strengths.get(name, 0.0) < pi / 2:
         return None
-    return Breach(name, given[name], "it must be from 0 to below 90 deg")
+    return Breach(name, strengths[name], "it must be from 0 to below 90 deg")
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,9 @@ def backtest(job: Job, control: Control) -> Finished:
     ):
         trials, skipped = run_trials(setup, stages, job.methods, log, control)
         result = _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
-        return write(result, job.place, job.found, inputs=job.inputs.files, force=job.request.force)
+        return write(
+            result, job.place, job.existing, inputs=job.inputs.files, force=job.request.force
+        )
 
 
 def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
@@ -150,7 +152,7 @@ def run_trials(
     for last in stages:
         control.stop.check()
         name = setup.case.stages[last].name
-        start = trials[-1].found.outcome.values if trials else None
+        start = trials[-1].estimate.outcome.values if trials else None
         chain = methods if start is None else (nearby(methods[-1]),)
         try:
             until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
@@ -175,11 +177,11 @@ def run_trials(
 
 def _progress(trial: PartialFit, name: str) -> str:
     step, ahead = trial.step, trial.bands.only(trial.next)
-    said = f"up to {name}: {step.status}, {step.readings} readings, "
-    said += f"{step.counts.factorizations} factorizations"
+    line = f"up to {name}: {step.status}, {step.readings} readings, "
+    line += f"{step.counts.factorizations} factorizations"
     count = np.count_nonzero(ahead.scored)
     inside = f"; next stage: {np.count_nonzero(ahead.inside)} of {count} inside"
-    return said + (inside if count else "")
+    return line + (inside if count else "")
 
 
 def _result(
@@ -220,16 +222,16 @@ def _result(
     )
     if not trials:
         return without
-    last, estimate = trials[-1], trials[-1].found
-    found = backtest_of(setup, trials, skipped)
-    judged = _judged(setup, trials, found)
+    last, estimate = trials[-1], trials[-1].estimate
+    fits = backtest_of(setup, trials, skipped)
+    judged = _judged(setup, trials, fits)
     restless, others = settling_sentences(
-        case, found.steps, variances(trials), estimated=last.setup.accuracies is not None
+        case, fits.steps, variances(trials), estimated=last.setup.accuracies is not None
     )
-    status, reason = ending(case, found, judged, out_of_time=out_of_time)
+    status, reason = ending(case, fits, judged, out_of_time=out_of_time)
     outcome = estimate.outcome
     table = parameter_table(case.parameters, outcome.values, estimate.assessment)
-    collapses = [text for trial in trials for text in collapse_findings(trial.found.survey)]
+    collapses = [text for trial in trials for text in collapse_findings(trial.estimate.survey)]
     return replace(
         without,
         status=status,
@@ -246,7 +248,7 @@ def _result(
         gauges=last.gauges,
         counts=reduce(added, (trial.step.counts for trial in trials)),
         accuracies=last.setup.accuracies,
-        backtest=found,
+        backtest=fits,
         notes=(
             *others,
             *(
@@ -263,7 +265,7 @@ def _result(
     )
 
 
-def _judged(setup: Setup, trials: Sequence[PartialFit], found: Backtest) -> Verdict:
+def _judged(setup: Setup, trials: Sequence[PartialFit], fits: Backtest) -> Verdict:
     """Whether the bands hold; fits that know no model error, beside others, do not decide it.
 
     Fits of the first stages have often too few readings to estimate one. Their bands are those of a
@@ -272,15 +274,15 @@ def _judged(setup: Setup, trials: Sequence[PartialFit], found: Backtest) -> Verd
     Args:
         setup: with all usable readings.
         trials: the fits.
-        found: what they say together.
+        fits: what they say together.
     """
-    said = verdict(found, trials[-1].gauges)
+    whole = verdict(fits, trials[-1].gauges)
     full = [trial for trial in trials if trial.setup.model_error is not None]
-    if said.holds or not full or len(full) == len(trials):
-        return said
+    if whole.holds or not full or len(full) == len(trials):
+        return whole
     rest = verdict(backtest_of(setup, full, ()), trials[-1].gauges)
     if not rest.holds:
-        return said
+        return whole
     bare = [trial for trial in trials if trial.setup.model_error is None]
     names = join([setup.case.stages[trial.step.last].name for trial in bare], "and")
     text = (
@@ -290,21 +292,21 @@ def _judged(setup: Setup, trials: Sequence[PartialFit], found: Backtest) -> Verd
     return Verdict(True, text, remarkable=True)
 
 
-def ending(case: Case, found: Backtest, judged: Verdict, *, out_of_time: bool) -> tuple[str, str]:
+def ending(case: Case, fits: Backtest, judged: Verdict, *, out_of_time: bool) -> tuple[str, str]:
     """Status and reason of a backtest.
 
     Args:
         case: names of the stages.
-        found: what its fits say together.
+        fits: what its fits say together.
         judged: whether the bands hold.
         out_of_time: the time was used up.
     """
     if out_of_time:
-        return STOPPED, f"{OUT_OF_TIME} Fits that were done: {len(found.steps)}."
-    failed = [step for step in found.steps if step.status != "converged"]
+        return STOPPED, f"{OUT_OF_TIME} Fits that were done: {len(fits.steps)}."
+    failed = [step for step in fits.steps if step.status != "converged"]
     if failed:
         names = ", ".join(case.stages[step.last].name for step in failed)
         return failed[0].status, f"The fit up to {names} is not finished: {failed[0].reason}"
-    if not found.next.readings:
+    if not fits.next.readings:
         return "not-determined", judged.sentence
     return ("done" if judged.holds else BANDS_FAIL), judged.sentence

@@ -268,8 +268,8 @@ def _at_face(case: Case, model: ObservedModel) -> dict[str, str]:
     if case.face is None or not isinstance(model, StagedModel | OpeningModel):
         return {}
     return {
-        found.stage: f"{100.0 * found.released:.3g} % (face {found.distance:.4g} m on)"
-        for found in model.face_states(case.start)
+        state.stage: f"{100.0 * state.released:.3g} % (face {state.distance:.4g} m on)"
+        for state in model.face_states(case.start)
     }
 
 

@@ -37,13 +37,13 @@ def diff(first: str, second: str, tolerance: Tolerance) -> Comparison:
     one, other = read_result(first), read_result(second)
     pairs = dict(numbers(one)), dict(numbers(other))
     places = list(dict.fromkeys([*pairs[0], *pairs[1]]))
-    found = [Difference(place, pairs[0].get(place), pairs[1].get(place)) for place in places]
+    differences = [Difference(place, pairs[0].get(place), pairs[1].get(place)) for place in places]
     return Comparison(
         first,
         second,
         (one.status, other.status),
         len(places),
-        tuple(d for d in found if not same(d.first, d.second, tolerance)),
+        tuple(d for d in differences if not same(d.first, d.second, tolerance)),
         (one.kind, other.kind),
     )
 
@@ -124,8 +124,8 @@ def _amounts(
 def _of_parameters(table: str, record: Any, result: Result) -> NamedAmounts:
     """The numbers of the columns of each parameter, one parameter after the other."""
     names = {name: k for k, name in enumerate(result.parameters.names)}
-    found = _amounts(table, record, ("parameter",), result)
-    yield from sorted(found, key=lambda one: names[one[0].item])
+    amounts = _amounts(table, record, ("parameter",), result)
+    yield from sorted(amounts, key=lambda one: names[one[0].item])
 
 
 def _grid(result: Result) -> NamedAmounts:
@@ -140,14 +140,14 @@ def _grid(result: Result) -> NamedAmounts:
         yield Place("grid", ", ".join(at), "objective"), _pure(float(grid.objective[point]))
 
 
-def _backtest(result: Result, found: Backtest) -> NamedAmounts:
+def _backtest(result: Result, backtest: Backtest) -> NamedAmounts:
     """Parameters and predictions of every fit, and the scores."""
-    for step in found.steps:
+    for step in backtest.steps:
         stage = result.gauges.stages[step.last]
         yield from _of_parameters(f"fit up to {stage}", step, result)
         ahead = f"predicted from readings up to {stage}"
         yield from _amounts(ahead, step.prediction, ("stage", "gauge"), result)
-    for horizon, scores in (("next stage", found.next), ("further ahead", found.further)):
+    for horizon, scores in (("next stage", backtest.next), ("further ahead", backtest.further)):
         for quantity, value in asdict(scores).items():
             if math.isfinite(value):
                 yield Place("scores", horizon, quantity), _pure(float(value))

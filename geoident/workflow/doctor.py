@@ -91,10 +91,10 @@ def diagnose() -> Diagnosis:
 
 def _extra(name: str, package: str, use: str) -> Extra:
     try:
-        found = version(package)
+        installed = version(package)
     except PackageNotFoundError:
-        found = ""
-    return Extra(name, package, use, found, f'pip install "geoident[{name}]"')
+        installed = ""
+    return Extra(name, package, use, installed, f'pip install "geoident[{name}]"')
 
 
 def _remedies(solvers: tuple[SolverInfo, ...], picked: str) -> tuple[str, ...]:

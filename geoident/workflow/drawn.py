@@ -134,8 +134,8 @@ class DrawnPosterior:
     def _predicted(self, points: Floats) -> Floats:
         """Readings (k, m) that draws p (k, n) predict, with their errors."""
         unique, place = np.unique(points, axis=0, return_inverse=True)
-        found = self.answers.at(unique)
-        later = np.array([found[k].later for k in place.ravel().tolist()])
+        answers = self.answers.at(unique)
+        later = np.array([answers[k].later for k in place.ravel().tolist()])
         rng = np.random.default_rng([self.seed, 1])
         known = self._errors()
         if known is None:
@@ -143,7 +143,7 @@ class DrawnPosterior:
             return np.asarray(later + sd * rng.standard_normal(later.shape))
         none = np.full(len(self.problem.measured), np.nan)
         used = np.array(
-            [none if found[k].used is None else found[k].used for k in place.ravel().tolist()]
+            [none if answers[k].used is None else answers[k].used for k in place.ravel().tolist()]
         )
         if known.possible is None:
             problem, errors = known.with_later(self.places)
@@ -240,14 +240,14 @@ def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str
     size = posterior.least_effective
     worth = f"{posterior.n_draws} draws are worth {size:.0f} independent ones"
     if np.isfinite(posterior.pareto_k):
-        said = f"{worth} (Pareto k {posterior.pareto_k:.2f})"
+        sentence = f"{worth} (Pareto k {posterior.pareto_k:.2f})"
     else:
-        said = f"{worth} (R-hat {posterior.largest_r_hat:.3f})"
+        sentence = f"{worth} (R-hat {posterior.largest_r_hat:.3f})"
     good = draws.reliable(posterior.evaluations, wanted=wanted)
-    said += "." if good else ": do not rely on the ends of intervals."
+    sentence += "." if good else ": do not rely on the ends of intervals."
     if draws.stopped:
-        return "out-of-budget", f"{draws.stopped} {said}"
-    return ("converged" if good else "not-converged"), said
+        return "out-of-budget", f"{draws.stopped} {sentence}"
+    return ("converged" if good else "not-converged"), sentence
 
 
 def _findings(table: ParameterTable) -> list[str]:

@@ -263,14 +263,14 @@ def export_vtu(export: Export) -> tuple[str, ...]:
 
 def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
     """Writers of ``FOLDER/RESULT.structures.NN.vtu`` and their list; none without structures."""
-    found, folder = export.result.members, export.folder
-    if found is None:
+    members, folder = export.result.members, export.folder
+    if members is None:
         return {}
     name = f"{stem(export.path)}.structures"
-    states = ("virgin", *found.stages)
+    states = ("virgin", *members.stages)
     files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
     writers: dict[Path, Writer] = {
-        folder / file: partial(write_structures_vtu, found, state)
+        folder / file: partial(write_structures_vtu, members, state)
         for state, file in enumerate(files)
     }
     writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part)
@@ -296,10 +296,12 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     path, folder = export.path, export.folder
     _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
-    found = export.result.members
+    members = export.result.members
     lines: dict[Path, Writer] = {}
-    if found is not None:
-        lines[folder / f"{stem(path)}.structures.vtkhdf"] = partial(write_structures_vtkhdf, found)
+    if members is not None:
+        lines[folder / f"{stem(path)}.structures.vtkhdf"] = partial(
+            write_structures_vtkhdf, members
+        )
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():
         return export.write({file: lambda part: copy_fields(path, part)} | lines)

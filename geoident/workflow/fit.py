@@ -78,30 +78,30 @@ def _fit(job: Job, control: Control) -> Finished:
     """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
-        found = with_curvature(setup, problem, assess_fit(setup, problem, outcome, fields=True))
+        estimate = with_curvature(setup, problem, assess_fit(setup, problem, outcome, fields=True))
         last = _last_stage(job, setup, problem, outcome, log, control)
-        written = _result(job, setup, found, last, _unit_findings(setup, found, log))
+        written = _result(job, setup, estimate, last, _unit_findings(setup, estimate, log))
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
 
 
-def with_curvature(setup: Setup, problem: Problem, found: Estimate) -> Estimate:
+def with_curvature(setup: Setup, problem: Problem, estimate: Estimate) -> Estimate:
     """An estimate with the finding that the model is not linear over an interval, where it is so.
 
     Args:
         setup: model and readings.
         problem: of the search.
-        found: the estimate.
+        estimate: the estimate.
     """
-    if found.outcome.status != "converged":
-        return found
+    if estimate.outcome.status != "converged":
+        return estimate
     before = setup.model.counts
     with substituting(problem.response, ENOUGH):
-        said = linearity_findings(problem, found.assessment, found.outcome.values)
-    assessment = replace(found.assessment, findings=(*found.assessment.findings, *said))
-    counts = further(found.counts, before, setup.model.counts)
-    return replace(found, assessment=assessment, counts=counts)
+        findings = linearity_findings(problem, estimate.assessment, estimate.outcome.values)
+    assessment = replace(estimate.assessment, findings=(*estimate.assessment.findings, *findings))
+    counts = further(estimate.counts, before, setup.model.counts)
+    return replace(estimate, assessment=assessment, counts=counts)
 
 
 def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
@@ -112,11 +112,11 @@ def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
     rivals, before = result.rivals, setup.model.counts
     others = () if rivals is None else tuple(rivals.values[1:])
     clock = replace(control, out_of_time=False)  # running out of time here undoes no fit
-    found = made_to_keep(setup.model, setup.case, result.parameters, clock, others)
+    reduced = made_to_keep(setup.model, setup.case, result.parameters, clock, others)
     counts = further(result.counts, before, setup.model.counts)
-    if isinstance(found, str):
-        return replace(result, counts=counts, notes=(*result.notes, found))
-    return replace(result, counts=counts, reduced=found)
+    if isinstance(reduced, str):
+        return replace(result, counts=counts, notes=(*result.notes, reduced))
+    return replace(result, counts=counts, reduced=reduced)
 
 
 def _last_stage(
@@ -129,62 +129,62 @@ def _last_stage(
     return last_stage(setup, job.methods, outcome.values, log, left, problem.response)
 
 
-def _unit_findings(setup: Setup, found: Estimate, log: Log) -> tuple[str, ...]:
+def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[str, ...]:
     """Sentences on readings whose unit is suspected, the search having begun at the start."""
     stated = [parameter.start for parameter in setup.case.parameters]
-    if not found.outcome.iterations:
+    if not estimate.outcome.iterations:
         return ()
-    start = found.outcome.iterations[0].values  # of a scaled parameter, to the last bit
+    start = estimate.outcome.iterations[0].values  # of a scaled parameter, to the last bit
     if not np.allclose(start, stated):
         return ()
     known = log.find("evaluate", start) or log.find("readings", start)
     if known is None or len(known["v"]) != np.count_nonzero(setup.readings.used):
         return ()
-    met = found.outcome.status == "converged" and not found.assessment.at_bound.any()
+    met = estimate.outcome.status == "converged" and not estimate.assessment.at_bound.any()
     return noted(unit_doubts(setup.case, setup.readings, known["v"], met=met))
 
 
 def _result(
-    job: Job, setup: Setup, found: Estimate, last: LastStage, doubts: Sequence[str]
+    job: Job, setup: Setup, estimate: Estimate, last: LastStage, doubts: Sequence[str]
 ) -> Result:
-    case, survey = setup.case, found.survey
-    gauges = gauge_table(case, found.readings, survey.computed)
+    case, survey = setup.case, estimate.survey
+    gauges = gauge_table(case, estimate.readings, survey.computed)
     parameters = opened(
-        parameter_table(case.parameters, found.outcome.values, found.assessment),
-        found.outcome.certificate,
+        parameter_table(case.parameters, estimate.outcome.values, estimate.assessment),
+        estimate.outcome.certificate,
     )
-    parameters = with_rivals(parameters, case.parameters, found.rivals)
-    prediction = predicted(setup, found, predicted_stages(gauges))
-    stated = replace(gauges, readings=as_stated(job.inputs.case, found.readings))
+    parameters = with_rivals(parameters, case.parameters, estimate.rivals)
+    prediction = predicted(setup, estimate, predicted_stages(gauges))
+    stated = replace(gauges, readings=as_stated(job.inputs.case, estimate.readings))
     gross = gross_readings(stated.readings)
     by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
-    poor = why_poor(found.diagnostics, gross, setup.model_error_table)
-    status, named = _status(found, poor), parameters.named
-    few, rests = _freedom(setup, found, parameters)
+    poor = why_poor(estimate.diagnostics, gross, setup.model_error_table)
+    status, named = _status(estimate, poor), parameters.named
+    few, rests = _freedom(setup, estimate, parameters)
     return Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
         method=" + ".join(method_name(options) for options in job.methods),
-        reason=_reason(found, case.parameters) + poor,
-        objective=found.outcome.objective,
+        reason=_reason(estimate, case.parameters) + poor,
+        objective=estimate.outcome.objective,
         findings=(
             *collapse_findings(survey),
             *opposite_findings(stated),
             *doubts,
-            *rival_findings(found.rivals, parameters),
-            *found.assessment.findings,
-            *bound_findings(found.outcome.certificate, case.parameters),
-            *gross_findings(gross, found.readings, case),
+            *rival_findings(estimate.rivals, parameters),
+            *estimate.assessment.findings,
+            *bound_findings(estimate.outcome.certificate, case.parameters),
+            *gross_findings(gross, estimate.readings, case),
             *remarks(
-                replace(found.diagnostics, influence=found.diagnostics.influence[..., named]),
+                replace(estimate.diagnostics, influence=estimate.diagnostics.influence[..., named]),
                 gauges,
                 parameters.picked(named).names,
                 gross=len(gross) > 0,
             ),
             *(accuracy_residuals(stated) if by_accuracy else ()),
             *last.findings,
-            *_extrapolation(setup, found, gauges),
+            *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
@@ -196,10 +196,10 @@ def _result(
         provenance=job_provenance(job),
         parameters=parameters,
         gauges=gauges,
-        counts=added(found.counts, last.counts),
+        counts=added(estimate.counts, last.counts),
         sensitivity=survey.sensitivity,
         prediction=prediction if np.isfinite(prediction.mean).any() else None,
-        history=found.outcome.iterations,
+        history=estimate.outcome.iterations,
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
@@ -207,23 +207,23 @@ def _result(
         mechanism=survey.mechanism,
         reaction=survey.reaction,
         advance=survey.advance,
-        singular_values=found.assessment.singular_values,
-        diagnostics=found.diagnostics,
+        singular_values=estimate.assessment.singular_values,
+        diagnostics=estimate.diagnostics,
         accuracies=setup.accuracies,
         model_error=setup.model_error_table,
         surface=setup.surface,
-        rivals=found.rivals,
-        evidence=found.evidence,
-        varied=field_estimates(setup.model, found.outcome.values, found.assessment),
+        rivals=estimate.rivals,
+        evidence=estimate.evidence,
+        varied=field_estimates(setup.model, estimate.outcome.values, estimate.assessment),
         backtest=last.backtest,
-        certificate=over_all_stages(found.outcome.certificate, survey),
+        certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
             *case.notes,
-            *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
-            *model_error_notes(setup.model_error, case, found.readings, job.methods),
+            *dict.fromkeys((*setup.model.notes, *estimate.survey.notes, *estimate.outcome.remarks)),
+            *model_error_notes(setup.model_error, case, estimate.readings, job.methods),
             *surface_notes(setup.surface),
-            *convergence_notes(setup.model, found),
-            *unused_notes(found.readings),
+            *convergence_notes(setup.model, estimate),
+            *unused_notes(estimate.readings),
             *score(gauges, prediction),
             *rests,
             *last.notes,
@@ -233,43 +233,43 @@ def _result(
 
 
 def _freedom(
-    setup: Setup, found: Estimate, parameters: ParameterTable
+    setup: Setup, estimate: Estimate, parameters: ParameterTable
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """On how many degrees of freedom the intervals rest: findings and notes."""
     known = [i for i in parameters.named.tolist() if np.isfinite(parameters.sd[i])]
     if setup.accuracies is None or not known:
         return (), ()
     names = [parameters.names[i] for i in known]
-    return freedom_notes(setup.accuracies, found.assessment.wider[known], names)
+    return freedom_notes(setup.accuracies, estimate.assessment.wider[known], names)
 
 
-def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[str, ...]:
+def _extrapolation(setup: Setup, estimate: Estimate, gauges: GaugeTable) -> tuple[str, ...]:
     """Whether predicted stages load the ground more than the fitted ones did."""
     fitted = np.flatnonzero(~predicted_stages(gauges))
     if not fitted.size:
         return ()
     later = np.arange(len(gauges.stages)) > fitted[-1]
-    levels = stress_levels(setup.model, setup.case, found.survey.fields)
+    levels = stress_levels(setup.model, setup.case, estimate.survey.fields)
     states = np.concatenate([[False], later])
     return extrapolation_findings(levels, setup.case, int(fitted[-1]) + 1, states)
 
 
-def _status(found: Estimate, poor: str) -> str:
-    if found.outcome.status != "converged":
-        return found.outcome.status
+def _status(estimate: Estimate, poor: str) -> str:
+    if estimate.outcome.status != "converged":
+        return estimate.outcome.status
     if poor:
         return "poor-fit"
-    return "not-determined" if _undetermined(found).any() else "converged"
+    return "not-determined" if _undetermined(estimate).any() else "converged"
 
 
-def _undetermined(found: Estimate) -> Bools:
+def _undetermined(estimate: Estimate) -> Bools:
     """Parameters (n,) that neither readings nor priors determine, or that rivals put apart."""
-    loose = ~(found.assessment.determined | found.assessment.from_prior)
-    differs = not_settled(found.rivals)
+    loose = ~(estimate.assessment.determined | estimate.assessment.from_prior)
+    differs = not_settled(estimate.rivals)
     return loose if differs is None else loose | differs
 
 
-def _reason(found: Estimate, parameters: Sequence[Parameter]) -> str:
-    loose = [parameters[i].name for i in np.flatnonzero(_undetermined(found)).tolist()]
+def _reason(estimate: Estimate, parameters: Sequence[Parameter]) -> str:
+    loose = [parameters[i].name for i in np.flatnonzero(_undetermined(estimate)).tolist()]
     also = f" Not determined: {', '.join(loose)}." if loose else ""
-    return found.outcome.reason + also
+    return estimate.outcome.reason + also

@@ -82,10 +82,10 @@ def _write(
         contents = {**contents, CASE: first + contents[CASE], SCHEMA: case_schema_text().encode()}
     names = sorted(contents, key=lambda name: (name != CASE, name))
     paths = {name: Path(folder) / name for name in names}
-    there = [str(path) for path in paths.values() if os.path.lexists(path)]
-    if there and not force:
+    existing = [str(path) for path in paths.values() if os.path.lexists(path)]
+    if existing and not force:
         raise OutputError(
-            f"{', '.join(there)}: exists already; nothing was written\n"
+            f"{', '.join(existing)}: exists already; nothing was written\n"
             f"    name another folder, or overwrite with {Term.FORCE}"
         )
     make_folder(folder)

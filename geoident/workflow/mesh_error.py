@@ -25,11 +25,11 @@ class MeshChecked:
     """What the mesh of a case does to its readings.
 
     Args:
-        found: by channel and stage.
+        table: by channel and stage.
         sentence: what it means.
     """
 
-    found: MeshError
+    table: MeshError
     sentence: str
 
 
@@ -63,12 +63,12 @@ def check_mesh_error(
         raise InputError([fault])
     values = start_values(model.case, model)
     at = np.array([known.get(n, x) for n, x in zip(model.names, values, strict=True)])
-    found = mesh_error(model, inputs.case, at)
-    found = replace(found, cost=model.counts + found.cost)
+    table = mesh_error(model, inputs.case, at)
+    table = replace(table, cost=model.counts + table.cost)
     if len(at):
-        found = replace(found, notes=(_where(path), *found.notes))
-    which = np.isfinite(found.error)
-    return MeshChecked(found, mesh_sentence(found, which))
+        table = replace(table, notes=(_where(path), *table.notes))
+    which = np.isfinite(table.error)
+    return MeshChecked(table, mesh_sentence(table, which))
 
 
 def _where(path: str) -> str:

@@ -54,16 +54,16 @@ def write_page_of_many(
         UsageError: it would go to stdout.
         OutputError: something else stands there, or it cannot be written.
     """
-    given = Path(path)
+    target = Path(path)
     content: CampaignTable | ProjectResult
     if is_campaign(path):
-        folder = given if given.is_dir() else given.parent
+        folder = target if target.is_dir() else target.parent
         place = place_of_page(output, folder / PAGE)
         content = read_runs(path)
         named = (content.campaign_file, content.case_file)
         files = tuple(os.path.normpath(folder / name) for name in named)
     else:
-        place = place_of_page(output, given.with_suffix(".html"))
+        place = place_of_page(output, target.with_suffix(".html"))
         content = read_project_result(path)
         files = (case_path(path, content.provenance.case_file), path)
     inputs = (*files, logo) if logo else files

@@ -137,7 +137,7 @@ class Task:
         inputs: the case to predict.
         place: of the result.
         identity: hash of everything that the result depends on.
-        found: what stands at its place.
+        existing: what stands at its place.
         others: why the gauges of another case are not those of the fit; empty where they are.
     """
 
@@ -147,7 +147,7 @@ class Task:
     inputs: Inputs
     place: Target
     identity: str
-    found: Existing
+    existing: Existing
     others: str = ""
 
     @property
@@ -158,14 +158,14 @@ class Task:
     @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
-        found = provenance(
+        origin = provenance(
             self.inputs,
             command="predict",
             identity=self.identity,
             seed=self.fit.provenance.seed,
             output=self.place.path,
         )
-        return of_fit(found, self.fit, self.request.result, self.place.path)
+        return of_fit(origin, self.fit, self.request.result, self.place.path)
 
 
 def plan_prediction(request: PredictRequest) -> Task:
@@ -188,18 +188,18 @@ def plan_prediction(request: PredictRequest) -> Task:
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.fingerprint} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
-    found = existing(place, identity, kind="predict", case=inputs.path)
-    return Task(request, fit, origin, inputs, place, identity, found, others)
+    state = existing(place, identity, kind="predict", case=inputs.path)
+    return Task(request, fit, origin, inputs, place, identity, state, others)
 
 
 @one_thread()
 def predict(task: Task, control: Control) -> Finished:
     """Predict readings with their bands and write them; keep a result that is up to date."""
-    request, place, found = task.request, task.place, task.found
-    before = at_hand(place, task.identity, found, force=request.force, fresh=request.fresh)
+    request, place, existing = task.request, task.place, task.existing
+    before = at_hand(place, task.identity, existing, force=request.force, fresh=request.fresh)
     if before is not None:
         return before
-    require_free(found, place, force=request.force, inputs=task.files_read)
+    require_free(existing, place, force=request.force, inputs=task.files_read)
     model = _model(task)
     task = _with_other_surfaces(task, model)
     known = what_is_known(task.fit, task.origin.case, model, task.inputs.case, task.others)
@@ -221,7 +221,7 @@ def predict(task: Task, control: Control) -> Finished:
     result = _result(task, _followed(task, known, survey, model), survey, model)
     took = time.monotonic() - control.started
     result = replace(result, provenance=replace(result.provenance, seconds=took))
-    return write(result, place, found, inputs=task.files_read, force=request.force)
+    return write(result, place, existing, inputs=task.files_read, force=request.force)
 
 
 def _model(task: Task) -> ObservedModel:
@@ -485,11 +485,13 @@ def _at_rivals(
     assert rivals is not None
     setup = Setup(model, case, known.readings, task.fit.accuracies, known.model_error)
     problem = problem_of_result(task.fit, case, model.response(()))
-    found = []
+    predictions = []
     for values, phi in zip(rivals.values[1:], rivals.objectives[1:], strict=True):
-        there = Outcome(values, float(phi), task.fit.status, "", ())
-        found.append(predicted(setup, assess_fit(setup, problem, there, fields=False), stages))
-    return found
+        outcome = Outcome(values, float(phi), task.fit.status, "", ())
+        predictions.append(
+            predicted(setup, assess_fit(setup, problem, outcome, fields=False), stages)
+        )
+    return predictions
 
 
 def _others(
@@ -534,10 +536,10 @@ def _of_another_case(task: Task, model: ObservedModel, stages: Bools) -> list[Pr
     rivals = fit.rivals
     assert rivals is not None
     fitted = build_model(task.origin, solver=task.request.solver)
-    found = []
+    predictions = []
     for values in rivals.values[1:]:
-        there = fitted.survey(values, fields=False, partial=True)
-        readings = with_computed(fit.gauges.readings, origin, fitted, there, values)
+        at_rival = fitted.survey(values, fields=False, partial=True)
+        readings = with_computed(fit.gauges.readings, origin, fitted, at_rival, values)
         known = what_is_known(
             replace(
                 fit,
@@ -551,8 +553,10 @@ def _of_another_case(task: Task, model: ObservedModel, stages: Bools) -> list[Pr
         )
         survey = model.survey(known.parameters.values, fields=False, partial=True)
         errors = _with_later(known, model, case, survey)
-        found.append(predict_stages(survey, known.assessment, accuracies(case), stages, errors))
-    return found
+        predictions.append(
+            predict_stages(survey, known.assessment, accuracies(case), stages, errors)
+        )
+    return predictions
 
 
 def _with_later(
@@ -625,7 +629,7 @@ def _result(task: Task, known: FitKnowledge, survey: Survey, model: ObservedMode
     inherited = without_collapses(fit.findings)
     if task.others:  # its gauges may have the same names
         inherited = tuple(f"Of the fit: {text}" for text in inherited)
-    found = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
+    findings = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
@@ -636,7 +640,7 @@ def _result(task: Task, known: FitKnowledge, survey: Survey, model: ObservedMode
         method=fit.method,
         reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
         objective=fit.objective,
-        findings=tuple(dict.fromkeys(found)),
+        findings=tuple(dict.fromkeys(findings)),
         case_text=task.inputs.loaded.text,
         case_resolved=task.inputs.loaded.resolved,
         provenance=task.provenance,

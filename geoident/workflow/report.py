@@ -57,7 +57,7 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
     return place.as_posix()
 
 
-def head_of(paths: Sequence[str], results: Labelled, given: ReportHead) -> ReportHead:
+def head_of(paths: Sequence[str], results: Labelled, stated: ReportHead) -> ReportHead:
     """The head of a report: as given, else as the cases say.
 
     A case is read where it stands today, since its head may be written after the fit without asking
@@ -67,7 +67,7 @@ def head_of(paths: Sequence[str], results: Labelled, given: ReportHead) -> Repor
     Args:
         paths: of the results.
         results: the same, with their labels.
-        given: what stands above the cases.
+        stated: what stands above the cases.
 
     Raises:
         InputError: what a case says of its report is wrong.
@@ -78,7 +78,7 @@ def head_of(paths: Sequence[str], results: Labelled, given: ReportHead) -> Repor
         for field in fields(ReportHead)
         if len(values := {getattr(head, field.name) for head in heads}) == 1
     }
-    return given.over(ReportHead(**agreed))
+    return stated.over(ReportHead(**agreed))
 
 
 def _head(path: str, result: Result) -> ReportHead:

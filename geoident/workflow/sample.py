@@ -158,7 +158,7 @@ def plan_sample(request: SampleRequest) -> SampleTask:
         command="sample",
         place=place,
         identity=identity,
-        found=existing(place, identity, kind="sample", case=inputs.path),
+        existing=existing(place, identity, kind="sample", case=inputs.path),
         methods=(),
         inputs=inputs,
     )
@@ -195,7 +195,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
     if (before := job_at_hand(job)) is not None:
         return before
     control.require_cluster()
-    require_free(job.found, job.place, force=request.force, inputs=task.files_read)
+    require_free(job.existing, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
     require_same_modes(task.fit, setup.model, setup.case, task.fit.parameters.values)
     with evaluation_log(job, control, setup.model) as log:
@@ -216,10 +216,12 @@ def sample(task: SampleTask, control: Control) -> Finished:
                 request.of_sampler.effective,
                 led,
             )
-            found = drawn.result()
+            drawn_result = drawn.result()
         made = of_fit(job_provenance(job), task.fit, request.result, job.place.path)
-        result = replace(found, provenance=made)
-        return write(result, job.place, job.found, inputs=task.files_read, force=job.request.force)
+        result = replace(drawn_result, provenance=made)
+        return write(
+            result, job.place, job.existing, inputs=task.files_read, force=job.request.force
+        )
 
 
 def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:

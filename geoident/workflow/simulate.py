@@ -158,9 +158,9 @@ def simulate(
     p = values_for(model, written)
     if draw:
         p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
-    found = None
+    field_files = None
     if to.fields is not None:
-        computed, found = _with_fields(model, p, to.fields, files, force=to.force)
+        computed, field_files = _with_fields(model, p, to.fields, files, force=to.force)
     elif isinstance(model, ExternalModel):
         computed = model.computed(p)  # derivatives would take more runs
     else:
@@ -173,7 +173,16 @@ def simulate(
         notes.append(answer_note(model, by.reduced))
     counts = replace(model.counts, evaluations=max(1, model.counts.evaluations))
     return Simulated(
-        path, model.case, readings, files, "\n".join(notes), inputs, p, computed, counts, found
+        path,
+        model.case,
+        readings,
+        files,
+        "\n".join(notes),
+        inputs,
+        p,
+        computed,
+        counts,
+        field_files,
     )
 
 

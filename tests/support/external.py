@@ -137,7 +137,7 @@ class ArrayRuns:
 
     def __init__(self, function, n, m):
         self.function, self.n_runs = function, 0
-        self.seen, self.given = np.ones(n, bool), np.ones((1, m), bool)
+        self.seen, self.provided = np.ones(n, bool), np.ones((1, m), bool)
 
     def require_trust(self):
         """It may always be run."""

@@ -389,7 +389,7 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
         whole = mesh_error(found.model, found.model.case, outcome.values)
         first = found.readings.used
         rows = [whole.channels.index(name) for name in np.array(found.readings.channel)[first]]
-        ours, theirs = (table.error[rows, 0] for table in (found.mesh.found, whole))
+        ours, theirs = (table.error[rows, 0] for table in (found.mesh.table, whole))
         assert ours / theirs == pytest.approx(ours[0] / theirs[0], rel=1e-6)  # all go with 1 / E
 
 
@@ -398,7 +398,7 @@ def test_what_the_finer_mesh_costs_is_counted(coarse, monkeypatch):
     override = ("fit.model_error=none",)
     job = plan_fit(Request(str(coarse), override, force=True, fresh=True))
     found, problem, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))
-    assert found.mesh.found.cost.factorizations == 2
+    assert found.mesh.table.cost.factorizations == 2
     assert found.mesh.spent.factorizations == 2 + 1
     counted = fitted(coarse, overrides=override).counts
     again = in_fits.fitted_mesh(found.model, problem, found.readings, outcome, found.mesh)

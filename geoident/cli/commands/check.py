@@ -151,9 +151,9 @@ def _mesh_error(case: str, options: Options) -> int:
     with failures_as_json(case, options):
         done = check_mesh_error(case, overrides=options.overrides, solver=options.solver)
     if options.as_json:
-        click.echo(dumps(mesh_error_object(case, done.found, done.sentence)))
+        click.echo(dumps(mesh_error_object(case, done.table, done.sentence)))
     elif not options.quiet:
-        click.echo(mesh_error_text(case, done.found, done.sentence))
+        click.echo(mesh_error_text(case, done.table, done.sentence))
     return 0
 
 

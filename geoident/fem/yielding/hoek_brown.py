@@ -431,7 +431,7 @@ class HoekBrownReturn(ReturnStep):
         Where the end is on the curve, a last column by ln y gives its change: what is left of L
         stays zero.
         """
-        law, given = self._law, self._law.planes
+        law, planes = self._law, self._law.planes
         size = start.shape[2]
 
         def number(constant: Dual) -> Dual:
@@ -440,7 +440,7 @@ class HoekBrownReturn(ReturnStep):
             columns[:used] = constant.columns[:used]
             return Dual(columns)
 
-        constants = (given.sigci, given.mb, given.s, given.a, *law.moduli)
+        constants = (planes.sigci, planes.mb, planes.s, planes.a, *law.moduli)
         sigci, mb, s, a, lame, twice = (number(constant) for constant in constants)
         trial = Dual(np.concatenate([self.start[..., None], start, 0.0 * start[..., :1]], axis=-1))
         upper, lower = self._upper[..., None], self._lower[..., None]
@@ -451,8 +451,8 @@ class HoekBrownReturn(ReturnStep):
         log_y.columns[:, -1] = 1.0
         d = ((1.0 - a) * log_y).exp()
         g = d + mb * a
-        if given.dilation is not None:
-            sine = number(given.dilation).sine()
+        if planes.dilation is not None:
+            sine = number(planes.dilation).sine()
             g, d = 1.0 + sine, 1.0 - sine
         n_some = np.maximum(n_lower, 1)  # none on the cut-off alone, where this does not count
         U = Dual((trial.columns * upper).sum(axis=0)) / n_upper
@@ -466,7 +466,7 @@ class HoekBrownReturn(ReturnStep):
         log_y.columns[:, 1:-1] = -rest[:, 1:-1] / slope[:, None]
         log_y.columns[:, -1] = 0.0
         if not self._natural:
-            y_cut = s - mb * number(given.cut) / sigci
+            y_cut = s - mb * number(planes.cut) / sigci
             log_y.columns[on_cut, 1:] = y_cut.log().columns[1:]
         largest, width = sigci / mb * (s - log_y.exp()), sigci * (a * log_y).exp()
         ends = np.where(upper, largest.columns, (largest - width).columns)

@@ -96,8 +96,8 @@ class GivenMotions:
         dofs, now = self._given(support, point)
         if earlier is not None:
             at, then = self._given(earlier, point)
-            _, here, there = np.intersect1d(dofs, at, return_indices=True)
-            now[here] -= then[there]
+            _, rows, earlier_rows = np.intersect1d(dofs, at, return_indices=True)
+            now[rows] -= then[earlier_rows]
         return dofs, now
 
     def _given(self, support: Support, point: ParameterPoint) -> tuple[Ints, Floats]:

@@ -59,8 +59,8 @@ def support_keys(case: Case) -> list[tuple[KeyPath, Support]]:
     """Every support of the case with the key where it is written."""
     keys: list[tuple[KeyPath, Support]] = [(("supports", s.group), s) for s in case.supports]
     for n, stage in enumerate(case.stages):
-        given = ((name, one) for name, one in stage.supports.items() if one is not None)
-        keys += [(("stages", n, "supports", name), one) for name, one in given]
+        supports = ((name, one) for name, one in stage.supports.items() if one is not None)
+        keys += [(("stages", n, "supports", name), one) for name, one in supports]
     return keys
 
 
@@ -153,9 +153,9 @@ def _has_ground(on_mesh: CaseOnMesh, load: PointForce, present: Bools) -> bool:
     """Whether a point force acts on ground that is present."""
     if not isinstance(load.place, str):
         return on_mesh.locator.best(load.place, present) is not None
-    here = nodes_in(on_mesh.mesh.blocks, present)
+    ground_nodes = nodes_in(on_mesh.mesh.blocks, present)
     nodes = group_nodes(on_mesh.mesh, load.place)
-    return len(nodes) > 0 and bool(np.isin(nodes, here).all())
+    return len(nodes) > 0 and bool(np.isin(nodes, ground_nodes).all())
 
 
 def _force_fault(case: Case, load: PointForce, path: KeyPath, stage: str) -> Fault:

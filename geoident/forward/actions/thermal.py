@@ -73,26 +73,26 @@ class ThermalStrains:
 
     def _temperature(self, state: int, group: int, point: ParameterPoint) -> Dual:
         """Change of temperature of a state at the points of a group, (k or 1,)."""
-        given = self._sequence.states[state].temperature.get(group)
-        if given is None:
+        temperature = self._sequence.states[state].temperature.get(group)
+        if temperature is None:
             return point.constant(np.zeros(1))
-        if isinstance(given, Scalar):
-            return Dual(point.number(given).columns[None])
-        key = (id(given), group)  # of the case, which lasts
+        if isinstance(temperature, Scalar):
+            return Dual(point.number(temperature).columns[None])
+        key = (id(temperature), group)  # of the case, which lasts
         if key not in self._fields:
             positions = self._discretization.points.position[self._discretization.points_of[group]]
-            self._fields[key] = interpolate(given, positions)
-        return Dual(point.number(given.factor).columns[None]).times(self._fields[key])
+            self._fields[key] = interpolate(temperature, positions)
+        return Dual(point.number(temperature.factor).columns[None]).times(self._fields[key])
 
 
 def interpolate(field: TemperatureField, positions: Floats) -> Floats:
     """Values (m,) at positions (m, dim): linear between the points, the nearest beyond them."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # noqa: PLC0415
 
-    points, given = np.array(field.points), np.array(field.values)
-    nearest = np.asarray(NearestNDInterpolator(points, given)(positions))
+    points, values = np.array(field.points), np.array(field.values)
+    nearest = np.asarray(NearestNDInterpolator(points, values)(positions))
     try:
-        inside = np.asarray(LinearNDInterpolator(points, given)(positions))
+        inside = np.asarray(LinearNDInterpolator(points, values)(positions))
     except QhullError:  # too few points, or all on a line
         return nearest
     return np.where(np.isnan(inside), nearest, inside)

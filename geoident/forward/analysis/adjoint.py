@@ -75,8 +75,8 @@ class ReadingSeeds:
 
     def at(self, state: int) -> Floats:
         """(g,) weight of a state in every reading."""
-        here = self.weights[0] * (self.stage == state)
-        return np.asarray(here + self.weights[1] * (self.zero == state))
+        at_stage = self.weights[0] * (self.stage == state)
+        return np.asarray(at_stage + self.weights[1] * (self.zero == state))
 
 
 def reach(bases: Sequence[int], states: Floats) -> Bools:
@@ -277,22 +277,22 @@ class AdjointAnalysis:
                     adjoint.unreleased.setdefault(group, np.zeros((n_dofs, k)))[:, at] += unreleased
 
         weights = self._plan.weights[number, self._first + columns]
-        here = np.flatnonzero(weights)
-        if not len(here):
+        seeded = np.flatnonzero(weights)
+        if not len(seeded):
             return adjoint
-        rows, channels = self._seeds.rows, self._seeds.channel[self._first + columns[here]]
-        scale = sp.diags_array(weights[here])
+        rows, channels = self._seeds.rows, self._seeds.channel[self._first + columns[seeded]]
+        scale = sp.diags_array(weights[seeded])
         if rows.u is not None:
             own = sp.csr_array(scale @ rows.u[channels])[:, self._plan.read]
-            adjoint.u[:, here] += own.T.toarray()
+            adjoint.u[:, seeded] += own.T.toarray()
         if rows.stress is not None:
             stress = sp.csr_array(scale @ rows.stress[channels]).tocoo()
             component, point = np.divmod(stress.col, self._points.n_points)
-            place = component, self._plan.place[point], here[stress.row]
+            place = component, self._plan.place[point], seeded[stress.row]
             np.add.at(adjoint.d, place, -stress.data / self._points.volume[point])
         if rows.members is not None and self._structures.n_rows:
             forces = (scale @ rows.members[channels]).T.toarray()
-            adjoint.members[:, here] -= forces / self._structures.weight[:, None]
+            adjoint.members[:, seeded] -= forces / self._structures.weight[:, None]
         return adjoint
 
     def _solved(self, task: StageTask, adjoint: _Adjoint) -> Floats:
@@ -325,9 +325,11 @@ class AdjointAnalysis:
         stress, moduli = np.zeros_like(d), task.moduli_by_material()
         for material, points in task.system.points_of.items():
             place = self._plan.place[points]
-            here = np.flatnonzero(place >= 0)
-            if len(here):
-                stress[:, place[here]] = moduli[material].at(here).stress(d[:, place[here]])
+            special = np.flatnonzero(place >= 0)
+            if len(special):
+                stress[:, place[special]] = (
+                    moduli[material].at(special).stress(d[:, place[special]])
+                )
         stress *= task.system.volume[self._plan.special][None, :, None]
         return stress.reshape(d.shape[0] * d.shape[1], d.shape[2])
 

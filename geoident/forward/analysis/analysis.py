@@ -156,8 +156,8 @@ class StagedAnalysis:
     def virgin_tension(self, values: Values) -> bool:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
         stress, _ = self.virgin(ParameterPoint(values, ()))
-        here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
-        pulled = here.sum(axis=0) > 0.0
+        normal = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
+        pulled = normal.sum(axis=0) > 0.0
         return bool(2 * np.count_nonzero(pulled) > pulled.size)
 
     def virgin(self, point: ParameterPoint) -> tuple[Floats, Floats]:
@@ -309,20 +309,20 @@ class AnalysisRun:
         """
         system, stress, n = self._systems[0], carried.stress, self.point.n_columns
         slopes = self._add_actions(0, forces)
-        given = self._analysis.in_situ.columns(self._point_without_modes)
-        given[:, ~system.present] = 0.0
-        stress[..., :n] = given[..., :n]
+        in_situ = self._analysis.in_situ.columns(self._point_without_modes)
+        in_situ[:, ~system.present] = 0.0
+        stress[..., :n] = in_situ[..., :n]
         imbalance = self._analysis.imbalance(stress, forces)
         self._imbalance = float(imbalance[0])
         if self._options.traced:
-            imbalance = self._analysis.imbalance(given, np.hstack([forces, slopes]))
+            imbalance = self._analysis.imbalance(in_situ, np.hstack([forces, slopes]))
         task = self._task(0, carried, forces)
         stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
         du = np.zeros(len(forces))
         if stepped:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
-            self.traces.append(ElasticTrace(task, du, slopes, {}, given[..., 1:], stepped))
+            self.traces.append(ElasticTrace(task, du, slopes, {}, in_situ[..., 1:], stepped))
         if self._plastic is not None:
             self._plastic.refuse_virgin(task)
 
@@ -351,8 +351,8 @@ class AnalysisRun:
         if self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
-            given = self._options.displacements
-            u_known = None if given is None else given(number)
+            known_displacements = self._options.displacements
+            u_known = None if known_displacements is None else known_displacements(number)
             du_known = None if u_known is None else u_known[:, : u.shape[1]] - u
             du = elastic_step(task, systems, self.factors, du_known)
         if task.motion is not None:

@@ -62,12 +62,12 @@ class MaterialPoints:
             n_points: number of them all.
         """
         own = numbers(self.points, n_points)
-        _, rows, here = np.intersect1d(own, points, assume_unique=True, return_indices=True)
+        _, rows, kept = np.intersect1d(own, points, assume_unique=True, return_indices=True)
         if not rows.size:
             return None
         law = None if self.law is None else self.law.at(rows)
         hardened = None if self.hardened is None else self.hardened[:, rows]
-        return MaterialPoints(self.name, here, self.elasticity.at(rows), law, hardened)
+        return MaterialPoints(self.name, kept, self.elasticity.at(rows), law, hardened)
 
     def integrate_stress(
         self, stress: Floats, strain: Floats, viscosity: float

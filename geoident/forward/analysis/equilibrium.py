@@ -267,13 +267,13 @@ def _settled(equations: StageEquations, patches: Patches, iterate: Iterate) -> I
     if patch is None:
         return None
     own = equations.on_patch(patch, patches.solver(patch), iterate.du)
-    here = own.at(iterate.du[patch.dofs])
+    local = own.at(iterate.du[patch.dofs])
     for _ in range(_PATCH_STEPS):
-        if np.abs(here.residual).max() <= _SETTLED * worst:
+        if np.abs(local.residual).max() <= _SETTLED * worst:
             break
-        here, _ = _step(own, here, own.spread(own.tangent(here).solve(here.residual)))
+        local, _ = _step(own, local, own.spread(own.tangent(local).solve(local.residual)))
     du = iterate.du.copy()
-    du[patch.dofs] = here.du
+    du[patch.dofs] = local.du
     return equations.at(du)
 
 

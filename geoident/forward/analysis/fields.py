@@ -130,12 +130,12 @@ class FieldRecorder:
         What is placed anew has not yielded yet.
         """
         state = self._sequence.states[number]
-        here = np.zeros(self._mesh.n_elements, dtype=bool)
-        here[self._points.element[yielded]] = True
+        so_far = np.zeros(self._mesh.n_elements, dtype=bool)
+        so_far[self._points.element[yielded]] = True
         if number:
             placed = np.isin(self._sequence.group_of, list(state.placed))
-            here |= self._yielded[state.base] & ~placed
-        return here & self._sequence.present(number)
+            so_far |= self._yielded[state.base] & ~placed
+        return so_far & self._sequence.present(number)
 
     def _element_means(self, stress: Floats) -> Floats:
         """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""

@@ -207,9 +207,9 @@ class StageSystems:
 
     def _prepare(self, number: int) -> StageSystem:
         sequence, state = self._sequence, self._sequence.states[number]
-        here = sequence.present(number)
+        elements = sequence.present(number)
         points = self.discretization.points
-        present = here[points.element]
+        present = elements[points.element]
         points_of: dict[str, Index] = {}
         names = np.array([state.materials.get(g, "") for g in range(len(sequence.groups))])
         name_of_point = names[sequence.group_of[points.element]]
@@ -224,8 +224,8 @@ class StageSystems:
                 fixed=self._fixed[key[1]],
                 dim=self._mesh.dim,
             )[1]
-        volume = self.discretization.volume(here)
-        touched = _touched(self._mesh, here)
+        volume = self.discretization.volume(elements)
+        touched = _touched(self._mesh, elements)
         dofs, pattern = self._dofs[key], partial(self._pattern, key)
         return StageSystem(present, touched, volume, points_of, groups, key, dofs, pattern)
 

@@ -150,13 +150,13 @@ def _weight_fault(case: Case, disagreement: _Disagreement, groups: list[str]) ->
         right = disagreement.grows / _GRAVITY
         weighs = "the ground weighs 0 kN/m3"
         message = f"{stress}, but there is no gravity: {weighs}"
-        given = (
+        weights = (
             f"'{disagreement.material}' has {density}"
             if disagreement.density
             else f"'{disagreement.material}' has no density: {right:.4g} kg/m3 would be"
             f" {_weight(disagreement.grows)}"
         )
-        hint = f"Add 'gravity: 9.81 m/s2' ({given}), {ACCEPT}."
+        hint = f"Add 'gravity: 9.81 m/s2' ({weights}), {ACCEPT}."
         return case.source.fault(disagreement.path, code="no-gravity", message=message, hint=hint)
     own = disagreement.density * disagreement.gravity
     weighs = _weight(own - (disagreement.water or 0.0))
@@ -342,11 +342,11 @@ def _internal_forces(analysis: StagedAnalysis, stress: Floats) -> tuple[Floats, 
         first += n_el * n_q
         pulls = np.einsum("cij,ceq->eqij", adds, of_block * geometry.volumes)
         forces = np.einsum("eqij,eqaj->eai", pulls, geometry.gradients)
-        here = present[span]
-        nodes = block.nodes[here]
-        np.add.at(total, nodes, forces[here])
-        np.add.at(size, nodes, np.linalg.norm(forces[here], axis=2))
-        owner[nodes] = np.arange(span.start, span.stop)[here][:, None]
+        rows = present[span]
+        nodes = block.nodes[rows]
+        np.add.at(total, nodes, forces[rows])
+        np.add.at(size, nodes, np.linalg.norm(forces[rows], axis=2))
+        owner[nodes] = np.arange(span.start, span.stop)[rows][:, None]
     return total, size, owner
 
 
@@ -365,8 +365,8 @@ def surface_gaps(analysis: StagedAnalysis, values: Values) -> list[Fault]:
     for path, model, groups in _geostatic_zones(analysis):
         if model.surface is None:
             continue
-        here = present & np.isin(group_of_point, groups)
-        places = StressPlaces(points.position[here], group_of_point[here])
+        chosen = present & np.isin(group_of_point, groups)
+        places = StressPlaces(points.position[chosen], group_of_point[chosen])
         above = Overburden(analysis.on_mesh).above(places.positions)
         on_top = CoverAndSurcharge(model, analysis.on_mesh.mesh, places.positions, above)
         gap = on_top.thickness(ParameterPoint(values, ())).value

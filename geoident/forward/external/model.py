@@ -24,18 +24,18 @@ class ExternalModel(ObservedModel):
 
     Args:
         case: the case.
-        given: (n_stages, n_channels) which readings the model gives.
+        provided: (n_stages, n_channels) which readings the model gives.
         seen: (n,) which parameters it depends on.
     """
 
-    def __init__(self, case: Case, given: Bools, seen: Bools) -> None:
+    def __init__(self, case: Case, provided: Bools, seen: Bools) -> None:
         states = [
             ConstructionState(name, {}, frozenset(), {}, base=max(n - 1, 0))
             for n, name in enumerate(case.stage_names)
         ]
         sequence = ConstructionSequence((), np.zeros(0, np.int64), tuple(states))
-        super().__init__(case, _rule(case, given), sequence.built_on, sequence.bases)
-        self.sequence, self.given, self.seen = sequence, given, seen
+        super().__init__(case, _rule(case, provided), sequence.built_on, sequence.bases)
+        self.sequence, self.provided, self.seen = sequence, provided, seen
         self._asked: set[bytes] = set()
 
     @abstractmethod
@@ -64,25 +64,25 @@ class ExternalModel(ObservedModel):
         """Why a channel cannot be read at a state at which it can't, a clause."""
         if state == 0:
             return "the model gives nothing before the first stage"
-        where = "there" if not self.given[state - 1, row] else "at its zero"
+        where = "there" if not self.provided[state - 1, row] else "at its zero"
         return f"the model gives no reading of it {where}"
 
     def observe(self, p: Floats, query: Query) -> Observed:
         """What the model gives at p (n,)."""
         self._asked.add(self.key(p))
-        given = self.given_readings(p, derivatives=query.derivatives, exact=query.fields)
-        return Observed(np.concatenate([np.zeros((1, *given.shape[1:])), given]))
+        readings = self.given_readings(p, derivatives=query.derivatives, exact=query.fields)
+        return Observed(np.concatenate([np.zeros((1, *readings.shape[1:])), readings]))
 
     def increments_of(self, observed: Observed) -> Floats:
         """Zeros: of an external model the increments of single stages are not known."""
         return np.zeros(observed.seen.shape[:2])
 
 
-def _rule(case: Case, given: Bools) -> ReadingRule:
+def _rule(case: Case, provided: Bools) -> ReadingRule:
     """How readings follow from what the model gives, (n_stages, n_channels), and zeros."""
     zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
     changes = np.array([channel.is_zeroed for channel in case.channels], dtype=bool)
-    seen = np.concatenate([np.ones((1, len(zero)), dtype=bool), given])
+    seen = np.concatenate([np.ones((1, len(zero)), dtype=bool), provided])
     later = np.arange(len(seen))[:, None] >= zero
     at_zero = seen[zero, np.arange(len(zero))]
     readable = seen & np.where(changes, later & at_zero, True)

@@ -31,10 +31,10 @@ class ProgramModel(ExternalModel):
     """
 
     def __init__(self, case: Case, runs: ModelRuns) -> None:
-        super().__init__(case, runs.given, runs.seen)
+        super().__init__(case, runs.provided, runs.seen)
         self.runs = runs
         accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
-        weights = 1.0 / np.broadcast_to(accuracy, runs.given.shape)[runs.given]
+        weights = 1.0 / np.broadcast_to(accuracy, runs.provided.shape)[runs.provided]
         self.differences = Differences(
             self._results, case.parameters, runs.seen, weights, runs.quantum, runs.written
         )
@@ -62,8 +62,8 @@ class ProgramModel(ExternalModel):
             columns = np.column_stack([linear.v, linear.dv_dp])
         else:
             columns = self.differences.values(p)[:, None]
-        table = np.full((*self.given.shape, columns.shape[1]), np.nan)
-        table[self.given] = columns
+        table = np.full((*self.provided.shape, columns.shape[1]), np.nan)
+        table[self.provided] = columns
         return table
 
     def response(
@@ -89,10 +89,10 @@ class ProgramModel(ExternalModel):
     @property
     def noise(self) -> Floats:
         """(n_states, n_channels) standard deviation of what runs add at random; 0 if unknown."""
-        given, known = self.runs.given, self.differences.noise
-        seen = np.zeros((len(given) + 1, given.shape[1]))
+        provided, known = self.runs.provided, self.differences.noise
+        seen = np.zeros((len(provided) + 1, provided.shape[1]))
         if known is not None:
-            seen[1:][given] = known**2
+            seen[1:][provided] = known**2
         at_stage, at_zero = self.rule.weights**2
         zero = seen[self.rule.zero, np.arange(seen.shape[1])]
         return np.asarray(np.sqrt(at_stage * seen + at_zero * zero))
@@ -110,7 +110,7 @@ class ProgramModel(ExternalModel):
         """Readings (m,) of runs; those made before are not made again."""
         self._asked.update(self.key(p) for p in points)
         results = self.runs.each(points, self._check)
-        return [f if isinstance(f, FailedRun) else f[self.given] for f in results]
+        return [f if isinstance(f, FailedRun) else f[self.provided] for f in results]
 
     def _check(self) -> None:
         """Report progress while runs go on; may raise to end them."""
@@ -129,23 +129,23 @@ class ProgramModel(ExternalModel):
         jacobian = self.runs.jacobian(p, self._check)
         if isinstance(jacobian, FailedRun):
             raise ModelError(f"The derivatives of the model failed: {jacobian}.")
-        linear = Linear(p, v, jacobian[self.given])
+        linear = Linear(p, v, jacobian[self.provided])
         if not self._checked:
             self._compare(linear)
             self._checked = True
         self._given_jacobians[p.tobytes()] = linear
         return linear
 
-    def _compare(self, given: Linear) -> None:
+    def _compare(self, derivatives: Linear) -> None:
         """Compare given derivatives with differences.
 
         Raises:
             ModelError: they differ.
         """
-        other, w = self.differences.exact(given.p).dv_dp, self._weights[:, None]
+        other, w = self.differences.exact(derivatives.p).dv_dp, self._weights[:, None]
         size = np.linalg.norm(w * other, axis=0)
-        off = np.linalg.norm(w * (given.dv_dp - other), axis=0)
-        loose = np.linalg.norm(w * self.differences.doubt(given.p), axis=0)
+        off = np.linalg.norm(w * (derivatives.dv_dp - other), axis=0)
+        loose = np.linalg.norm(w * self.differences.doubt(derivatives.p), axis=0)
         wrong = off > AGREE * size + loose
         if wrong.any():
             j = int(np.argmax(np.where(wrong, off / np.maximum(size, TINY), 0.0)))

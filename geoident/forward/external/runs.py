@@ -33,7 +33,7 @@ class ModelRuns(Protocol):
         """(n,) which parameters the model depends on."""
 
     @property
-    def given(self) -> Bools:
+    def provided(self) -> Bools:
         """(n_stages, n_channels) which readings the model gives."""
 
     @property

@@ -49,7 +49,7 @@ class TableModel(ExternalModel):
         names = [parameter.name for parameter in case.parameters]
         self._table = table
         self._columns = np.array([names.index(name) for name in table.names], dtype=np.int64)
-        super().__init__(case, table.given, np.isin(np.arange(len(names)), self._columns))
+        super().__init__(case, table.provided, np.isin(np.arange(len(names)), self._columns))
         self.read = _as_read(case, table)
         self.coordinates = RunCoordinates(
             np.array([case.parameters[j].scale == "log" for j in self._columns], dtype=bool),
@@ -57,7 +57,7 @@ class TableModel(ExternalModel):
             table.values.max(axis=0),
         )
         accuracy = np.array([channel.accuracy for channel in case.channels])
-        self.accuracy = np.broadcast_to(accuracy, self.given.shape)[self.given]
+        self.accuracy = np.broadcast_to(accuracy, self.provided.shape)[self.provided]
         u = self.coordinates.of(table.values)
         self.surfaces = _surfaces(
             u.tobytes(), self.read.tobytes(), self.accuracy.tobytes(), u.shape, table.surface
@@ -93,7 +93,7 @@ class TableModel(ExternalModel):
 
     def surface_table(self, p: Floats) -> SurfaceTable:
         """The surfaces and their errors, those of their own at p (n,)."""
-        case, places = self.case, np.argwhere(self.given).tolist()
+        case, places = self.case, np.argwhere(self.provided).tolist()
         channels = [case.channels[j] for _, j in places]
         return SurfaceTable(
             file=self._table.called,
@@ -102,8 +102,8 @@ class TableModel(ExternalModel):
             stages=tuple(case.stages[i].name for i, _ in places),
             words=tuple(surface.words for surface in self.surfaces),
             left_out=np.array([rms(surface.errors) for surface in self.surfaces]),
-            own=np.linalg.norm(self.error_root(p), axis=2)[self.given],
-            accuracy=case.accuracies.T[self.given],
+            own=np.linalg.norm(self.error_root(p), axis=2)[self.provided],
+            accuracy=case.accuracies.T[self.provided],
             lower=self.read.min(axis=0),
             upper=self.read.max(axis=0),
             units=tuple(channel.unit for channel in channels),
@@ -116,8 +116,8 @@ class TableModel(ExternalModel):
 
     def _placed(self, flat: Floats) -> Floats:
         """Numbers (m, ...) of the columns as (n_stages, n_channels, ...); NaN without column."""
-        table = np.full((*self.given.shape, *flat.shape[1:]), np.nan)
-        table[self.given] = flat
+        table = np.full((*self.provided.shape, *flat.shape[1:]), np.nan)
+        table[self.provided] = flat
         return table
 
     def _beyond_runs(self) -> tuple[str, ...]:
@@ -162,7 +162,7 @@ def _as_read(case: Case, table: RunTable) -> Floats:
             since = table.readings[:, zero, j][:, None]
             later = np.arange(readings.shape[1]) >= zero
             readings[:, later, j] -= np.where(np.isnan(since), 0.0, since)
-    return np.asarray(readings[:, table.given])
+    return np.asarray(readings[:, table.provided])
 
 
 @lru_cache(maxsize=4)

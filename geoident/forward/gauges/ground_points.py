@@ -74,7 +74,7 @@ class GroundPoints:
         cls,
         channels: Sequence[Channel],
         on_mesh: CaseOnMesh,
-        given: Sequence[tuple[Site, ...]] | None = None,
+        sites_of: Sequence[tuple[Site, ...]] | None = None,
         *,
         as_built: bool = False,
     ) -> GroundPoints:
@@ -83,16 +83,16 @@ class GroundPoints:
         Args:
             channels: some channels (g,), each read at its second point.
             on_mesh: the case on its mesh.
-            given: g times the elements that count as holding the point; None: all that do.
+            sites_of: g times the elements that count as holding the point; None: all that do.
             as_built: whether ground that is placed right after the zero will do.
         """
         points, faults = list[GroundPoint](), list[Fault]()
         readable = np.zeros((len(channels), len(on_mesh.sequence.states)), dtype=np.bool_)
         for row, channel in enumerate(channels):
             place, signs = on_mesh.kinematics.in_section(channel.second)
-            sites = on_mesh.locator.sites(place) if given is None else given[row]
+            sites = on_mesh.locator.sites(place) if sites_of is None else sites_of[row]
             site, readable[row] = _site(channel, sites, on_mesh, as_built=as_built)
-            beside = None if given else beside_fault(on_mesh, channel, channel.second, sites)
+            beside = None if sites_of else beside_fault(on_mesh, channel, channel.second, sites)
             if site is None or beside is not None:
                 faults.append(beside or point_fault(on_mesh, channel, channel.second, sites))
             else:

@@ -54,11 +54,11 @@ class ReadingPlaces:
         """
         channels = {channel.name: k for k, channel in enumerate(case.channels)}
         stages = {stage: k for k, stage in enumerate(case.stage_names)}
-        given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
+        days = [np.nan if time is None else time for time in times or [None] * len(pairs)]
         return cls(
             np.array([channels[c] for c, _ in pairs], dtype=np.int64),
             np.array([stages[s] for _, s in pairs], dtype=np.int64),
-            np.array(given, dtype=np.float64),
+            np.array(days, dtype=np.float64),
         )
 
     def only(self, kept: Bools) -> ReadingPlaces:

@@ -95,7 +95,7 @@ def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bo
 
 
 def unbroken(
-    sequence: ConstructionSequence, zero: int, here: Bools, *, placed_next: bool = False
+    sequence: ConstructionSequence, zero: int, present: Bools, *, placed_next: bool = False
 ) -> Bools:
     """(n_states,) states from the zero on to which what is here has been here all the way.
 
@@ -105,7 +105,7 @@ def unbroken(
     Args:
         sequence: the states of construction.
         zero: index of the state at which a channel reads zero.
-        here: (n_states,) where it is there.
+        present: (n_states,) where it is there.
         placed_next: it is not there at the zero, and placed by the stage that builds on it.
     """
     built_on, states = sequence.built_on, np.arange(len(sequence.states))
@@ -115,7 +115,7 @@ def unbroken(
     later = states >= zero
     if placed_next:
         way[zero], later = False, later & built_on[zero]
-    stays = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
+    stays = np.asarray(~(~present[:, None] & way).any(axis=0) & later)
     if placed_next and not stays[zero + 1 :].any():
         return np.zeros_like(stays)
     return stays

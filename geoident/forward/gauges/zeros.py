@@ -52,10 +52,10 @@ class ReadingRule:
         """
         at_stage, at_zero = self.weights[:, rows, None]
         # A NaN of a state that does not count must not spread.
-        here = np.where(at_stage == 0, 0.0, at_stage * observed[states, rows])
+        reading = np.where(at_stage == 0, 0.0, at_stage * observed[states, rows])
         # Zeros after the last state: such readings are masked by `readable`.
         zero = np.minimum(self.zero[rows], len(observed) - 1)
-        return here + np.where(at_zero == 0, 0.0, at_zero * observed[zero, rows])
+        return reading + np.where(at_zero == 0, 0.0, at_zero * observed[zero, rows])
 
     def steps(self, built_on: Bools, rows: Ints, states: Ints) -> Floats:
         """How often the step of each state counts in some readings, (n_states, g).
@@ -78,11 +78,11 @@ class ReadingRule:
             base: (n_states,) the state on which each builds.
         """
         seen = np.zeros(self.readable.shape)
-        here = self.readable[: len(observed)] & np.isfinite(observed)
-        seen[: len(observed)][here] = observed[here]
+        known = self.readable[: len(observed)] & np.isfinite(observed)
+        seen[: len(observed)][known] = observed[known]
         change = seen - seen[base]
         change[0] = seen[0]
-        change[: len(observed)][~here] = 0.0
+        change[: len(observed)][~known] = 0.0
         change[len(observed) :] = 0.0
         return np.asarray(change)
 

@@ -375,14 +375,14 @@ def inadmissible_moduli(
         n_strain: number s of strain components of the analysis.
         growths: its elastic constants that grow; one of these or of the fields at least.
     """
-    elastic, given = material.elastic, constants(material.elastic)
+    elastic, numbers = material.elastic, constants(material.elastic)
     for growth in growths:
         reason = not_positive(growth, values)
         if reason is not None:
             return reason
     for field in fields:
         with np.errstate(over="ignore"):
-            factor = field.factor(values, given[field.constant].value(values))
+            factor = field.factor(values, numbers[field.constant].value(values))
         if not (np.isfinite(factor).all() and factor.min() > 0.0):
             return (
                 f"{field.constant} of {material.name} is zero or too large to compute with at a "

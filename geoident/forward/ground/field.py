@@ -65,18 +65,18 @@ def point_field(field: RandomField, points: Ints, positions: Floats, start: Valu
     at = np.array([test.position for test in field.measured]).reshape(-1, positions.shape[1])
     values = np.array([test.value for test in field.measured])
     noise = np.array([(test.accuracy / test.value) ** 2 for test in field.measured])
-    given = conditioning(covariance, positions, at, noise)
+    conditioned = conditioning(covariance, positions, at, noise)
     most = MOST_MODES if field.modes is None else field.modes
-    modes = principal_modes(covariance, positions, given, explained=EXPLAINED, most=most)
+    modes = principal_modes(covariance, positions, conditioned, explained=EXPLAINED, most=most)
     return PointField(
         material=field.material,
         constant=field.constant,
         surface=field.surface,
         points=points,
-        known=given.weights @ np.log(values / reference),
+        known=conditioned.weights @ np.log(values / reference),
         modes=modes.shapes,
         names=tuple(f"{field.name}{MODE}{k + 1}" for k in range(modes.shapes.shape[1])),
-        pull=given.weights.sum(axis=1),
+        pull=conditioned.weights.sum(axis=1),
         reference=reference,
         explained=modes.explained,
     )

@@ -35,10 +35,10 @@ def point_growths(on_mesh: CaseOnMesh) -> tuple[PointGrowth, ...]:
 
 def _point_growth(on_mesh: CaseOnMesh, growth: Growth) -> PointGrowth | None:
     """None where no ground is ever of the material."""
-    given, points = on_mesh.discretization.points, on_mesh.material_points(growth.material)
+    all_points, points = on_mesh.discretization.points, on_mesh.material_points(growth.material)
     if not len(points):
         return None
-    positions, law, outside = given.position[points], growth.law, 0
+    positions, law, outside = all_points.position[points], growth.law, 0
     value: Callable[[ParameterPoint], Dual]
     if isinstance(law, WithDepth):
         depths = Depths(on_mesh.mesh, law.surface, positions)
@@ -47,7 +47,7 @@ def _point_growth(on_mesh: CaseOnMesh, growth: Growth) -> PointGrowth | None:
         names = frozenset(name for name in ties if name is not None)
         value, outside = partial(_by_depth, growth.base, law, depths), depths.n_outside
     else:
-        groups = on_mesh.sequence.group_of[given.element[points]]
+        groups = on_mesh.sequence.group_of[all_points.element[points]]
         in_situ = InSituStress(on_mesh, StressPlaces(positions, groups))
         names = frozenset(p.name for p in on_mesh.case.parameters if not p.field)
         value, outside = partial(_by_stress, growth.base, law, in_situ), in_situ.n_outside

@@ -55,10 +55,10 @@ class StressPlaces:
     groups: Ints
     elements: Ints | None = None
 
-    def of(self, here: Bools) -> StressPlaces:
+    def of(self, mask: Bools) -> StressPlaces:
         """Some of them, by a mask (m,)."""
-        elements = None if self.elements is None else self.elements[here]
-        return StressPlaces(self.positions[here], self.groups[here], elements)
+        elements = None if self.elements is None else self.elements[mask]
+        return StressPlaces(self.positions[mask], self.groups[mask], elements)
 
 
 class InSituStress:
@@ -81,18 +81,18 @@ class InSituStress:
         zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
         self._zones: list[tuple[_Components, Ints]] = []
         self.n_outside = 0
-        for model, here in zones:
-            if model is not None and here.any():
-                components, n_outside = _STRESSES[type(model)](model, on_mesh, places.of(here))
-                self._zones.append((components, np.flatnonzero(here)))
+        for model, mask in zones:
+            if model is not None and mask.any():
+                components, n_outside = _STRESSES[type(model)](model, on_mesh, places.of(mask))
+                self._zones.append((components, np.flatnonzero(mask)))
                 self.n_outside += n_outside
 
     def columns(self, point: ParameterPoint) -> Floats:
         """Stress and its derivatives, (n_strain, m, 1 + n), Pa, tension positive."""
         result = np.zeros((*self._shape, point.n_columns))
-        for components, here in self._zones:
+        for components, rows in self._zones:
             for row, dual in enumerate(components(point)[: len(result)]):
-                result[row, here] = dual.columns
+                result[row, rows] = dual.columns
         return result
 
 
@@ -252,12 +252,12 @@ def _geostatic(model: GeostaticStress, on_mesh: CaseOnMesh, places: StressPlaces
     pores = None if case.water is None else PorePressure(case.water, mesh, positions)
     wet = is_wet(case.water, groups, names).astype(np.float64)
 
-    def ratio(given: StressRatio, point: ParameterPoint) -> Dual:
+    def ratio(stated: StressRatio, point: ParameterPoint) -> Dual:
         """A ratio of stresses, the same everywhere or (m,) by groups."""
-        if isinstance(given, Scalar):
-            return point.number(given)
+        if isinstance(stated, Scalar):
+            return point.number(stated)
         columns = np.zeros((len(groups), point.n_columns))
-        for group, number in given.items():
+        for group, number in stated.items():
             columns[groups == names.index(group)] = point.number(number).columns
         return Dual(columns)
 

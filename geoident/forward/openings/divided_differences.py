@@ -65,12 +65,12 @@ def _exp_of_bidiagonal(diagonal: Floats) -> Floats:
     ones = np.eye(n)
     matrix = diagonal[..., None] * ones + np.eye(n, k=1)
     matrix *= 0.5**halvings
-    found = ones + matrix / _TERMS
+    exponential = ones + matrix / _TERMS
     for term in range(_TERMS - 1, 0, -1):
-        found = ones + matrix @ found / term
+        exponential = ones + matrix @ exponential / term
     for _ in range(halvings):
-        found = found @ found
-    return np.asarray(found)
+        exponential = exponential @ exponential
+    return np.asarray(exponential)
 
 
 def _log_ratio(x: Floats) -> Floats:

@@ -93,8 +93,8 @@ class MeshReaction:
     def __init__(self, on_mesh: CaseOnMesh, parts: ReleasedParts, solver: Solver) -> None:
         case, chain = on_mesh.case, stages_by_distance(on_mesh)
         assert case.face is not None
-        given = [case.stages[number - 1].distance for number in chain]
-        distances = [FaceDistance(distance) for distance in given if distance is not None]
+        stated = [case.stages[number - 1].distance for number in chain]
+        distances = [FaceDistance(distance) for distance in stated if distance is not None]
         self.releases: tuple[FaceDistance, ...] = tuple(dict.fromkeys(distances))
         self._names = tuple(f"released part {k}" for k in range(len(self.releases)))
         named = dict(zip(self.releases, self._names, strict=True))
@@ -165,8 +165,8 @@ class MeshReaction:
 
     def _moved(self, parts: Floats, point: ParameterPoint) -> tuple[Floats, Floats]:
         """Motion of the wall, m, by n parameters and K parts: (K, 1 + n + K), and its end."""
-        given = dict(zip(self._names, map(float, parts), strict=True))
-        wider = ParameterPoint({**point.values, **given}, (*point.names, *self._names))
+        released = dict(zip(self._names, map(float, parts), strict=True))
+        wider = ParameterPoint({**point.values, **released}, (*point.names, *self._names))
         run = AnalysisRun(self._analysis, wider, RunOptions(explain=False))
         try:
             moved = np.stack([self._inwards @ end.u for end in run.states()])

@@ -265,8 +265,8 @@ def opening_model(case: Case) -> OpeningModel:
     Raises:
         InputError: it has none.
     """
-    on_mesh, given = CaseOnMesh(case, _NO_MESH), case.fit.closed_form
-    model = _model(on_mesh, site_without_mesh(on_mesh.sequence, given.centre, given.radius))
+    on_mesh, options = CaseOnMesh(case, _NO_MESH), case.fit.closed_form
+    model = _model(on_mesh, site_without_mesh(on_mesh.sequence, options.centre, options.radius))
     if isinstance(model, str):
         message = f"there is no closed form of this case: {model}"
         place = ("fit", "closed-form")

@@ -93,9 +93,9 @@ class ReducedModel:
         for stage, q in zip(self.stages, states.states, strict=True):
             columns, forces = q.shape[2], stage.forces
             table = np.tensordot(stage.observed, q, axes=(1, 1))
-            given = _by_loads(forces.loads, states.at, columns)
+            by_loads = _by_loads(forces.loads, states.at, columns)
             moved = _by_states(forces.terms, states.at, states.states, columns)
-            table[forces.channels] = (given + moved).swapaxes(0, 1)
+            table[forces.channels] = (by_loads + moved).swapaxes(0, 1)
             seen.append(table)
         return np.stack(seen)
 
@@ -165,11 +165,11 @@ class ReducedModel:
 
 def _by_loads(of_loads: Floats, at: AffineFactors, columns: int) -> Floats:
     """What (k, r) of the loads make, (b, k, columns) with derivatives or without."""
-    found = np.empty((len(at.loads), len(of_loads), columns))
-    found[..., 0] = at.loads @ of_loads.T
+    forces = np.empty((len(at.loads), len(of_loads), columns))
+    forces[..., 0] = at.loads @ of_loads.T
     if columns > 1:
-        found[..., 1:] = np.einsum("kr,brn->bkn", of_loads, at.load_slopes)
-    return found
+        forces[..., 1:] = np.einsum("kr,brn->bkn", of_loads, at.load_slopes)
+    return forces
 
 
 def _by_states(
@@ -187,10 +187,10 @@ def _by_states(
         columns: 1 + n with derivatives, 1 without.
     """
     size = next((M.shape[1] for M in terms.values()), 1)
-    found = np.zeros((len(at.loads), size, columns))
+    forces = np.zeros((len(at.loads), size, columns))
     for (state, material), M in terms.items():
         parts = np.tensordot(states[state][..., :columns], M, axes=(1, 2))  # (b, columns, r, k)
-        found += np.einsum("bxrk,br->bkx", parts, at.moduli[material])
+        forces += np.einsum("bxrk,br->bkx", parts, at.moduli[material])
         if columns > 1:
-            found[..., 1:] += np.einsum("brk,brn->bkn", parts[:, 0], at.slopes[material])
-    return found
+            forces[..., 1:] += np.einsum("brk,brn->bkn", parts[:, 0], at.slopes[material])
+    return forces

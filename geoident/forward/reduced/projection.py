@@ -222,22 +222,22 @@ class GalerkinProjection:
 
     def _forces(self, state: int) -> StageForces:
         """What channels see of the stress of a state: sums over the strain points they read."""
-        rows, given = self._affine.rows, self._loads.stress
-        loads = np.zeros((len(rows.channels), given.shape[-1]))
+        rows, load_stress = self._affine.rows, self._loads.stress
+        loads = np.zeros((len(rows.channels), load_stress.shape[-1]))
         terms: dict[StressTerm, Floats] = {}
         for zone in self._affine.zones[state]:
             points, weights = rows.at(zone.points)
             if not len(points):
                 continue
             if zone.history.given:
-                loads += np.einsum("csq,sqr->cr", weights, given[:, points])
+                loads += np.einsum("csq,sqr->cr", weights, load_stress[:, points])
             for other, material, sign in self._parts(zone):
                 strain, key = sign * self._strains(other, points), (other, material)
                 stress = np.tensordot(self._spans[material].basis, strain, axes=1)  # (r, s, q, M)
                 work = np.tensordot(stress, weights, axes=((1, 2), (1, 2))).swapaxes(1, 2)
                 terms[key] = terms.get(key, 0.0) + work @ self._turn[other]
         jacked, weights = rows.at(self._affine.jacked(state))
-        loads += np.einsum("csq,sqr->cr", weights, given[:, jacked])
+        loads += np.einsum("csq,sqr->cr", weights, load_stress[:, jacked])
         return StageForces(rows.channels, loads, terms)
 
     def _factor(self, zone: Zone) -> _Factor:

@@ -259,11 +259,11 @@ class Recorder:
         """
         virgin = virgin * self._scale
         settled, size = np.zeros_like(virgin), np.zeros(len(self._scale))
-        given = self._loads.stress @ self._psi
+        load_stress = self._loads.stress @ self._psi
         for zone in self._affine.zones[0]:
             span, points = self._spans[zone.material], zone.points
             E = span.matrix(self._moduli[zone.material])
-            change = virgin[:, points] - given[:, points]
+            change = virgin[:, points] - load_stress[:, points]
             strain = np.linalg.solve(E, change[..., 0])
             for h, slope in enumerate(self._slopes[zone.material].T, start=1):
                 change[..., h] -= span.matrix(slope) @ strain

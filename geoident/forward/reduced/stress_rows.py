@@ -41,8 +41,8 @@ class StressRows:
 
     def at(self, points: Ints) -> tuple[Ints, Floats]:
         """Those of some points (p,) that are read, and their weights (c, s, q)."""
-        here = np.isin(self.points, points)
-        return self.points[here], self.weights[:, :, here]
+        read = np.isin(self.points, points)
+        return self.points[read], self.weights[:, :, read]
 
 
 @dataclass(frozen=True, eq=False)

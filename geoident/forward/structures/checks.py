@@ -215,17 +215,17 @@ def _off_symmetry(
         yield why, "such a plane crosses the strut at right angles", True
         return
     across = mesh.points[:, axis]
-    there = np.abs(across - place) <= ON_PLANE * size
-    held = np.count_nonzero(fixed[there, axis])
+    on_plane = np.abs(across - place) <= ON_PLANE * size
+    held = np.count_nonzero(fixed[on_plane, axis])
     low, high = float(across.min()), float(across.max())
     hint = (
         "correct the coordinates, hold the plane by 'supports', or write 'second_end: fixed' for "
         "an end that does not move"
     )
-    if not there.any():
+    if not on_plane.any():
         yield f"the mesh has no nodes at {name} = {place:.6g} m", hint, False
-    elif held < np.count_nonzero(there):
-        count = np.count_nonzero(there)
+    elif held < np.count_nonzero(on_plane):
+        count = np.count_nonzero(on_plane)
         yield (
             f"{count - held} of the {count} nodes at {name} = {place:.6g} m are not held along "
             f"{name}",

@@ -98,8 +98,8 @@ class _Joints:
             node = self.nodes[piece][1 - end]
             if not self.plain(node):
                 break
-            here, there = self.at[node]
-            following, at = there if here[0] == piece else here
+            one, other = self.at[node]
+            following, at = other if one[0] == piece else one
             sign *= self.sign(node)
             distance += (self.length[piece] + self.length[following]) / 2
             piece, end = following, at

@@ -104,8 +104,8 @@ def held_points(
 
 def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | None:
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
-    there = [n for n, state in enumerate(sequence.states) if name in state.structures]
-    return np.logical_and.reduce([sequence.present(n) for n in there]) if there else None
+    states = [n for n, state in enumerate(sequence.states) if name in state.structures]
+    return np.logical_and.reduce([sequence.present(n) for n in states]) if states else None
 
 
 def straight_pieces(mesh: Mesh, group: str) -> Ints:
@@ -132,12 +132,12 @@ def _going_on(edges: Ints, side: Ints) -> Bools:
     decided = side.copy()
     waiting = deque(np.flatnonzero(side).tolist())
     while waiting:
-        here = waiting.popleft()
-        for end, node in enumerate(edges[here].tolist()):
-            others = [other for other in at[node] if other != here]
+        edge = waiting.popleft()
+        for end, node in enumerate(edges[edge].tolist()):
+            others = [other for other in at[node] if other != edge]
             if len(others) == 1 and decided[others[0]] == 0:
                 goes_on = edges[others[0], 1 - end] == node  # one ends where the other begins
-                decided[others[0]] = decided[here] if goes_on else -decided[here]
+                decided[others[0]] = decided[edge] if goes_on else -decided[edge]
                 waiting.append(others[0])
     return np.asarray(decided < 0)
 
@@ -152,9 +152,9 @@ def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
     """
     balance = np.zeros(len(edges))
     along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
-    for block, here in rows_in(mesh.blocks, present):
-        centre = mesh.points[block.nodes[here]].mean(axis=1)
-        holds = _incidence(mesh, block.nodes[here])
+    for block, rows in rows_in(mesh.blocks, present):
+        centre = mesh.points[block.nodes[rows]].mean(axis=1)
+        holds = _incidence(mesh, block.nodes[rows])
         both = (holds[edges[:, 0]] * holds[edges[:, 1]]).tocoo()
         to_centre = centre[both.col] - mesh.points[edges[both.row, 0]]
         a = along[both.row]

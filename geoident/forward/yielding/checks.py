@@ -102,9 +102,9 @@ def _other_strengths(case: Case, material: Material, field: RandomField) -> Iter
         else:
             others = [
                 name
-                for name, given in surface.strengths.items()
+                for name, strength in surface.strengths.items()
                 if name not in (*_ANGLES, "hardening", *surface.dimensionless)
-                and (given.factor or given.parameter)
+                and (strength.factor or strength.parameter)
                 and (number, name) != (field.surface, field.constant)
             ]
         if others:
@@ -118,8 +118,8 @@ def _other_strengths(case: Case, material: Material, field: RandomField) -> Iter
 
 
 def _hardens(surface: YieldSurface) -> bool:
-    given = surface.strengths.get("hardening")
-    return given is not None and bool(given.factor or given.parameter)
+    hardening = surface.strengths.get("hardening")
+    return hardening is not None and bool(hardening.factor or hardening.parameter)
 
 
 def no_stress_left(case: Case, material: Material, values: Values) -> str | None:
@@ -210,14 +210,14 @@ def _empty_in_the_box(
     tied = [p for p in parameters if any(q.distance.parameter == p.name for q in surface.planes)]
     point = ParameterPoint(start, tuple(p.name for p in tied))
     distances = np.stack([point.number(plane.distance).columns for plane in surface.planes])
-    given, slopes = distances[:, 0], distances[:, 1:]
+    offsets, slopes = distances[:, 0], distances[:, 1:]
     normals = np.array([plane.normal[:n_strain] for plane in surface.planes])
     box = np.hstack(
         [np.zeros((2 * len(tied), n_strain)), np.vstack([c * np.eye(len(tied)) for c in (1, -1)])]
     )
     edges = [p.upper - p.start for p in tied] + [p.start - p.lower for p in tied]
     rows = np.vstack([np.hstack([normals, -slopes]), box])
-    return empty_domain(rows, np.concatenate([given, edges])) is not None
+    return empty_domain(rows, np.concatenate([offsets, edges])) is not None
 
 
 def _outside_at_zero(case: Case, material: Material) -> bool:

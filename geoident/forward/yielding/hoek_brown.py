@@ -39,8 +39,8 @@ def hoek_brown(surface: HoekBrown, point: ParameterPoint) -> HoekBrownConstants:
         point: the parameters.
     """
     mb, s, a = surface.rock_mass(point.number)
-    given = surface.dilation, surface.tension
-    dilation, tension = (None if number is None else point.number(number) for number in given)
+    optional = surface.dilation, surface.tension
+    dilation, tension = (None if number is None else point.number(number) for number in optional)
     return HoekBrownConstants(point.number(surface.sigci), mb, s, a, dilation, tension)
 
 

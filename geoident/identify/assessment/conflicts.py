@@ -127,8 +127,8 @@ def tied_sentences(
     for i, one in enumerate(parameters):
         for j, other in enumerate(parameters[i + 1 :], start=i + 1):
             size = float(correlation[i, j])
-            said = any(one.name in names and other.name in names for names in heads)
-            if said or not abs(size) >= TIED:
+            named = any(one.name in names and other.name in names for names in heads)
+            if named or not abs(size) >= TIED:
                 continue
             how = (
                 "both larger or both smaller" if size > 0.0 else "one larger and the other smaller"

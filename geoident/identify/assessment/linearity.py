@@ -70,9 +70,9 @@ def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> I
     F = assessment.uncut_factor
     step = NORMAL_95 * (F @ F[i]) / np.linalg.norm(F[i])
     discrepancy = Discrepancy(problem)
-    here = discrepancy.objective(values)
+    least = discrepancy.objective(values)
     below, above = (
-        discrepancy.objective(discrepancy.scaling.away(values, sign * step)) - here
+        discrepancy.objective(discrepancy.scaling.away(values, sign * step)) - least
         for sign in (-1.0, 1.0)
     )
     return IntervalEnds(i, below, above)

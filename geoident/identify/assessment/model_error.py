@@ -205,17 +205,17 @@ def weigh_all(
         prior = np.outer(_factor_prior(), of_zero)
     joint = _weights(values, prior)
     none = np.zeros(0)
-    found = SizeWeights(
+    weights = SizeWeights(
         joint, values, prior, VarianceComponents(none, np.zeros((0, 0)), none, none, np.nan)
     )
-    factor, zero = found.factor, found.zero
+    factor, zero = weights.factor, weights.zero
     at_used = _spectrum(likelihood, columns, zeros, zero)(
-        np.array([found.size]), np.array([factor])
+        np.array([weights.size]), np.array([factor])
     )
     roots = [factor, factor * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
     t = 2.0 * np.log(np.array(roots))
     used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(at_used[0, 0]))
-    return replace(found, components=used)
+    return replace(weights, components=used)
 
 
 _NOTHING = 1e-4
@@ -269,7 +269,7 @@ def _spectrum(
     stated = structure.columns
     gauges = stated if zeros is None else sp.csr_array(sp.hstack([stated, zero * zeros]))
     covariance = Covariance(structure.sd, SharedErrors(gauges))
-    jacobian, given, prior = _without_unseen(likelihood)
+    jacobian, prior_normal, prior = _without_unseen(likelihood)
     white = covariance.whiten(np.column_stack([columns.toarray(), jacobian, likelihood.gap]))
     product = white.T @ white
     value, vectors = np.linalg.eigh(product[:r, :r])
@@ -284,7 +284,7 @@ def _spectrum(
         for m, eta in enumerate(sizes.tolist()):
             variance = square[:, None] + eta**2 * eigenvalues
             sums = np.swapaxes(along / variance[:, :, None], 1, 2) @ along
-            sums = sums + across / square[:, None, None] + given
+            sums = sums + across / square[:, None, None] + prior_normal
             M, pull = sums[:, :-1, :-1], sums[:, :-1, -1:]
             least = sums[:, -1, -1] - np.sum(pull * np.linalg.solve(M, pull), axis=(1, 2))
             values[m] = np.log(variance).sum(axis=1) + np.linalg.slogdet(M)[1] + least

@@ -81,11 +81,11 @@ class SectionsKnowledge:
     def __init__(self, fit: HierarchicalFit, scatter: ScatterPosterior | None = None) -> None:
         self._fit, self._joint, self._values = fit, fit.joint, fit.outcome.values
         self.scatter = scatter or scatter_posterior(fit.linear, fit.tau, fit.free)
-        given = [fit.linear.given(tau) for tau in self.scatter.nodes]
-        self._common = np.array([one.common for one in given])
-        self._common_covariances = np.array([one.common_covariance for one in given])
-        self._sections = np.array([one.sections for one in given]) - fit.linear.deviation
-        self._covariances = np.array([one.covariances for one in given])
+        solutions = [fit.linear.given(tau) for tau in self.scatter.nodes]
+        self._common = np.array([one.common for one in solutions])
+        self._common_covariances = np.array([one.common_covariance for one in solutions])
+        self._sections = np.array([one.sections for one in solutions]) - fit.linear.deviation
+        self._covariances = np.array([one.covariances for one in solutions])
 
     def common(self) -> Interval95:
         """Shared parameters and constants of laws (F,)."""
@@ -216,9 +216,9 @@ def _residual_moments(fit: HierarchicalFit) -> Floats:
 
     Theory 6.5, with the part of the residuals that all unknowns together can explain.
     """
-    linear, given = fit.linear, fit.linear.given(fit.tau)
-    hat = linear.R @ given.covariances @ linear.R.swapaxes(1, 2)
-    r = linear.q - np.einsum("sij,sj->si", linear.R, given.sections)
+    linear, solution = fit.linear, fit.linear.given(fit.tau)
+    hat = linear.R @ solution.covariances @ linear.R.swapaxes(1, 2)
+    r = linear.q - np.einsum("sij,sj->si", linear.R, solution.sections)
     mean = linear.rows - np.trace(hat, axis1=1, axis2=2)
     squares_of_hat = np.einsum("sij,sji->s", hat, hat)
     half_variance = mean - np.trace(hat, axis1=1, axis2=2) + squares_of_hat
@@ -232,10 +232,10 @@ def _outlying(linear: LinearSections, tau: Floats, free: Bools, s: int) -> float
     """
     others = linear.without(s)
     scatter = scatter_posterior(others, most_likely(others, tau, free), free)
-    given = [others.given(node) for node in scatter.nodes]
-    means = np.array([one.sections[s] for one in given])
+    solutions = [others.given(node) for node in scatter.nodes]
+    means = np.array([one.sections[s] for one in solutions])
     mean = scatter.weights @ means
-    covariances = np.array([one.covariances[s] for one in given])
+    covariances = np.array([one.covariances[s] for one in solutions])
     C = second_moment(scatter.weights, means - mean, covariances)
     R, own = linear.R[s], linear.W[s].any(axis=1)
     U, S, _ = np.linalg.svd(R[:, own], full_matrices=True)

@@ -98,8 +98,8 @@ def fit_sections(
     begin = begin or SectionsStart()
     free = np.array([law.scatter.kind == "estimate" for law in laws], dtype=np.bool_)
     joint = JointUnknowns(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
-    given = np.array([law.scatter.size for law in laws]) / joint.law_scaling.reference
-    tau = np.where(free, _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau, given)
+    stated = np.array([law.scatter.size for law in laws]) / joint.law_scaling.reference
+    tau = np.where(free, _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau, stated)
     common = begin.common
     if common is None:
         common = np.array([q.start for q in joint.unknowns[: joint.n_common]])

@@ -70,10 +70,10 @@ def gauss_newton(
     history = History(method, problem.response, on_iteration)
     also: Sequence[Floats] = ()
     if isinstance(problem.loss, StudentOptions) and options.starts == "automatic":
-        given, convex = problem.start, replace(problem, loss=HuberOptions())
+        start, convex = problem.start, replace(problem, loss=HuberOptions())
         first = _several_starts(convex, replace(options, starts=1), history).run().values
         problem = problem.begun_at(first)
-        also = [Discrepancy(problem).scaling.to_scaled(given), *_led_by_parts(problem, first)]
+        also = [Discrepancy(problem).scaling.to_scaled(start), *_led_by_parts(problem, first)]
     return _several_starts(problem, options, history, also).run()
 
 

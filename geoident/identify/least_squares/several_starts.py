@@ -82,8 +82,8 @@ class Angles:
 
     def __init__(self, parameters: Sequence[Parameter], scaling: Scaling) -> None:
         self._scaling = scaling
-        given = [q.period for q in parameters]
-        period = np.array([np.inf if turn is None else turn for turn in given], dtype=np.float64)
+        periods = [q.period for q in parameters]
+        period = np.array([np.inf if turn is None else turn for turn in periods], dtype=np.float64)
         self.period: Floats = period / scaling.reference
         names = [q.name for q in parameters]
         self._mirrors = [
@@ -93,7 +93,9 @@ class Angles:
         ]
         low, high = start_ranges(scaling)
         self.sought = tuple(
-            int(i) for i in np.flatnonzero(high - low > _WIDE * self.period) if given[i] is not None
+            int(i)
+            for i in np.flatnonzero(high - low > _WIDE * self.period)
+            if periods[i] is not None
         )
 
     def differences(self, x: Floats, y: Floats) -> Iterator[Floats]:
@@ -166,8 +168,8 @@ class SeveralStarts:
         why = self._reason()
         automatic = BESIDE if len(self._also) else AUTOMATIC
         wanted = self._starts or (automatic if why else 1)
-        given = self.evaluator.scaling.start
-        places = [*self._also, *islice(self._places(given), begun - 1, wanted - 1)]
+        first_start = self.evaluator.scaling.start
+        places = [*self._also, *islice(self._places(first_start), begun - 1, wanted - 1)]
         with prefetching(self._problem.response, [self._task(x) for x in places]) as turn:
             for number, x in enumerate(places):
                 if self.evaluator.history.stop is not None:
@@ -195,11 +197,11 @@ class SeveralStarts:
             The point, how many were tried, and what is to be said of it, clauses.
         """
         evaluator = self.evaluator
-        given = evaluator.scaling.start
+        start = evaluator.scaling.start
         try:
-            point = evaluator.evaluate(given)
+            point = evaluator.evaluate(start)
         except ModelError as error:
-            for n, x in enumerate(islice(self._places(given), (self._starts or 1) - 1), 2):
+            for n, x in enumerate(islice(self._places(start), (self._starts or 1) - 1), 2):
                 other = evaluator.start(x, f"start {n}")
                 if other is not None:
                     why = error.message.rstrip(".")
@@ -208,12 +210,12 @@ class SeveralStarts:
         evaluator.record(point.x, point, 0.0, "start")
         return point, 1, []
 
-    def _places(self, given: Floats) -> Iterator[Floats]:
+    def _places(self, start: Floats) -> Iterator[Floats]:
         scaling = self.evaluator.scaling
         if self._starts is None and self._angles.sought:
-            return spread(scaling, self._angles, given, self._angles.sought)
+            return spread(scaling, self._angles, start, self._angles.sought)
         named = [i for i, q in enumerate(self._parameters) if not q.field]
-        return spread(scaling, self._angles, given, named)
+        return spread(scaling, self._angles, start, named)
 
     def _reason(self) -> str:
         """Why one start is not enough, a clause; empty where it is, or the user says how many."""
@@ -317,7 +319,7 @@ def _open_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
 
 
 def spread(
-    scaling: Scaling, angles: Angles, given: Floats, which: Sequence[int]
+    scaling: Scaling, angles: Angles, start: Floats, which: Sequence[int]
 ) -> Iterator[Floats]:
     """Points x (n,) around a given start, without end, the same in every run.
 
@@ -327,18 +329,18 @@ def spread(
     Args:
         scaling: of the n unknowns.
         angles: which of them are angles.
-        given: (n,) the first start.
+        start: (n,) the first start.
         which: the parameters that vary; the rest stays at the given start.
     """
     low, high = start_ranges(scaling)
     # the first primes are the most even ones: they belong to the angles
     order = sorted(which, key=lambda i: not np.isfinite(angles.period[i]))[:_MOST_SPREAD]
     for point in _halton(len(order)):
-        x = given.copy()
+        x = start.copy()
         for i, u in zip(order, point.tolist(), strict=True):
             width = min(high[i] - low[i], angles.period[i])
             around = width >= _NEARLY_ALL * angles.period[i]
-            share = (u + (given[i] - low[i]) / width) % 1.0 if around else u
+            share = (u + (start[i] - low[i]) / width) % 1.0 if around else u
             x[i] = low[i] + share * width
         yield x
 

@@ -170,15 +170,15 @@ def smoothed(logarithms: Floats) -> tuple[Floats, float]:
         logarithms: (k,) of the weights, up to a constant; -inf for none.
     """
     weights, some = np.zeros(len(logarithms)), np.isfinite(logarithms)
-    given, k = logarithms[some], np.inf
-    if len(given) >= FEW_WEIGHTS:
-        if np.ptp(given) < _EQUAL_WEIGHTS:
-            given, k = np.zeros(len(given)), 0.0
+    log_weights, k = logarithms[some], np.inf
+    if len(log_weights) >= FEW_WEIGHTS:
+        if np.ptp(log_weights) < _EQUAL_WEIGHTS:
+            log_weights, k = np.zeros(len(log_weights)), 0.0
         else:
-            smooth, shape = library("arviz").psislw(given.copy())
-            given, k = np.asarray(smooth), float(shape)
-    if len(given):
-        raw = np.exp(given - given.max())
+            smooth, shape = library("arviz").psislw(log_weights.copy())
+            log_weights, k = np.asarray(smooth), float(shape)
+    if len(log_weights):
+        raw = np.exp(log_weights - log_weights.max())
         weights[some] = raw / raw.sum()
     return weights, k
 

@@ -129,8 +129,8 @@ def refusal(
         loss: of the readings.
         options: of the method; None for its default ones.
     """
-    given = METHODS[name].options() if options is None else options
-    why = _obstacle(response, given, loss)
+    chosen = METHODS[name].options() if options is None else options
+    why = _obstacle(response, chosen, loss)
     if why is None:
         return None
     possible = [
@@ -150,8 +150,8 @@ def _obstacle(response: Response, options: MethodOptions, loss: LossOptions) -> 
     match options:
         case CondensationOptions():
             if not squared:
-                given = f"the loss is {loss_name(loss)}"
-                return f"its linear least squares need the squared loss, and {given}"
+                reason = f"the loss is {loss_name(loss)}"
+                return f"its linear least squares need the squared loss, and {reason}"
             if not isinstance(response, AffineElastic):
                 return "the model does not offer its equations"
             return response.obstacle()
@@ -165,8 +165,8 @@ def _obstacle(response: Response, options: MethodOptions, loss: LossOptions) -> 
             return opening_obstacle(response, options)
         case EnsembleSmootherOptions():
             if not squared:
-                given = f"the loss is {loss_name(loss)}"
-                return f"its updates are those of the squared loss, and {given}"
+                reason = f"the loss is {loss_name(loss)}"
+                return f"its updates are those of the squared loss, and {reason}"
             if find_spec("iterative_ensemble_smoother") is None:
                 needed = 'pip install "geoident[ensemble]"'
                 return f"it needs iterative_ensemble_smoother ({needed})"

@@ -137,8 +137,8 @@ class Backtest:
 
 def bands_of(backtest: Backtest, step: BacktestStep) -> Bands:
     """The predictions of a fit of a backtest beside what was read, (n_channels, n_stages)."""
-    given = step.prediction
-    return Bands(backtest.measured, given.mean, given.lower95, given.upper95)
+    prediction = step.prediction
+    return Bands(backtest.measured, prediction.mean, prediction.lower95, prediction.upper95)
 
 
 def predicted_before(backtest: Backtest) -> Prediction:
@@ -152,8 +152,8 @@ def predicted_before(backtest: Backtest) -> Prediction:
         bands = bands_of(backtest, step)
         at, (below, above) = next_read(bands), bands.sides
         sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
-        for name, given in zip(
+        for name, values in zip(
             _COLUMNS, (bands.mean, sd, bands.lower95, bands.upper95), strict=True
         ):
-            parts[name][at] = given[at]
+            parts[name][at] = values[at]
     return Prediction(**parts)

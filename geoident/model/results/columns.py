@@ -143,7 +143,7 @@ def columns(record: type[Any]) -> tuple[Column, ...]:
 @cache
 def _declared(record: Any) -> tuple[Column, ...]:
     hints = get_type_hints(record)
-    found = [
+    columns = [
         _resolved(
             entry.metadata.get("column", Column()),
             entry.name,
@@ -159,8 +159,8 @@ def _declared(record: Any) -> tuple[Column, ...]:
         function: Any = getattr(getattr(record, name), "fget", None)
         if hasattr(function, "column"):
             hint = get_type_hints(function)["return"]
-            found.append(_resolved(function.column, name, hint, required=False))
-    return tuple(replace(one, labels=_labels(found, one)) for one in found)
+            columns.append(_resolved(function.column, name, hint, required=False))
+    return tuple(replace(one, labels=_labels(columns, one)) for one in columns)
 
 
 def _labels(all_: Sequence[Column], one: Column) -> tuple[str, ...]:

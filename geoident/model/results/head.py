@@ -33,8 +33,8 @@ class ReportHead:
         >>> ReportHead(client="A").over(ReportHead(client="B", author="C"))
         ReportHead(title='', project='', author='C', client='A', revision='', date='', logo='')
         """
-        given = {one.name: getattr(self, one.name) for one in fields(self)}
-        return replace(other, **{name: text for name, text in given.items() if text})
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        return replace(other, **{name: text for name, text in own.items() if text})
 
 
 NO_HEAD = ReportHead()

@@ -122,20 +122,20 @@ def _places(model: ObservedModel, asked: Sequence[AskedResponse]) -> list[tuple[
         name: (rows[channel], stages[stage])
         for name, (channel, stage) in zip(reading_names(pairs), pairs, strict=True)
     }
-    found, faults = [], []
+    places, faults = [], []
     for one in asked:
         name = one.name.lower()
         # with a file of readings Dakota adds the number of the experiment to each name
         name = name if name in known else _EXPERIMENT.sub("", name)
         if name in known:
-            found.append(known[name])
+            places.append(known[name])
         else:
             message = f"the response '{shorten(one.name)}' is not a reading of the case"
             hint = did_you_mean(one.name, known, what="Its readings are called")
             faults.append(Fault("unknown-response", message, hint, one.place))
     if faults:
         raise InputError(faults)
-    return found
+    return places
 
 
 def _columns(model: ObservedModel, request: DakotaRequest) -> list[int]:

@@ -100,8 +100,8 @@ def cluster_executor(
     ran = model if isinstance(model, ExternalProgram | PythonFunction) else None
     first = ran.command[0] if isinstance(ran, ExternalProgram) else ""
     _require_relative(campaign.case, but=first)
-    there = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
-    inputs = [path for path in plan.inputs if path not in there]
+    on_cluster = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
+    inputs = [path for path in plan.inputs if path not in on_cluster]
     logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
                                    for runs in [_runs_of(plan)]}  # fmt: skip
     return DaskCluster(
@@ -129,8 +129,8 @@ def _model(plan: CampaignPlan) -> ExternalSource | None:
 
 def _runs_of(plan: CampaignPlan) -> str:
     """The folder of the runs of the model; empty where that runs nothing."""
-    found = _model(plan)
-    if not isinstance(found, ExternalProgram | PythonFunction):
+    model = _model(plan)
+    if not isinstance(model, ExternalProgram | PythonFunction):
         return ""
     return str(runs_folder(relative(plan.campaign.case)))
 
@@ -160,14 +160,14 @@ def _require_relative(case: str, *, but: str = "") -> None:
 def _sent(task: RunTask, runs: str) -> AwayTask:
     """A run as it travels, with the evaluations that an interrupted one has left."""
     campaign = task.campaign
-    there = replace(
+    portable = replace(
         campaign,
         path=relative(campaign.path),
         case=relative(campaign.case),
         result=relative(campaign.result) if campaign.result else "",
     )
     folder = Path(relative(str(task.folder)))
-    return AwayTask({}, runs, replace(task, campaign=there, folder=folder)).going_on()
+    return AwayTask({}, runs, replace(task, campaign=portable, folder=folder)).going_on()
 
 
 def set_up_away() -> Callable[[AwayTask], AwayEnd]:

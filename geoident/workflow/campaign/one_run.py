@@ -204,22 +204,24 @@ _COMMANDS: dict[str, Callable[[RunTask], Finished]] = {
 }
 
 
-def simulated_result(found: Simulated, path: Path, *, identity: str, seed: int) -> Result:
+def simulated_result(simulated: Simulated, path: Path, *, identity: str, seed: int) -> Result:
     """Simulated readings as a result.
 
     Args:
-        found: the readings.
+        simulated: the readings.
         path: where the result is going to stand.
         identity: hash of everything that it depends on.
         seed: of random numbers.
     """
-    case = replace(found.case, readings=found.readings)
-    table = reading_table(case, [SIMULATED] * len(found.readings))
+    case = replace(simulated.case, readings=simulated.readings)
+    table = reading_table(case, [SIMULATED] * len(simulated.readings))
     channels = {channel.name: i for i, channel in enumerate(case.channels)}
     stages = {stage.name: j for j, stage in enumerate(case.stages)}
-    computed = [found.computed[channels[r.channel], stages[r.stage]] for r in found.readings]
+    computed = [
+        simulated.computed[channels[r.channel], stages[r.stage]] for r in simulated.readings
+    ]
     readings = replace(table, computed=np.array(computed, dtype=np.float64))
-    inputs = found.inputs
+    inputs = simulated.inputs
     return Result(
         kind="simulate",
         status="done",
@@ -233,9 +235,9 @@ def simulated_result(found: Simulated, path: Path, *, identity: str, seed: int) 
         provenance=provenance(
             inputs, command="simulate", identity=identity, seed=seed, output=path
         ),
-        parameters=bare_parameter_table(case.parameters, found.values),
-        gauges=gauge_table(case, readings, found.computed),
-        counts=found.counts,
+        parameters=bare_parameter_table(case.parameters, simulated.values),
+        gauges=gauge_table(case, readings, simulated.computed),
+        counts=simulated.counts,
         history=(),
         notes=case.notes,
     )
@@ -287,14 +289,14 @@ def _readings(result: Result) -> tuple[RunReading, ...]:
             )
             for channel, stage, value in zip(rows.channel, rows.stage, rows.value, strict=True)
         )  # fmt: skip
-    found = result.prediction
-    if result.kind != "predict" or found is None:
+    prediction = result.prediction
+    if result.kind != "predict" or prediction is None:
         return ()
     return tuple(
         RunReading(
-            gauges.channels[i], gauges.stages[j], float(found.mean[i, j]),
-            float(found.lower95[i, j]), float(found.upper95[i, j]),
+            gauges.channels[i], gauges.stages[j], float(prediction.mean[i, j]),
+            float(prediction.lower95[i, j]), float(prediction.upper95[i, j]),
             gauges.units[i], gauges.dimensions[i],
         )
-        for i, j in np.argwhere(np.isfinite(found.mean)).tolist()
+        for i, j in np.argwhere(np.isfinite(prediction.mean)).tolist()
     )  # fmt: skip

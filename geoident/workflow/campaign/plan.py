@@ -148,20 +148,20 @@ def plan_campaign(
     return plan
 
 
-def cluster_of(plan: CampaignPlan, given: str | None) -> Cluster | None:
+def cluster_of(plan: CampaignPlan, stated: str | None) -> Cluster | None:
     """The cluster for the runs of a campaign; None for processes of this machine.
 
     Args:
         plan: of the campaign.
-        given: by who calls, in place of that of the campaign: an address, ``local``, or the path of
-            a cluster file; None for none.
+        stated: by who calls, in place of that of the campaign: an address, ``local``, or the path
+            of a cluster file; None for none.
 
     Raises:
         InputError: there is no such cluster, or nobody has said that what a file names may be run.
         MissingExtra: dask is not installed.
     """
-    if given is not None:
-        return cluster_given(given)
+    if stated is not None:
+        return cluster_given(stated)
     where = plan.campaign.cluster
     return trusted(where) if where is not None and plan.remaining else where
 
@@ -189,11 +189,11 @@ def _known(
     runs: Sequence[PlannedRun], records: Iterable[RunRecord], folder: Path
 ) -> dict[str, RunRecord]:
     """Records of runs that would end the same way again, and whose files are there."""
-    found = {record.name: record for record in records}
+    by_name = {record.name: record for record in records}
     return {
         run.name: replace(record, settings=run.varied)
         for run in runs
-        if (record := found.get(run.name)) is not None
+        if (record := by_name.get(run.name)) is not None
         and record.key == run.key
         and record.final
         and (not record.file or (folder / record.file).is_file())
@@ -291,17 +291,17 @@ def _planned(
     digest = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
     runs, faults = [], []
     for row in rows:
-        seed, given = campaign.seed, dict(row.settings)
-        if SEED in given and not (given[SEED].isdecimal() and len(given[SEED]) < 19):
-            message = f"'{given[SEED]}' is not a seed; a whole number from 0 on is expected"
+        seed, settings = campaign.seed, dict(row.settings)
+        if SEED in settings and not (settings[SEED].isdecimal() and len(settings[SEED]) < 19):
+            message = f"'{settings[SEED]}' is not a seed; a whole number from 0 on is expected"
             hint = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
-            place = dict(zip(given, row.places, strict=True))[SEED]
+            place = dict(zip(settings, row.places, strict=True))[SEED]
             faults.append(Fault("bad-count", message, hint, place, SEED))
-        elif SEED in given:
-            seed = int(given[SEED])
+        elif SEED in settings:
+            seed = int(settings[SEED])
         key = digest.copy()
         key.update(json.dumps([row.settings, seed], ensure_ascii=False).encode())
-        varied = tuple((path, given.get(path, "")) for path in paths)
+        varied = tuple((path, settings.get(path, "")) for path in paths)
         overrides = _of_case(row).on(campaign.base).overrides
         runs.append(PlannedRun(row.name, key.hexdigest(), overrides, varied, seed))
     if faults:
@@ -356,10 +356,10 @@ def _check(campaign: Campaign, rows: Sequence[Run], text: str) -> None:
             if fault in of_base or (fault.code in _OF_PATHS and fault.path in paths):
                 continue  # said of the base case, or of another value
             paths.add(fault.path)
-            said = placed(fault, run)
-            if said.location.file == run.case:
-                said = replace(said, message=f"in the run {run.name}: {said.message}")
-            faults.append(said)
+            of_run = placed(fault, run)
+            if of_run.location.file == run.case:
+                of_run = replace(of_run, message=f"in the run {run.name}: {of_run.message}")
+            faults.append(of_run)
     if faults:
         raise InputError(in_order(faults))
 

@@ -69,18 +69,18 @@ def weighed(
         search: for the parameters, from where the problem begins.
     """
     t = np.zeros(len(structure.names))
-    likelihood, found = _components(problem, structure, outcome, t)
+    likelihood, components = _components(problem, structure, outcome, t)
     for _ in range(ROUNDS):
-        if outcome.status == STOPPED or np.abs(found.log_factor - t).max() <= AT_REST:
-            return Weighed(problem, outcome, with_possible(likelihood, found))
-        t = found.log_factor
+        if outcome.status == STOPPED or np.abs(components.log_factor - t).max() <= AT_REST:
+            return Weighed(problem, outcome, with_possible(likelihood, components))
+        t = components.log_factor
         sd, shared = structure.at(t)
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         outcome = after(outcome, search(problem))
-        likelihood, found = _components(problem, structure, outcome, t)
+        likelihood, components = _components(problem, structure, outcome, t)
     remark = f"parameters and estimated accuracies did not come to rest in {ROUNDS} rounds"
     outcome = replace(outcome, remarks=(*outcome.remarks, remark))
-    return Weighed(problem, outcome, with_possible(likelihood, found))
+    return Weighed(problem, outcome, with_possible(likelihood, components))
 
 
 def _components(
@@ -301,15 +301,15 @@ def freedom_notes(
     each = [f"{name} {_count(one)}" for name, one in zip(names, nu.tolist(), strict=True)]
     same = len({_count(one) for one in nu.tolist()}) == 1
     on = f"{_count(float(nu[0]))}" if same else join(each)
-    said = (
+    note = (
         f"The accuracies are estimated from the residuals, and intervals and bands allow for "
         f"their uncertainty: they have {on} degrees of freedom (Student's t), so the "
         f"intervals are {_times(size)} as wide as with these accuracies given."
     )
     if nu.min() >= FEW:
-        return (), (said,)
+        return (), (note,)
     return (
-        f"{said} So few determine the accuracies poorly: the intervals may hold a few per cent "
+        f"{note} So few determine the accuracies poorly: the intervals may hold a few per cent "
         "less than 95 %. More readings, or accuracies that are stated, would do.",
     ), ()
 
@@ -326,22 +326,22 @@ def _times(size: Floats) -> str:
 def accuracy_findings(table: AccuracyTable) -> tuple[str, ...]:
     """Sentences on accuracies that cannot be told apart, or are not as they were stated."""
     apart = [name for name, known in zip(table.names, table.determined, strict=True) if not known]
-    said = []
+    findings = []
     if len(apart) > 1:
-        said.append(
+        findings.append(
             f"The readings cannot separate the errors {join(apart)}: their ratio is as it was "
             "assumed, and only what they make up together is estimated."
         )
     elif apart:
-        said.append(f"The readings do not determine the errors {apart[0]}: it is as assumed.")
+        findings.append(f"The readings do not determine the errors {apart[0]}: it is as assumed.")
     for k, name in enumerate(table.names):
         factor = f"{table.values[k]:.2g} times"
         interval = f"(95 %: {table.lower95[k]:.2g} to {table.upper95[k]:.2g})"
         if table.parts[k] or not table.determined[k]:
             continue
         if table.lower95[k] > WORTH_SAYING or table.upper95[k] < 1.0 / WORTH_SAYING:
-            said.append(
+            findings.append(
                 f"The errors of gauges of the kind {name} are {factor} what their accuracy states "
                 f"{interval}; all intervals and bands are those of the estimated accuracies."
             )
-    return tuple(said)
+    return tuple(findings)

@@ -95,7 +95,7 @@ def diagnostics_table(
     pairs = readings.used_pairs
     number = {pair: n for n, pair in enumerate(dict.fromkeys(pairs))}
     sets = np.array([number[pair] for pair in pairs], dtype=np.int64)
-    found = diagnose(problem, assessment, computed, jacobian, sets)
+    diagnostics = diagnose(problem, assessment, computed, jacobian, sets)
     left = misfit(problem, p, computed, jacobian)
 
     def of_all(values: Floats) -> Floats:
@@ -107,12 +107,12 @@ def diagnostics_table(
     return Diagnostics(
         loss=loss_text(problem.loss),
         squares=Discrepancy(problem).squares(p, computed),
-        scale=found.scale,
-        influence=of_all(found.influence),
+        scale=diagnostics.scale,
+        influence=of_all(diagnostics.influence),
         misfit=left.scale,
         above=left.above,
         below=left.below,
-        **{name: of_all(getattr(found, name)) for name in DIAGNOSTIC_COLUMNS},
+        **{name: of_all(getattr(diagnostics, name)) for name in DIAGNOSTIC_COLUMNS},
     )
 
 
@@ -123,22 +123,22 @@ def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
 
 
 def remarks(
-    found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str], *, gross: bool = False
+    diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str], *, gross: bool = False
 ) -> tuple[str, ...]:
     """Sentences on readings that are far off or most influential, and on the stated accuracies.
 
     Args:
-        found: the diagnostics of each reading.
+        diagnostics: the diagnostics of each reading.
         gauges: the readings.
         parameters: names of the n parameters.
         gross: some are grossly wrong: then the others may be off because of them.
     """
-    found = found.wide(gauges)
+    diagnostics = diagnostics.wide(gauges)
     sentences = [
         *_against(gauges),
-        *_most_influential(found, gauges, parameters),
-        *_far_off(found, gauges),
-        *([] if gross else _scatter(found)),
+        *_most_influential(diagnostics, gauges, parameters),
+        *_far_off(diagnostics, gauges),
+        *([] if gross else _scatter(diagnostics)),
     ]
     return tuple(sentences)
 
@@ -158,15 +158,15 @@ def _against(gauges: GaugeTable) -> list[str]:
 
 
 def _most_influential(
-    found: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]
+    diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]
 ) -> list[str]:
     """The reading whose removal changes the answer most."""
-    if np.count_nonzero(np.isfinite(found.standardized)) < 2:
+    if np.count_nonzero(np.isfinite(diagnostics.standardized)) < 2:
         return []
     if not len(parameters):
         return []
-    i, j = np.unravel_index(int(np.nanargmax(found.distance)), found.distance.shape)
-    name, change = f"{gauges.channels[i]} at {gauges.stages[j]}", found.influence[i, j]
+    i, j = np.unravel_index(int(np.nanargmax(diagnostics.distance)), diagnostics.distance.shape)
+    name, change = f"{gauges.channels[i]} at {gauges.stages[j]}", diagnostics.influence[i, j]
     alone = [
         parameter for parameter, part in zip(parameters, change, strict=True) if np.isinf(part)
     ]
@@ -180,12 +180,12 @@ def _most_influential(
     return [f"The most influential reading is {name}: without it {moved}."]
 
 
-def _far_off(found: Diagnostics, gauges: GaugeTable) -> list[str]:
-    size = np.abs(found.studentized)
+def _far_off(diagnostics: Diagnostics, gauges: GaugeTable) -> list[str]:
+    size = np.abs(diagnostics.studentized)
     size[~(size > FAR_OFF)] = np.nan
     order = np.argsort(-np.nan_to_num(size), axis=None)[: np.count_nonzero(np.isfinite(size))]
     named = [
-        f"{gauges.channels[i]} at {gauges.stages[j]} ({_size(found.studentized[i, j])})"
+        f"{gauges.channels[i]} at {gauges.stages[j]} ({_size(diagnostics.studentized[i, j])})"
         for i, j in zip(*np.unravel_index(order[:5], size.shape), strict=True)
     ]
     rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
@@ -197,19 +197,19 @@ def _size(t: float) -> str:
     return f"{t:+.1f}" if abs(t) < 1000.0 else f"{t:+.2g}"
 
 
-def _scatter(found: Diagnostics) -> list[str]:
-    if found.above < SIGNIFICANCE and found.misfit > TOO_LARGE:
+def _scatter(diagnostics: Diagnostics) -> list[str]:
+    if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
         return [
-            f"The residuals are {_times(found.misfit)} times as large as the stated accuracies "
-            f"explain ({_by_chance(found.above)}): the gauges are less accurate than stated, or "
-            "the model does not describe the ground; the intervals are then too narrow. If it is "
-            "the gauges, write 'accuracies: estimate' under 'fit' (or 'accuracy: estimate' at a "
-            "gauge): the residuals then say how accurate they are."
+            f"The residuals are {_times(diagnostics.misfit)} times as large as the stated "
+            f"accuracies explain ({_by_chance(diagnostics.above)}): the gauges are less accurate "
+            "than stated, or the model does not describe the ground; the intervals are then too "
+            "narrow. If it is the gauges, write 'accuracies: estimate' under 'fit' (or 'accuracy: "
+            "estimate' at a gauge): the residuals then say how accurate they are."
         ]
-    if found.below < SIGNIFICANCE and EXACT < found.misfit < TOO_SMALL:
+    if diagnostics.below < SIGNIFICANCE and EXACT < diagnostics.misfit < TOO_SMALL:
         return [
-            f"The residuals are only {found.misfit:.2g} of what the stated accuracies imply "
-            f"({_by_chance(found.below)}): the gauges are more accurate than stated, and the "
+            f"The residuals are only {diagnostics.misfit:.2g} of what the stated accuracies imply "
+            f"({_by_chance(diagnostics.below)}): the gauges are more accurate than stated, and the "
             "intervals wider than they need be. Write 'accuracies: estimate' under 'fit' to let "
             "the residuals say how accurate they are."
         ]
@@ -247,7 +247,7 @@ def linearity_findings(problem: Problem, assessment: Assessment, values: Floats)
     )
 
 
-def why_poor(found: Diagnostics, gross: Ints, model_error: ModelErrorTable | None) -> str:
+def why_poor(diagnostics: Diagnostics, gross: Ints, model_error: ModelErrorTable | None) -> str:
     """The sentence that a fit is poor, after a blank; empty for one that is not.
 
     It is where what is left is far more than the errors explain, a model error among them that was
@@ -255,12 +255,13 @@ def why_poor(found: Diagnostics, gross: Ints, model_error: ModelErrorTable | Non
     on; and where no gauge can have shown a reading, though a robust loss disregards it.
 
     Args:
-        found: the diagnostics of each reading.
+        diagnostics: the diagnostics of each reading.
         gross: (m,) rows of `gross_readings`.
         model_error: of the fit; None where there is none.
     """
-    if found.above < POOR and found.misfit >= UNUSABLE:
-        how = f"the residuals are {_times(found.misfit)} times as large as the stated accuracies"
+    if diagnostics.above < POOR and diagnostics.misfit >= UNUSABLE:
+        times = _times(diagnostics.misfit)
+        how = f"the residuals are {times} times as large as the stated accuracies"
         return f" The model does not fit the readings: {how} explain (see the findings)."
     if model_error is not None and model_error.kind == "estimated":
         size, low, high = model_error.size, model_error.lower95, model_error.upper95
@@ -275,50 +276,52 @@ def why_poor(found: Diagnostics, gross: Ints, model_error: ModelErrorTable | Non
     return ""
 
 
-def bound_findings(found: Certificate | None, parameters: Sequence[Parameter]) -> tuple[str, ...]:
+def bound_findings(
+    certificate: Certificate | None, parameters: Sequence[Parameter]
+) -> tuple[str, ...]:
     """A sentence for each parameter whose yield planes no strain point reaches."""
-    if found is None:
+    if certificate is None:
         return ()
-    unreached = [q for q in parameters if q.name in found.lower_bounds]
-    least = {q.name: found.lower_bounds[q.name] for q in unreached}
-    said = [
+    unreached = [q for q in parameters if q.name in certificate.lower_bounds]
+    least = {q.name: certificate.lower_bounds[q.name] for q in unreached}
+    findings = [
         f"No strain point reaches the yield planes of {q.name}: "
         f"{q.name} is at least {_in_unit(least[q.name], q)}, the other parameters being as found."
         for q in unreached
         if least[q.name] > max(q.lower, 0.0)
     ]
-    said += [
+    findings += [
         f"No strain point reaches the yield planes of {q.name}, wherever it is within its bounds."
         for q in unreached
         if least[q.name] <= max(q.lower, 0.0)
     ]
-    names = ", ".join(dict.fromkeys([*(q.name for q in unreached), *found.open_above]))
+    names = ", ".join(dict.fromkeys([*(q.name for q in unreached), *certificate.open_above]))
     if names:
-        said.append(
+        findings.append(
             f"The bands of predicted stages hold as long as {names} keeps the ground from yielding "
             "as in the fitted stages; where a later stage loads it more, readings will tell."
         )
-    return tuple(said)
+    return tuple(findings)
 
 
-def opened(table: ParameterTable, found: Certificate | None) -> ParameterTable:
+def opened(table: ParameterTable, certificate: Certificate | None) -> ParameterTable:
     """The parameters, with intervals up to the bound where readings exclude nothing above."""
-    if found is None or not found.open_above:
+    if certificate is None or not certificate.open_above:
         return table
-    above = np.isin(table.names, found.open_above)
+    above = np.isin(table.names, certificate.open_above)
     return replace(table, upper95=np.where(above, table.upper, table.upper95))
 
 
-def over_all_stages(found: Certificate | None, survey: Survey) -> Certificate | None:
+def over_all_stages(certificate: Certificate | None, survey: Survey) -> Certificate | None:
     """The certificate with what yields in predicted stages too.
 
     What is known of planes that are never reached stays that of the stages with readings.
     """
-    if found is None or survey.activity is None:
-        return found
+    if certificate is None or survey.activity is None:
+        return certificate
     yielding = survey.activity
-    activity = replace(found.activity, points=yielding.points, biactive=yielding.biactive)
-    return replace(found, activity=activity)
+    activity = replace(certificate.activity, points=yielding.points, biactive=yielding.biactive)
+    return replace(certificate, activity=activity)
 
 
 def _in_unit(value: float, parameter: Parameter) -> str:

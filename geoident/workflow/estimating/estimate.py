@@ -128,7 +128,7 @@ def assess_fit(
     counts = further(counts, before, setup.model.counts)
     left = replace(problem, sd=effective_sd(problem, computed))
     known = known_errors(setup, left, survey, computed, jacobian)
-    found = Estimate(
+    estimate = Estimate(
         outcome, assessment, readings, diagnostics, survey, counts, known, nonlinearity
     )
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
@@ -137,7 +137,7 @@ def assess_fit(
         over_sizes = evidence.log_evidence + weighed.log_gain
         evidence = replace(evidence, log_evidence=over_sizes)
     if rivals is None:
-        return replace(found, evidence=evidence)
+        return replace(estimate, evidence=evidence)
     places = zip(rivals.values[1:], rivals.objectives[1:], strict=True)
     elsewhere = [
         replace(outcome, values=p, objective=float(phi), minima=(), certificate=None)
@@ -146,7 +146,7 @@ def assess_fit(
     others = tuple(assess_fit(setup, problem, other, fields=False) for other in elsewhere)
     for other in others:  # each counts the search, too
         counts = further(counts, problem.response.counts + setup.spent, other.counts)
-    return replace(found, rivals=rivals, others=others, evidence=evidence, counts=counts)
+    return replace(estimate, rivals=rivals, others=others, evidence=evidence, counts=counts)
 
 
 def further(counts: Counts, before: Counts, after: Counts) -> Counts:
@@ -178,11 +178,11 @@ def known_errors(
         computed: (g,) what it says of the used readings, SI.
         jacobian: (g, n) its derivative, SI.
     """
-    case, found = setup.case, setup.model_error
-    if found is None and not any(channel.errors for channel in case.channels):
+    case, model_error = setup.case, setup.model_error
+    if model_error is None and not any(channel.errors for channel in case.channels):
         return None
     rows = used_rows(case, setup.readings.used)
-    later = later_errors(setup.model, case, survey, found)
+    later = later_errors(setup.model, case, survey, model_error)
     possible = Possible.of(setup.accuracies, setup.readings.used)
     return KnownErrors(case, problem, computed, jacobian, rows, later, possible)
 
@@ -209,7 +209,7 @@ def over_accuracies(
 
 
 def later_errors(
-    model: ObservedModel, case: Case, survey: Survey, found: FittedModelError | None
+    model: ObservedModel, case: Case, survey: Survey, model_error: FittedModelError | None
 ) -> LaterModelError | None:
     """The model error of a fit in later readings.
 
@@ -217,33 +217,33 @@ def later_errors(
         model: of the case to predict.
         case: to predict.
         survey: of that model at the estimate.
-        found: the model error of the fit, or None for none.
+        model_error: the model error of the fit, or None for none.
     """
-    if found is None:
+    if model_error is None:
         return None
 
     def later(pairs: Sequence[tuple[str, str]]) -> ReadingSteps:
-        return reading_steps(case, model, survey.increments, pairs, found.length)
+        return reading_steps(case, model, survey.increments, pairs, model_error.length)
 
-    return LaterModelError(found, later)
+    return LaterModelError(model_error, later)
 
 
-def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
+def predicted(setup: Setup, estimate: Estimate, stages: Bools) -> Prediction:
     """Bands of the readings at some stages, from an estimate and its rivals.
 
     Args:
         setup: model and readings.
-        found: the estimate.
+        estimate: the estimate.
         stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
     first = predict_stages(
-        found.survey, found.assessment, sd, stages, found.errors, found.nonlinearity
+        estimate.survey, estimate.assessment, sd, stages, estimate.errors, estimate.nonlinearity
     )
-    if found.rivals is None:
+    if estimate.rivals is None:
         return first
-    others = [predicted(setup, other, stages) for other in found.others]
-    return mixed_prediction(found.rivals.odds, [first, *others])
+    others = [predicted(setup, other, stages) for other in estimate.others]
+    return mixed_prediction(estimate.rivals.odds, [first, *others])
 
 
 def searched(
@@ -269,10 +269,10 @@ def searched(
         evaluation_log(job, control, prepared.model) as log,
         with_workers(job, prepared, control) as setup,
     ):
-        found = estimated(setup, job.methods, log, control)
+        search_end = estimated(setup, job.methods, log, control)
         control.finish()
-        written, force = result(*found, log), job.request.force
-        return write(written, job.place, job.found, inputs=job.inputs.files, force=force)
+        written, force = result(*search_end, log), job.request.force
+        return write(written, job.place, job.existing, inputs=job.inputs.files, force=force)
 
 
 def _tell_readings(setup: Setup, control: Control) -> None:

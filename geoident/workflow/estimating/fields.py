@@ -99,9 +99,9 @@ def _drawn_growth(model: StagedModel, made: PointGrowth, draws: Floats) -> Field
     elements, mean_of = _averages(model, made.points)
     total, squares, first = np.zeros(len(elements)), np.zeros(len(elements)), None
     for row in draws:
-        found = np.log(mean_of @ made.value(ParameterPoint(model.values(row), ())).value)
-        first = found if first is None else first
-        total, squares = total + (found - first), squares + (found - first) ** 2
+        logarithm = np.log(mean_of @ made.value(ParameterPoint(model.values(row), ())).value)
+        first = logarithm if first is None else first
+        total, squares = total + (logarithm - first), squares + (logarithm - first) ** 2
     assert first is not None
     shift = total / len(draws)
     values, variance = np.exp(first + shift), squares / len(draws) - shift**2
@@ -192,10 +192,10 @@ def require_same_modes(fit: Result, model: ObservedModel, case: Case, values: Fl
     """
     if not isinstance(model, StagedModel) or not model.on_mesh.fields:
         return
-    found = {estimate.name: estimate for estimate in fit.varied}
+    estimates = {estimate.name: estimate for estimate in fit.varied}
     faults = []
     for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True):
-        before = found.get(field.name)
+        before = estimates.get(field.name)
         if before is None:  # a result that does not tell
             continue
         elements, _ = _averages(model, made.points)
@@ -265,9 +265,9 @@ def _drawn(
 
 def _averages(model: StagedModel, points: Ints) -> tuple[Ints, sp.csr_array]:
     """Elements (n,), and the means over their strain points of numbers at points, (n, points)."""
-    given = model.discretization.points
-    elements, row = np.unique(given.element[points], return_inverse=True)
-    weight = given.volume[points]
+    strain_points = model.discretization.points
+    elements, row = np.unique(strain_points.element[points], return_inverse=True)
+    weight = strain_points.volume[points]
     weight = weight / np.bincount(row, weight)[row]
     return elements, sp.csr_array(
         (weight, (row, np.arange(len(points)))), shape=(len(elements), len(points))

@@ -127,61 +127,61 @@ class ResultFiles(Generic[R]):
         return FinishedRun(result, (str(place.path),), up_to_date=True, remarks=older)
 
     def at_hand(
-        self, place: Target, identity: str, found: Existing, *, force: bool, fresh: bool
+        self, place: Target, identity: str, existing: Existing, *, force: bool, fresh: bool
     ) -> FinishedRun[R] | None:
         """The result of an input where it is there already: in its place, or kept from before.
 
         Args:
             place: of the result.
             identity: hash of everything that it depends on.
-            found: what stands there.
+            existing: what stands there.
             force: what stands there is to be replaced.
             fresh: it is to be computed again.
         """
         if fresh:
             return None
-        if found is Existing.UP_TO_DATE:
+        if existing is Existing.UP_TO_DATE:
             return self.keep(place)
-        if found is not Existing.OTHER or force:
+        if existing is not Existing.OTHER or force:
             return None
         moved = restore(place, identity)
         if moved is None:
             return None
         was, aside = moved
         kept = self.keep(place)
-        said = f"{was} was made from this input: it is {place.path} again, and what stood there "
-        said += f"is kept as {aside}"
+        remark = f"{was} was made from this input: it is {place.path} again, and what stood there "
+        remark += f"is kept as {aside}"
         older = older_files(place.path, kept.result.provenance.identity, new=True)
-        return replace(kept, remarks=(said, *older))
+        return replace(kept, remarks=(remark, *older))
 
     def write(
-        self, result: R, place: Target, found: Existing, *, inputs: Sequence[str], force: bool
+        self, result: R, place: Target, existing: Existing, *, inputs: Sequence[str], force: bool
     ) -> FinishedRun[R]:
         """Put a result in its place; an earlier one of the same case is kept beside.
 
         Args:
             result: what was found.
             place: of the result.
-            found: what stood there when the command began.
+            existing: what stood there when the command began.
             inputs: paths that were read, and so must not be written.
             force: what stands there is not to be kept.
         """
         now = read_identity(place.path) if place.path.exists() else None
         same = now is not None and now.identity == result.provenance.identity
-        if now is not None and same and found in (Existing.NOTHING, Existing.OTHER):
+        if now is not None and same and existing in (Existing.NOTHING, Existing.OTHER):
             if now.status != STOPPED:  # computed by another run meanwhile
                 return self.keep(place)
-            found = Existing.UNFINISHED
+            existing = Existing.UNFINISHED
         remarks: tuple[str, ...] = ()
-        if found is Existing.OTHER and now is not None and not force:
+        if existing is Existing.OTHER and now is not None and not force:
             aside, removed = set_aside(place.path)
             remarks = (
                 f"{place.path} was made from other input: it is kept as {aside}",
                 *(f"{path}, an older one, is removed" for path in removed),
             )
-        overwrite = found is not Existing.NOTHING
+        overwrite = existing is not Existing.NOTHING
         paths = self.write_new(result, place.path, overwrite=overwrite, inputs=inputs)
-        older = older_files(place.path, result.provenance.identity, new=found is Existing.OTHER)
+        older = older_files(place.path, result.provenance.identity, new=existing is Existing.OTHER)
         return FinishedRun(result, paths, remarks=(*remarks, *older))
 
 
@@ -193,4 +193,4 @@ at_hand, write = RESULTS.at_hand, RESULTS.write
 def job_at_hand(job: Job) -> Finished | None:
     """The result of a job where it is there already."""
     request = job.request
-    return at_hand(job.place, job.identity, job.found, force=request.force, fresh=request.fresh)
+    return at_hand(job.place, job.identity, job.existing, force=request.force, fresh=request.fresh)

@@ -40,15 +40,15 @@ class FittedMesh:
     """What the mesh does to a fit.
 
     Args:
-        found: by channel and stage, at the parameters of the first search.
+        table: by channel and stage, at the parameters of the first search.
         used: (n_channels, n_stages) which readings were used.
         shift: of the parameter that the mesh shifts most, in its standard deviations.
         counts: whether the errors of the readings have it.
-        whole: ``found`` has all readings, not those alone that a fit has used.
+        whole: ``table`` has all readings, not those alone that a fit has used.
         spent: what it has cost this fit, beside its evaluations.
     """
 
-    found: MeshError
+    table: MeshError
     used: Bools
     shift: float
     counts: bool
@@ -60,9 +60,9 @@ class FittedMesh:
         """What it means for the fit; nothing where it is small."""
         if not self.counts:
             return ""
-        said = mesh_sentence(self.found, self.used)
+        sentence = mesh_sentence(self.table, self.used)
         shown = "(`geoident check CASE.fit.h5 --mesh-error` shows it.)"
-        return f"{said} Intervals and bands are widened by it. {shown}"
+        return f"{sentence} Intervals and bands are widened by it. {shown}"
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -74,14 +74,14 @@ class FittedMesh:
         """The sentence on a mesh that is fine enough, and how its error was found."""
         if not self.counts:
             return self._untold
-        how = () if self.found.how == "refinement" else self.found.notes
+        how = () if self.table.how == "refinement" else self.table.notes
         return (*(() if self._coarse else (self.sentence,)), *how, *self._untold)
 
     @property
     def _untold(self) -> tuple[str, ...]:
         """A sentence on stages in which the finer mesh collapses, and so tells nothing."""
-        lost = np.any(self.used & ~np.isfinite(self.found.error), axis=0)
-        stages = [f"'{self.found.stages[n]}'" for n in np.flatnonzero(lost)]
+        lost = np.any(self.used & ~np.isfinite(self.table.error), axis=0)
+        stages = [f"'{self.table.stages[n]}'" for n in np.flatnonzero(lost)]
         if not stages:
             return ()
         return (
@@ -91,7 +91,7 @@ class FittedMesh:
 
     @property
     def _coarse(self) -> bool:
-        return self.found.scatter(self.used) >= MATTERS
+        return self.table.scatter(self.used) >= MATTERS
 
 
 def fitted_mesh(
@@ -116,13 +116,13 @@ def fitted_mesh(
     before, of_response = model.counts, problem.response.counts
     try:
         if known is None:
-            found = _of_used(model, problem, read, outcome)
+            fitted = _of_used(model, problem, read, outcome)
         else:
-            found = _of_known(known, model, problem, read.used_pairs, outcome)
+            fitted = _of_known(known, model, problem, read.used_pairs, outcome)
     except ModelError:
         return None
     aside = (model.counts - before) - (problem.response.counts - of_response)
-    return replace(found, spent=aside + found.found.cost)
+    return replace(fitted, spent=aside + fitted.table.cost)
 
 
 def _of_known(
@@ -139,9 +139,9 @@ def _of_known(
     """
     v, _ = problem.response.evaluate(outcome.values)
     places = ReadingPlaces.of(model.case, pairs, ())
-    found = _in_proportion(known.found, v, problem.sd, (places.rows, places.states - 1))
-    if found is not None:
-        judged = judged_mesh(found, problem, pairs, outcome)
+    table = _in_proportion(known.table, v, problem.sd, (places.rows, places.states - 1))
+    if table is not None:
+        judged = judged_mesh(table, problem, pairs, outcome)
         if known.whole or not judged.counts:
             return replace(judged, whole=known.whole)
     return judged_mesh(everywhere(model, problem, outcome), problem, pairs, outcome)
@@ -192,46 +192,46 @@ def _of_used(
     if isinstance(finer, Refinement):
         v, _ = problem.response.evaluate(p)
         try:
-            found = finer.of_readings(model.values(p), read, v)
-            judged = judged_mesh(found, problem, pairs, outcome)
+            table = finer.of_readings(model.values(p), read, v)
+            judged = judged_mesh(table, problem, pairs, outcome)
             if not judged.counts:
                 return replace(judged, whole=False)
-            return replace(judged, found=finer.everywhere(model.computed(p)))
+            return replace(judged, table=finer.everywhere(model.computed(p)))
         except (ModelError, MemoryError) as error:
             finer = not_computed(error)
-    found = by_recovery(model, p, finer)
-    return judged_mesh(found, problem, pairs, outcome)
+    table = by_recovery(model, p, finer)
+    return judged_mesh(table, problem, pairs, outcome)
 
 
 def _in_proportion(
-    found: MeshError, v: Floats, sd: Floats, at: tuple[Ints, Ints]
+    table: MeshError, v: Floats, sd: Floats, at: tuple[Ints, Ints]
 ) -> MeshError | None:
     """The error found at other parameters, in proportion to what is computed there; or None.
 
     Args:
-        found: the error there.
+        table: the error there.
         v: (g,) what is computed now, SI.
         sd: (g,) of the readings, SI.
         at: numbers of the channels and stages of these.
     """
-    if not np.isfinite(found.error[at]).all():
+    if not np.isfinite(table.error[at]).all():
         return None
-    now, before = v / sd, found.computed[at] / sd
+    now, before = v / sd, table.computed[at] / sd
     size = float(before @ before)
     part = float(before @ now) / size if size else 1.0
     return replace(
-        found, computed=part * found.computed, change=part * found.change, error=part * found.error,
+        table, computed=part * table.computed, change=part * table.change, error=part * table.error,
         cost=NO_COST,
     )  # fmt: skip
 
 
 def judged_mesh(
-    found: MeshError, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+    table: MeshError, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
 ) -> FittedMesh:
     """Whether errors of the mesh count beside those of the readings.
 
     Args:
-        found: by channel and stage, with the accuracies of the readings.
+        table: by channel and stage, with the accuracies of the readings.
         problem: the g used readings, without errors of mesh and model.
         pairs: channel and stage of each.
         outcome: of a search.
@@ -240,14 +240,14 @@ def judged_mesh(
         ModelError: the model has no solution there.
     """
     _, jacobian = problem.response.evaluate(outcome.values)
-    number = {channel: k for k, channel in enumerate(found.channels)}
+    number = {channel: k for k, channel in enumerate(table.channels)}
     i = np.array([number[channel] for channel, _ in pairs], dtype=np.int64)
-    j = np.array([found.stages.index(stage) for _, stage in pairs], dtype=np.int64)
-    used = np.zeros(found.error.shape, dtype=np.bool_)
+    j = np.array([table.stages.index(stage) for _, stage in pairs], dtype=np.int64)
+    used = np.zeros(table.error.shape, dtype=np.bool_)
     used[i, j] = True
-    error = np.nan_to_num(found.error[i, j])
+    error = np.nan_to_num(table.error[i, j])
     shift = _shift(problem, outcome.values, jacobian, error)
-    return FittedMesh(found, used, shift, shift > SHIFT or found.scatter(used) > MATTERS)
+    return FittedMesh(table, used, shift, shift > SHIFT or table.scatter(used) > MATTERS)
 
 
 def _shift(problem: Problem, values: Floats, jacobian: Floats, error: Floats) -> float:
@@ -269,13 +269,13 @@ def _shift(problem: Problem, values: Floats, jacobian: Floats, error: Floats) ->
 _UNSEEN = 1e-8
 
 
-def with_mesh_error(case: Case, found: MeshError) -> Case:
+def with_mesh_error(case: Case, table: MeshError) -> Case:
     """A case whose channels have the error of the mesh among what their readings share."""
-    rows = zip(case.channels, found.error, found.doubt, strict=True)
+    rows = zip(case.channels, table.error, table.doubt, strict=True)
     return replace(
         case,
         channels=tuple(
-            replace(channel, errors=_with_mesh(channel, found.stages, error, doubt))
+            replace(channel, errors=_with_mesh(channel, table.stages, error, doubt))
             for channel, error, doubt in rows
         ),
     )

@@ -111,8 +111,8 @@ def _finer(how: str, model: StagedModel, case: Case, p: Floats, *notes: str) -> 
 
 def not_computed(error: Exception) -> str:
     """Why there is no finer model, a sentence."""
-    said = str(error).splitlines()[0] if str(error) else "no memory is left"
-    return f"The refined mesh cannot be computed with: {said}"
+    reason = str(error).splitlines()[0] if str(error) else "no memory is left"
+    return f"The refined mesh cannot be computed with: {reason}"
 
 
 def _too_large(cost: CostEstimate, plain: CostEstimate, patience: int | None) -> str | None:
@@ -270,8 +270,8 @@ def orders(model: StagedModel) -> tuple[float, float]:
     sequence, sharpest = model.sequence, np.pi
     states = {sequence.present(n).tobytes(): n for n in range(len(sequence.states))}
     for n in states.values():
-        found = openings(model.mesh, model.on_mesh.table, sequence.present(n))
-        sharpest = max(sharpest, float(found.max(initial=np.pi)))
+        angles = openings(model.mesh, model.on_mesh.table, sequence.present(n))
+        sharpest = max(sharpest, float(angles.max(initial=np.pi)))
     return min(_order(model) + 1.0, 2.0 * exponent(min(sharpest, 2.0 * np.pi))), sharpest
 
 
@@ -315,22 +315,23 @@ def _chord_notes(model: StagedModel) -> tuple[str, ...]:
 _MANY = 4
 
 
-def mesh_sentence(found: MeshError, which: Bools) -> str:
+def mesh_sentence(mesh_error: MeshError, which: Bools) -> str:
     """What the mesh does to some readings (n_channels, n_stages), in one sentence."""
-    share = np.where(which, np.nan_to_num(found.share), 0.0)
+    share = np.where(which, np.nan_to_num(mesh_error.share), 0.0)
     if not share.any():
         return "The mesh changes none of the readings."
     i, j = np.unravel_index(int(share.argmax()), share.shape)
-    unit = found.units[i], found.dimensions[i]
-    size = f"{in_unit(abs(float(found.error[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
-    worst = f"{size} at {found.channels[i]} in {found.stages[j]}, {share[i, j]:.2g} accuracies"
-    scatter = found.scatter(which)
+    unit = mesh_error.units[i], mesh_error.dimensions[i]
+    size = f"{in_unit(abs(float(mesh_error.error[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
+    place = f"{mesh_error.channels[i]} in {mesh_error.stages[j]}"
+    worst = f"{size} at {place}, {share[i, j]:.2g} accuracies"
+    scatter = mesh_error.scatter(which)
     if scatter < NOTICED:
         return f"Little of the accuracy of the readings is lost to mesh error (at most {worst})."
     eaten = f"the error of the readings by the mesh is {scatter:.2g} of their accuracy in the mean"
     if scatter < MATTERS:
         return f"The mesh is fine enough: {eaten} (at most {worst})."
-    instead = ", or take elements of second order" if found.first_order else ""
+    instead = ", or take elements of second order" if mesh_error.first_order else ""
     return (
         f"The mesh is too coarse for these readings: {eaten} (at most {worst}). Halve the elements "
         f"where the ground moves most{instead}."

@@ -266,13 +266,13 @@ class FittedModelError:
                 f"The readings scatter {self.factor:.2g} times as much as their stated accuracies "
                 f"{between}; intervals and bands are those of this scatter."
             )
-        said = f"That is {self.factor:.2g} times what the accuracies state {between}"
+        sentence = f"That is {self.factor:.2g} times what the accuracies state {between}"
         if self.large:
             return (
-                f"{said}, which does not explain the residuals: the model does not describe the "
-                "ground, or readings are wrong."
+                f"{sentence}, which does not explain the residuals: the model does not describe "
+                "the ground, or readings are wrong."
             )
-        return f"{said}: gauge error and model error cannot be separated by the residuals."
+        return f"{sentence}: gauge error and model error cannot be separated by the residuals."
 
     def offset(self) -> str:
         """How large the errors of the zeros are; empty where the readings do not show any."""
@@ -330,24 +330,26 @@ def _accuracies(channels: Sequence[Channel], sd: Floats | None) -> str:
     each = [c.accuracy for c in channels] if sd is None else sd.tolist()
     for channel, size in zip(channels, each, strict=True):
         sizes.setdefault((channel.unit, channel.dimension), []).append(size)
-    said = []
-    for (unit, dimension), found in sizes.items():
-        low, high = (f"{in_unit(x, unit, dimension):.2g}" for x in (min(found), max(found)))
+    ranges = []
+    for (unit, dimension), accuracies in sizes.items():
+        low, high = (
+            f"{in_unit(x, unit, dimension):.2g}" for x in (min(accuracies), max(accuracies))
+        )
         spread = low if low == high else f"{low} to {high}"
-        said.append(f"{spread} {shown_unit(unit, dimension)}".rstrip())
-    return join(said)
+        ranges.append(f"{spread} {shown_unit(unit, dimension)}".rstrip())
+    return join(ranges)
 
 
-def model_error_findings(found: FittedModelError | None) -> tuple[str, ...]:
+def model_error_findings(model_error: FittedModelError | None) -> tuple[str, ...]:
     """Sentences on a model error that is larger than usual, or not told from other errors."""
-    if found is None:
+    if model_error is None:
         return ()
-    said = found.large or found.scatters or bool(found.offset())
-    return (*((found.sentence(),) if said else ()), *found.findings)
+    notable = model_error.large or model_error.scatters or bool(model_error.offset())
+    return (*((model_error.sentence(),) if notable else ()), *model_error.findings)
 
 
 def model_error_notes(
-    found: FittedModelError | None,
+    model_error: FittedModelError | None,
     case: Case,
     readings: ReadingTable,
     methods: Sequence[MethodOptions],
@@ -355,12 +357,12 @@ def model_error_notes(
     """Why there is no model error, where nobody said that there should be none.
 
     Args:
-        found: the model error of a fit, None for none.
+        model_error: the model error of a fit, None for none.
         case: of the fit.
         readings: of which some were used.
         methods: of the fit.
     """
-    if found is not None:
+    if model_error is not None:
         return ()
     why = no_model_error(case, readings, methods)
     return (why,) if why else ()
@@ -380,14 +382,14 @@ class LaterModelError:
 
 
 def of_result(
-    found: ModelErrorTable, channels: Sequence[Channel], rows: Bools | Ints
+    table: ModelErrorTable, channels: Sequence[Channel], rows: Bools | Ints
 ) -> FittedModelError:
     """The model error that a result holds.
 
     Args:
-        found: in the result.
+        table: in the result.
         channels: of the g readings used.
         rows: (k,) which of the readings they are, or (g,) their numbers.
     """
-    used = ReadingSteps(tuple(channels), found.states, found.steps[rows], found.floors[rows])
-    return FittedModelError(used, found.size, found.length, factor=found.factor)
+    used = ReadingSteps(tuple(channels), table.states, table.steps[rows], table.floors[rows])
+    return FittedModelError(used, table.size, table.length, factor=table.factor)

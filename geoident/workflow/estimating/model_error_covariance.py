@@ -78,36 +78,36 @@ def reading_steps(
         pairs: channel and stage of each of the g readings.
         length: over which it is correlated, m.
     """
-    found = np.where(_given(case), 0.0, increments)
+    computed = np.where(_prescribed(case), 0.0, increments)
     number = {channel.name: k for k, channel in enumerate(case.channels)}
     rows = np.array([number[channel] for channel, _ in pairs], dtype=np.int64)
     weight = model.steps(pairs)
-    floors = _floors(case.channels, found, length)
+    floors = _floors(case.channels, computed, length)
     return ReadingSteps(
         tuple(case.channels[k] for k in rows.tolist()),
         case.stage_names,
-        (weight * found[:, rows]).T,
+        (weight * computed[:, rows]).T,
         (weight * floors[:, rows]).T,
     )
 
 
-def _given(case: Case) -> Bools:
+def _prescribed(case: Case) -> Bools:
     """(n_states, n_channels) what the case gives, so that no model can be wrong there.
 
     The force to which a jack brings a bar; the pressure of water, which is a table.
     """
-    given = np.zeros((len(case.stages) + 1, len(case.channels)), dtype=np.bool_)
+    prescribed = np.zeros((len(case.stages) + 1, len(case.channels)), dtype=np.bool_)
     for k, channel in enumerate(case.channels):
         if channel.kind == "piezometer":
-            given[:, k] = True
+            prescribed[:, k] = True
         bars = case.structures.get(channel.structure)
         if channel.kind != "load-cell" or not isinstance(bars, Bars):
             continue
         for j, stage in enumerate(case.stages, start=1):
             locked = channel.structure in stage.prestress
             built = channel.structure in stage.build and bars.prestress is not None
-            given[j, k] = locked or built
-    return given
+            prescribed[j, k] = locked or built
+    return prescribed
 
 
 def _floors(channels: Sequence[Channel], increments: Floats, length: float) -> Floats:
@@ -204,11 +204,11 @@ class _Kernel:
 
         def together(spreads: Sequence[sp.csr_array]) -> Floats:
             """Sums of weight times kernel times weight over the points of two channels (m, n)."""
-            found = np.zeros((len(one), len(other)))
+            total = np.zeros((len(one), len(other)))
             for spread in spreads:
                 left, right = spread[one][:, lines], spread[other][:, near]
-                found += left @ np.asarray((right @ kernel.T).T)
-            return found
+                total += left @ np.asarray((right @ kernel.T).T)
+            return total
 
         return together(self._relative), together(self._between)
 
@@ -307,20 +307,20 @@ def shared_columns(
 
     def part(one: Ints, other: Ints) -> Floats:
         """The covariance (m, n) of some rows (m,) with others (n,)."""
-        found = np.zeros((len(one), len(other)))
+        covariance = np.zeros((len(one), len(other)))
         for k, kernel in enumerate(kernels):
-            here, there = (np.flatnonzero(kind[rows] == k) for rows in (one, other))
-            a, b = one[here], other[there]
+            rows_a, rows_b = (np.flatnonzero(kind[rows] == k) for rows in (one, other))
+            a, b = one[rows_a], other[rows_b]
             (channels_a, at_a), (channels_b, at_b) = (
                 np.unique(number[rows], return_inverse=True) for rows in (a, b)
             )
             relative, between = kernel.parts(channels_a, channels_b)
             at = np.ix_(at_a, at_b)
-            found[np.ix_(here, there)] = (
+            covariance[np.ix_(rows_a, rows_b)] = (
                 _over_stages(steps[a], steps[b]) * relative[at]
                 + _over_stages(floors[a], floors[b]) * between[at]
             )
-        return found
+        return covariance
 
     size = np.array([kernels[f].size[n] for f, n in zip(kind, number, strict=True)])
     diagonal = _own(steps) + _own(floors) * size**2
@@ -341,9 +341,9 @@ def _as_sparse(dense: Floats) -> sp.csr_array:
 
 def _by_state(values: Floats, states: Sequence[str], wanted: Sequence[str]) -> Floats:
     """Columns of values (g, J) in the order of other names of states; 0 for those without."""
-    found = np.zeros((len(values), len(wanted)))
-    found[:, [wanted.index(state) for state in states]] = values
-    return found
+    columns = np.zeros((len(values), len(wanted)))
+    columns[:, [wanted.index(state) for state in states]] = values
+    return columns
 
 
 def _own(steps: Floats) -> Floats:

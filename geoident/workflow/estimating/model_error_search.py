@@ -74,13 +74,13 @@ class WithModelError:
         problem: with the accuracies and the model error.
         outcome: of the search for the parameters.
         components: what is known of the accuracies that are estimated.
-        found: the model error.
+        model_error: the model error.
     """
 
     problem: Problem
     outcome: Outcome
     components: VarianceComponents
-    found: FittedModelError
+    model_error: FittedModelError
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,8 @@ class ModelErrorSearch:
             return None
         modes = ErrorModes()
         columns = shared_columns([used], self.length, modes)
-        size, given = PRIOR_SD, self.options.kind == "given"
-        if given:
+        size, fixed = PRIOR_SD, self.options.kind == "given"
+        if fixed:
             size = self.options.size
         elif self.plain:
             weighed = self._weighed(problem, outcome, columns, t)
@@ -133,27 +133,27 @@ class ModelErrorSearch:
             now = self._steps(problem, outcome.values)
             following = now if turn < EAGER else _halfway(used, now)
             columns = shared_columns([following], self.length, modes)
-            held = size if given else None
+            held = size if fixed else None
             weighed = self._weighed(problem, outcome, columns, t, held)
-            known = FittedModelError(used, size, self.length, None if given else weighed)
+            known = FittedModelError(used, size, self.length, None if fixed else weighed)
             factor, zero = self._gauges(t)
             known = replace(known, factor=factor, zero=zero)
             # the accuracies of the problem, so that all that is said of it comes from one posterior
             components = replace(weighed.components, log_factor=t)
-            found = WithModelError(problem, outcome, components, known)
-            rest = given or _near(weighed.size, size)
+            state = WithModelError(problem, outcome, components, known)
+            rest = fixed or _near(weighed.size, size)
             if outcome.status == STOPPED or (
                 rest and _alike(now, used) and _close(weighed.components.log_factor, t)
             ):
-                return self._explained(found, modes)
+                return self._explained(state, modes)
             used, t = following, weighed.components.log_factor
-            size = size if given else weighed.size
-        said = (
+            size = size if fixed else weighed.size
+        finding = (
             f"Parameters and model error did not come to rest in {ROUNDS} rounds: others, "
             "with the model error that follows from them, meet the readings as well. State the "
             "model error ('fit: {model_error: ...}')."
         )
-        return self._explained(found, modes, said)
+        return self._explained(state, modes, finding)
 
     @cached_property
     def scatters(self) -> bool:
@@ -169,25 +169,27 @@ class ModelErrorSearch:
         """The errors of the readings without model error, with components for what is estimated."""
         if not self.scatters:
             return self.stated
-        found = self.stated.with_one_factor(SCATTER)
-        return found if self.zeros is None else found.with_component(self.zeros, ZERO)
+        structure = self.stated.with_one_factor(SCATTER)
+        return structure if self.zeros is None else structure.with_component(self.zeros, ZERO)
 
     def _gauges(self, t: Floats) -> tuple[float, float]:
         """Factor on the accuracies, and error of the zeros in these, of components t (c,)."""
         root = np.exp(0.5 * t) if self.scatters else np.ones(1)
         return float(root[0]), float(root[1] / root[0]) if len(root) > 1 else 0.0
 
-    def _explained(self, found: WithModelError, modes: ErrorModes, *said: str) -> WithModelError:
+    def _explained(
+        self, state: WithModelError, modes: ErrorModes, *findings: str
+    ) -> WithModelError:
         """The same with sentences on what explains the residuals as well, and on what is left out.
 
         Args:
-            found: at the end of the turns.
+            state: at the end of the turns.
             modes: of the model error.
-            said: what else is to be said.
+            findings: what else is to be said.
         """
-        wider = found.found.size * modes.left / found.problem.sd
-        said = (*said, *explanations(found.found), *too_dense(wider))
-        return replace(found, found=replace(found.found, findings=said))
+        wider = state.model_error.size * modes.left / state.problem.sd
+        findings = (*findings, *explanations(state.model_error), *too_dense(wider))
+        return replace(state, model_error=replace(state.model_error, findings=findings))
 
     def _steps(self, problem: Problem, values: Floats) -> ReadingSteps:
         """What the model error is made of at parameters (n,), SI."""
@@ -283,13 +285,13 @@ def _close(t: Floats, before: Floats) -> bool:
 # What cannot be told from it ---------------------------------------------------------------------
 
 
-def explanations(found: FittedModelError) -> tuple[str, ...]:
+def explanations(model_error: FittedModelError) -> tuple[str, ...]:
     """Sentences on what explains the residuals by itself as well as the model error, or better.
 
     Args:
-        found: the model error, and what was weighed beside it.
+        model_error: the model error, and what was weighed beside it.
     """
-    weighed = found.weighed
+    weighed = model_error.weighed
     if weighed is None or weighed.minus_two_l.shape[1] == 1:
         return ()
     values = weighed.minus_two_l
@@ -305,11 +307,11 @@ def explanations(found: FittedModelError) -> tuple[str, ...]:
     others = [other for other in others if other[1] < nothing - TELLS]
     better = [words for words, value in others if value < of_model - TELLS]
     alike = [words for words, value in others if abs(value - of_model) <= TELLS]
-    said = f"a model error of {percent(found.size)}"
+    of_error = f"a model error of {percent(model_error.size)}"
     if better:
         return (
-            f"{_capital(join(better, 'or'))} would explain the residuals better than {said}: check "
-            f"that first. {_REMEDY}",
+            f"{_capital(join(better, 'or'))} would explain the residuals better than {of_error}: "
+            f"check that first. {_REMEDY}",
         )
     if alike:
         scatters = weighed.prior.size > 1 and weighed.prior[0, 0] < 1.0
@@ -319,7 +321,7 @@ def explanations(found: FittedModelError) -> tuple[str, ...]:
             else "the model error"
         )
         return (
-            f"The readings cannot separate {said} from {join(alike, 'or')}: intervals and bands "
+            f"The readings cannot separate {of_error} from {join(alike, 'or')}: intervals and bands "
             f"are those of {of}. {_REMEDY}",
         )
     return ()

@@ -110,9 +110,9 @@ def correlations(
     rows = rows * assessment.dp_dx
     common = rows @ assessment.posterior.covariance @ rows.T + left
     sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
-    found = common / np.outer(sd, sd)
-    np.fill_diagonal(found, 1.0)
-    return np.asarray(found)
+    matrix = common / np.outer(sd, sd)
+    np.fill_diagonal(matrix, 1.0)
+    return np.asarray(matrix)
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class KnownErrors:
             return over.wider(later.jacobian * assessment.dp_dx, sd=each)
         used, errors = self._structures(places)
         points = self.possible.padded(used)
-        found = [
+        problems = [
             given_used(
                 problem,
                 self.computed,
@@ -195,9 +195,9 @@ class KnownErrors:
             )
         ]
         return over.wider(
-            np.array([each.jacobian * assessment.dp_dx for each in found]),
-            np.array([each.shift for each in found]),
-            np.array([each.sd for each in found]),
+            np.array([each.jacobian * assessment.dp_dx for each in problems]),
+            np.array([each.shift for each in problems]),
+            np.array([each.sd for each in problems]),
         )
 
     def at_possible(self, number: int, places: Ints) -> tuple[Problem, ErrorStructure]:
@@ -301,11 +301,11 @@ def follow_bound(
         try:
             if model.admissible(p) is not None:
                 return None
-            there = model.survey(p, fields=False, partial=True)
+            surveyed = model.survey(p, fields=False, partial=True)
         except ModelError:
             return None
-        return _path_readings(there, with_computed(readings, case, model, there, p))
+        return _path_readings(surveyed, with_computed(readings, case, model, surveyed, p))
 
     weighted = replace(problem, sd=effective_sd(problem, readings.computed[readings.used]))
-    here = _path_readings(survey, readings)
-    return with_profile(assessment, weighted, values, here, evaluate)
+    at_estimate = _path_readings(survey, readings)
+    return with_profile(assessment, weighted, values, at_estimate, evaluate)

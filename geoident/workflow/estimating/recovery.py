@@ -58,7 +58,7 @@ class EnergyError:
         change = np.where(present, stress - self._stress[state.base], 0.0)
         for material in sorted(set(state.materials.values())):
             groups = [g for g, name in state.materials.items() if name == material]
-            mine = np.flatnonzero(
+            where = np.flatnonzero(
                 np.isin(model.sequence.group_of[points.element], groups) & present
             )
             elastic = elastic_matrix(
@@ -67,9 +67,9 @@ class EnergyError:
                 section=points.n_strain < _SOLID,
             )
             S = np.linalg.inv(elastic.value[: points.n_strain, : points.n_strain])
-            part = change[:, mine]
-            gap = _smooth(model, self._shapes[mine], mine, part) - part
-            V = points.volume[mine]
+            part = change[:, where]
+            gap = _smooth(model, self._shapes[where], where, part) - part
+            V = points.volume[where]
             self._whole += float(np.einsum("im,ij,jm,m->", part, S, part, V, optimize=True))
             self._wrong += float(np.einsum("im,ij,jm,m->", gap, S, gap, V, optimize=True))
 
@@ -92,18 +92,18 @@ def _shape_functions(model: StagedModel) -> sp.csr_array:
     return sp.csr_array(entries, shape=(len(indptr) - 1, mesh.n_nodes))
 
 
-def _smooth(model: StagedModel, N: sp.csr_array, mine: Ints, values: Floats) -> Floats:
+def _smooth(model: StagedModel, N: sp.csr_array, where: Ints, values: Floats) -> Floats:
     """Values (s, q) at some strain points (q,) by means at nodes, interpolated back.
 
     Args:
         model: of the case.
         N: (q, n_nodes) shape functions there.
-        mine: (q,) the points.
+        where: (q,) the points.
         values: (s, q).
     """
     points = model.discretization.points
     near = sp.csr_array((np.abs(N.data), N.indices, N.indptr), shape=N.shape)
-    V = points.volume[mine]
+    V = points.volume[where]
     lumped = np.asarray(near.T @ V)
     sums = np.asarray(near.T @ (values * V).T)
     return np.asarray((N @ (sums / np.where(lumped > 0.0, lumped, 1.0)[:, None])).T)

@@ -56,7 +56,7 @@ def kept_up(
         search: goes down from where a problem begins.
     """
     history = list(outcome.iterations)
-    found = []
+    moved = []
     for minimum in minima:
         if outcome.status == STOPPED:
             break
@@ -66,10 +66,10 @@ def kept_up(
             continue
         history += again.iterations
         if again.status == "converged":
-            found.append(LocalMinimum(again.values, again.objective))
+            moved.append(LocalMinimum(again.values, again.objective))
     return replace(
         outcome,
-        minima=tuple(sorted(found, key=lambda minimum: minimum.objective)),
+        minima=tuple(sorted(moved, key=lambda minimum: minimum.objective)),
         iterations=tuple(history),
     )
 
@@ -113,13 +113,13 @@ def _near(
     discrepancy: Discrepancy, minima: Sequence[LocalMinimum], highest: float
 ) -> list[Iterate]:
     """The minima with a phi of no more than the highest."""
-    found = []
+    near = []
     for minimum in minima:
         if minimum.objective <= highest:
             p = minimum.values
             model = discrepancy.linearize(p)
-            found.append(Iterate(discrepancy.scaling.to_scaled(p), p, model))
-    return found
+            near.append(Iterate(discrepancy.scaling.to_scaled(p), p, model))
+    return near
 
 
 def _evidence(
@@ -231,21 +231,21 @@ def rival_findings(rivals: Rivals | None, table: ParameterTable) -> tuple[str, .
     apart = stand_apart(rivals)
     shown = apart if len(apart) > MOST_SHOWN and apart.any() else np.ones_like(apart)
     count = "another minimum" if len(rivals) == 2 else f"{len(rivals) - 1} other minima"
-    said = [
+    sentences = [
         f"The misfit has {count} nearly as low as that at {_place(rivals.values[0], shown, table)} "
         f"(misfit {rivals.objectives[0]:.4g}): {_others(rivals, shown, table)}."
     ]
     if rivals.settled:
-        said.append("The intervals and bands cover all minima at 95 %.")
+        sentences.append("The intervals and bands cover all minima at 95 %.")
     elif apart.any():
         names = join([name for name, far in zip(table.names, apart, strict=True) if far])
-        said.append(
+        sentences.append(
             f"The readings cannot decide between them, so {names} "
             f"{'is' if apart.sum() == 1 else 'are'} not determined: an interval around one of them "
             "would hold less than 95 %. A reading where the predictions of the two differ, or a "
             "prior, would decide."
         )
-    return (" ".join(said),)
+    return (" ".join(sentences),)
 
 
 def _others(rivals: Rivals, shown: Bools, table: ParameterTable) -> str:

@@ -133,9 +133,9 @@ def estimated(
     weighed = near and starts_warm(problem.response)
     if weighed and no_model_error(setup.case, setup.readings, methods) is None:
         unsearched = _where_it_begins(problem)
-        found = search.with_all_errors(SearchState(setup, problem, unsearched))
-        if found.outcome is not unsearched:
-            return found
+        state = search.with_all_errors(SearchState(setup, problem, unsearched))
+        if state.outcome is not unsearched:
+            return state
     with substituting(problem.response, tolerance) if near or linear else nullcontext():
         first = SearchState(setup, problem, search.identified(problem, methods))
     try:
@@ -186,25 +186,25 @@ class _Search:
         problem, minima = first.problem, first.outcome.minima
         with substituting(problem.response):
             begun = self._with_mesh(self._with_surfaces(first))
-            found = self._with_errors(begun)
-            mesh = _mesh_beside_accuracies(found.setup, problem, found.outcome)
+            state = self._with_errors(begun)
+            mesh = _mesh_beside_accuracies(state.setup, problem, state.outcome)
             if mesh is not None:
                 begun = self._counted(begun._replace(problem=problem), mesh)
-                found = self._with_errors(begun)
-        found = self._confirmed(found)
-        if found.problem is problem or not minima:
-            return found
+                state = self._with_errors(begun)
+        state = self._confirmed(state)
+        if state.problem is problem or not minima:
+            return state
         # the weights are others now, and so are the minima
-        outcome = kept_up(found.problem, found.outcome, minima, self.descent)
+        outcome = kept_up(state.problem, state.outcome, minima, self.descent)
         lowest = outcome.minima[0] if outcome.minima else None
         if lowest is None or lowest.objective >= outcome.objective - LOWER:
-            return found._replace(outcome=outcome)
+            return state._replace(outcome=outcome)
         # what was estimated with the parameters belongs to another minimum
         former = LocalMinimum(outcome.values, outcome.objective)
         moved = begun.problem.begun_at(lowest.values)
-        found = self._with_errors(SearchState(begun.setup, moved, self.descent(moved)))
-        outcome = kept_up(found.problem, found.outcome, [former, *minima], self.descent)
-        return found._replace(outcome=outcome)
+        state = self._with_errors(SearchState(begun.setup, moved, self.descent(moved)))
+        outcome = kept_up(state.problem, state.outcome, [former, *minima], self.descent)
+        return state._replace(outcome=outcome)
 
     def _with_surfaces(self, at: SearchState) -> SearchState:
         """The same with the error of the response surfaces of a table, as it is at the answer."""
@@ -219,8 +219,8 @@ class _Search:
             at = self._weighed(at, case)
             if is_steady(before, case):
                 break
-        found = model.surface_table(at.outcome.values)
-        return at._replace(setup=replace(at.setup, surface=found))
+        surface = model.surface_table(at.outcome.values)
+        return at._replace(setup=replace(at.setup, surface=surface))
 
     def _weighed(self, at: SearchState, case: Case) -> SearchState:
         """The same with the errors of another version of the case, from where it has come."""
@@ -242,22 +242,22 @@ class _Search:
         plain = not isinstance(last, ScanOptions) and not _proves(last)
         if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
             return at._replace(setup=setup.not_asked_of_the_mesh())
-        found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
-        if found is None or not found.counts:
-            return at._replace(setup=replace(setup, mesh=found))
-        return self._counted(at, found)
+        mesh = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
+        if mesh is None or not mesh.counts:
+            return at._replace(setup=replace(setup, mesh=mesh))
+        return self._counted(at, mesh)
 
-    def _counted(self, at: SearchState, found: FittedMesh) -> SearchState:
+    def _counted(self, at: SearchState, mesh: FittedMesh) -> SearchState:
         """The same with the error of the mesh among those of the readings."""
-        weighed = self._weighed(at, with_mesh_error(at.setup.case, found.found))
-        return weighed._replace(setup=replace(weighed.setup, mesh=found))
+        weighed = self._weighed(at, with_mesh_error(at.setup.case, mesh.table))
+        return weighed._replace(setup=replace(weighed.setup, mesh=mesh))
 
     def _with_errors(self, at: SearchState) -> SearchState:
         """The same with all errors that are estimated: those of the model and of the gauges."""
-        found = None
+        state = None
         if no_model_error(at.setup.case, at.setup.readings, self.methods) is None:
-            found = self._with_model_error(at)
-        return self._with_accuracies(at) if found is None else found
+            state = self._with_model_error(at)
+        return self._with_accuracies(at) if state is None else state
 
     def _confirmed(self, at: SearchState) -> SearchState:
         """The same, confirmed by the model itself where the surrogate has answered nearly."""
@@ -289,17 +289,17 @@ class _Search:
             self.descent,
             isinstance(case.fit.loss, SquaredOptions),
         )
-        found = search.run(at.problem, at.outcome)
-        if found is None:
+        fitted = search.run(at.problem, at.outcome)
+        if fitted is None:
             return None
-        again = replace(setup, model_error=found.found)
+        again = replace(setup, model_error=fitted.model_error)
         if structure.names:
-            again = _sized(again, structure, found.components)
+            again = _sized(again, structure, fitted.components)
         elif search.scatters:
-            again = _scattering(again, found.found)
-        known = found.found.of_readings(used_rows(again.case, readings.used))
+            again = _scattering(again, fitted.model_error)
+        known = fitted.model_error.of_readings(used_rows(again.case, readings.used))
         again = replace(again, model_error=known)
-        return SearchState(again, found.problem, found.outcome)
+        return SearchState(again, fitted.problem, fitted.outcome)
 
     def _with_accuracies(self, at: SearchState) -> SearchState:
         """The same with the accuracies that the case wants estimated, if it wants any."""
@@ -307,39 +307,39 @@ class _Search:
         if not structure.names:
             return at
         onwards = continued(self.methods)
-        found = weighed(
+        fitted = weighed(
             at.problem, structure, at.outcome, lambda again: self.identified(again, onwards)
         )
-        setup = _sized(at.setup, structure, found.components)
-        return SearchState(setup, found.problem, found.outcome)
+        setup = _sized(at.setup, structure, fitted.components)
+        return SearchState(setup, fitted.problem, fitted.outcome)
 
 
-def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:
+def _mesh_beside_accuracies(setup: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:
     """The mesh, where it counts beside the accuracies that were estimated and not before.
 
     Gauges that turn out to be better than stated notice a mesh that was fine enough before.
 
     Args:
-        found: with the accuracies that were estimated.
+        setup: with the accuracies that were estimated.
         problem: the readings, without errors of mesh and model.
         outcome: of the search.
     """
-    mesh, case = found.mesh, found.case
-    if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
+    mesh, case = setup.mesh, setup.case
+    if mesh is None or mesh.counts or setup.accuracies is None or outcome.status == STOPPED:
         return None
-    sd, shared = found.errors.stated
+    sd, shared = setup.errors.stated
     accuracy = case.accuracies
-    estimated = replace(mesh.found, accuracy=accuracy)
+    estimated = replace(mesh.table, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)
-    judged = judged_mesh(estimated, again, found.readings.used_pairs, outcome)
+    judged = judged_mesh(estimated, again, setup.readings.used_pairs, outcome)
     if not judged.counts:
         return None
-    if mesh.whole or not isinstance(found.model, StagedModel):
+    if mesh.whole or not isinstance(setup.model, StagedModel):
         return replace(judged, spent=mesh.spent)
-    before = found.model.counts
-    whole = everywhere(found.model, problem, outcome)
-    spent = mesh.spent + (found.model.counts - before) + whole.cost
-    return replace(judged, found=replace(whole, accuracy=accuracy), spent=spent)
+    before = setup.model.counts
+    whole = everywhere(setup.model, problem, outcome)
+    spent = mesh.spent + (setup.model.counts - before) + whole.cost
+    return replace(judged, table=replace(whole, accuracy=accuracy), spent=spent)
 
 
 def _proves(options: MethodOptions) -> bool:
@@ -347,16 +347,16 @@ def _proves(options: MethodOptions) -> bool:
     return isinstance(options, ComplementarityOptions) and options.formulation == "global"
 
 
-def _scattering(setup: Setup, found: FittedModelError) -> Setup:
+def _scattering(setup: Setup, model_error: FittedModelError) -> Setup:
     """The setup with the errors of gauges that were found with the model error."""
-    case = with_scatter(setup.case, found.factor, found.zero)
+    case = with_scatter(setup.case, model_error.factor, model_error.zero)
     return replace(setup.with_case(case), stated=setup.case)
 
 
-def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
+def _sized(setup: Setup, structure: ErrorStructure, components: VarianceComponents) -> Setup:
     """The setup with the accuracies that were estimated."""
-    root = np.exp(0.5 * found.log_factor)
+    root = np.exp(0.5 * components.log_factor)
     factors = dict(zip(structure.names, map(float, root), strict=True))
     sized = with_accuracies(setup.case, factors)
-    table = accuracy_table(setup.case, structure.names, found)
+    table = accuracy_table(setup.case, structure.names, components)
     return replace(setup.with_case(sized), accuracies=table)

@@ -127,8 +127,8 @@ def prepare(job: Job) -> Setup:
     require_enough(case, readings)
     require_room(case, readings, job.methods)
     require_possible(model, case, job.methods)
-    given = job.request.reduced
-    kept = None if given is None else restored_for(given, job.inputs)
+    reduced = job.request.reduced
+    kept = None if reduced is None else restored_for(reduced, job.inputs)
     return Setup(model, case, readings, kept=kept)
 
 
@@ -241,9 +241,9 @@ def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
     readings = fit.gauges.readings
     used = readings.used
     structure = errors_of_used(case, used)
-    found = model_error_of_result(fit, case)
-    if found is not None:
-        structure = found.with_later(structure)
+    model_error = model_error_of_result(fit, case)
+    if model_error is not None:
+        structure = model_error.with_later(structure)
     _, shared = structure.stated
     own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
     return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)

@@ -82,33 +82,33 @@ def _sizes(channel: Channel) -> dict[str, float]:
     return {stage: float(np.linalg.norm(row)) for stage, row in rows}
 
 
-def surface_sentence(found: SurfaceTable) -> str:
+def surface_sentence(surface: SurfaceTable) -> str:
     """How well the surfaces foretell runs left out, and what they do not know at the answer."""
-    k = found.worst
-    unit = found.units[k], found.dimensions[k]
-    size = f"{in_unit(float(found.left_out[k]), *unit):.2g} {shown_unit(*unit)}".rstrip()
-    part = float(found.left_out[k] / found.accuracy[k])
-    worst = f"{size} at {found.channels[k]} in {found.stages[k]}, {part:.2g} accuracies"
-    said = (
-        f"The largest leave-one-out error of the runs in {found.file} is {worst}. "
-        f"At these parameters the error of the response surfaces is {found.part:.2g} of "
+    k = surface.worst
+    unit = surface.units[k], surface.dimensions[k]
+    size = f"{in_unit(float(surface.left_out[k]), *unit):.2g} {shown_unit(*unit)}".rstrip()
+    part = float(surface.left_out[k] / surface.accuracy[k])
+    worst = f"{size} at {surface.channels[k]} in {surface.stages[k]}, {part:.2g} accuracies"
+    sentence = (
+        f"The largest leave-one-out error of the runs in {surface.file} is {worst}. "
+        f"At these parameters the error of the response surfaces is {surface.part:.2g} of "
         "the accuracy in the mean"
     )
-    if found.part < NOTICED:
-        return f"{said}."
-    return f"{said}; intervals and bands are widened by it."
+    if surface.part < NOTICED:
+        return f"{sentence}."
+    return f"{sentence}; intervals and bands are widened by it."
 
 
-def surface_findings(found: SurfaceTable | None) -> tuple[str, ...]:
+def surface_findings(surface: SurfaceTable | None) -> tuple[str, ...]:
     """The sentence, and what to do, where the surfaces know too little."""
-    if found is None or found.part < MATTERS:
+    if surface is None or surface.part < MATTERS:
         return ()
     more = "Runs around these parameters would narrow the intervals."
-    return (f"{surface_sentence(found)} {more}",)
+    return (f"{surface_sentence(surface)} {more}",)
 
 
-def surface_notes(found: SurfaceTable | None) -> tuple[str, ...]:
+def surface_notes(surface: SurfaceTable | None) -> tuple[str, ...]:
     """The sentence where nothing has to be done."""
-    if found is None or found.part >= MATTERS:
+    if surface is None or surface.part >= MATTERS:
         return ()
-    return (surface_sentence(found),)
+    return (surface_sentence(surface),)

@@ -55,22 +55,22 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
         case: with the places where they are written.
     """
     units = {channel.name: (channel.unit, channel.dimension) for channel in case.channels}
-    said = []
+    places = []
     for k in gross[:5].tolist():
         unit = units[readings.channel[k]]
         value = f"{in_unit(float(readings.value[k]), *unit):.4g} {shown_unit(*unit)}".rstrip()
         place = str(case.readings[k].location)
-        said.append(
+        places.append(
             f"{readings.channel[k]} at {readings.stage[k]} ({place}: {value})"
             if place
             else f"{readings.channel[k]} at {readings.stage[k]} ({value})"
         )
-    if not said:
+    if not places:
         return ()
     rest = f" and {len(gross) - 5} more" if len(gross) > 5 else ""
     what = "Grossly wrong readings" if len(gross) > 1 else "A grossly wrong reading"
     return (
-        f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(said)}"
+        f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(places)}"
         f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",
     )
 
@@ -137,11 +137,11 @@ def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
         rows_of.setdefault(name, []).append(row)
     turned, count, most = [], 0, 0.0
     for name, rows in rows_of.items():
-        read, said = measured[rows], (computed / accuracy)[rows]
+        read, model = measured[rows], (computed / accuracy)[rows]
         clear = np.linalg.norm(read) > _CLEAR
         part = np.abs(computed[rows]).max() / max(largest[dimensions[rows][0]], 1e-300)
-        size = float(np.linalg.norm(read) * np.linalg.norm(said))
-        if clear and part > _MOVES and float((read * said).sum()) < _AGAINST * size:
+        size = float(np.linalg.norm(read) * np.linalg.norm(model))
+        if clear and part > _MOVES and float((read * model).sum()) < _AGAINST * size:
             turned.append(name)
             count += int(used[rows].sum())
             most = max(most, part)

@@ -364,8 +364,8 @@ class OnCluster:
 
 def _contents(paths: Iterable[str]) -> dict[str, bytes]:
     """Path to content of journals that are here."""
-    found = {}
+    contents = {}
     for path in paths:
         with suppress(OSError):
-            found[path] = Path(path).read_bytes()
-    return found
+            contents[path] = Path(path).read_bytes()
+    return contents

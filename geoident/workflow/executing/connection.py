@@ -279,11 +279,11 @@ def _answers(address: str, security: Any, seconds: float) -> bool:
         async with rpc(address, connection_args=arguments) as server:
             return dict(await server.identity())
 
-    found = asyncio.run(asyncio.wait_for(identity(), max(seconds, _GREETING)))
-    if found["type"] != "Scheduler":
-        raise ValueError(f"a {found['type'].lower()} is there")
+    identity_of_server = asyncio.run(asyncio.wait_for(identity(), max(seconds, _GREETING)))
+    if identity_of_server["type"] != "Scheduler":
+        raise ValueError(f"a {identity_of_server['type'].lower()} is there")
     try:
-        _reach(next(iter(found["workers"])), _NEAR)
+        _reach(next(iter(identity_of_server["workers"])), _NEAR)
     except (OSError, StopIteration):
         return False  # answers pass the scheduler, then
     return True

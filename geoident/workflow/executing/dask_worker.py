@@ -47,13 +47,13 @@ class WorkerRefused(Exception):
 
 def own_versions() -> dict[str, str]:
     """Versions on which numbers, or what is sent, depend."""
-    found = {"geoident": __version__, "python": platform.python_version()}
+    versions = {"geoident": __version__, "python": platform.python_version()}
     for package in ("numpy", "scipy", "h5py"):
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+            versions[package] = "missing"
+    return versions
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,14 @@ class _Place:
 
     Args:
         folder: with the files.
-        here: where the process works.
+        current: where the process works.
         child: the process.
         task: that it computes.
         sent: bytes of each journal that have come back, or were there before.
     """
 
     folder: Path
-    here: Path
+    current: Path
     child: ChildProcess[Any, Any]
     task: Any = None
     sent: dict[str, int] = field(default_factory=dict)
@@ -103,7 +103,7 @@ class _Place:
         self.task = task
         if isinstance(task, Resumable):
             self.sent = {
-                name: size_of(self.here / name)
+                name: size_of(self.current / name)
                 if name.endswith(LINES)
                 else len(task.kept.get(name, b""))
                 for name in task.journals
@@ -116,7 +116,7 @@ class _Place:
             OSError: it is not there.
         """
         at = self.sent[name]
-        with (self.here / name).open("rb") as file:
+        with (self.current / name).open("rb") as file:
             file.seek(at)
             content = file.read(min(_PART, _MOST - at))
         if name.endswith(LINES):
@@ -152,8 +152,10 @@ class TaskPlugin(WorkerPlugin):
         self._lock, self._over, self._stopping = threading.RLock(), threading.Event(), False
         if order.ignores_interrupt and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        ours, here = order.versions, own_versions()
-        wrong = [f"{n} {here[n]} (here {ours[n]})" for n in ours if here.get(n) != ours[n]]
+        ours, installed = order.versions, own_versions()
+        wrong = [
+            f"{n} {installed[n]} (here {ours[n]})" for n in ours if installed.get(n) != ours[n]
+        ]
         missing = [name for name in order.parcel.programs if shutil.which(name) is None]
         if wrong:
             self.problem = f"has other versions: {', '.join(wrong)}"
@@ -240,16 +242,16 @@ class TaskPlugin(WorkerPlugin):
         order = self._order
         try:
             folder = self._folder / str(next(self._numbers))
-            here = order.parcel.unpack(folder)
+            unpacked = order.parcel.unpack(folder)
         except OSError as error:
             raise WorkerRefused(f"cannot take the files of the case: {error}") from error
         child: ChildProcess[Any, Any] = ChildProcess(
-            pickle.dumps(partial(_set_up_in, str(here), order.set_up)),
+            pickle.dumps(partial(_set_up_in, str(unpacked), order.set_up)),
             time_limit=order.time_limit,
             retries=order.retries,
             environment=share_of_cores(int(self._worker.state.nthreads)),
         )
-        return _Place(folder, here, child)
+        return _Place(folder, unpacked, child)
 
     def _send_journals(self) -> None:
         """Send what tasks add to their journals, in a thread of its own."""
@@ -266,9 +268,9 @@ class TaskPlugin(WorkerPlugin):
                             place.sent[name] = at + len(content)
 
 
-def _set_up_in(here: str, set_up: SetUp[Any, Any]) -> Callable[[Any], Any]:
+def _set_up_in(folder: str, set_up: SetUp[Any, Any]) -> Callable[[Any], Any]:
     """In a process of its own: work in a folder as if it were that of the command."""
-    os.chdir(here)
+    os.chdir(folder)
     return set_up()
 
 

@@ -42,7 +42,7 @@ def path_without_here() -> list[str]:
 
     That is kept only where geoident itself lies in it.
     """
-    here, own = Path.cwd(), Path(__file__).parents[3]
+    current, own = Path.cwd(), Path(__file__).parents[3]
     folders = [Path(folder).resolve() for folder in sys.path]
-    return [given for given, folder in zip(sys.path, folders, strict=True)
-            if folder != here or folder == own]  # fmt: skip
+    return [entry for entry, folder in zip(sys.path, folders, strict=True)
+            if folder != current or folder == own]  # fmt: skip

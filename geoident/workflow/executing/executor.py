@@ -177,6 +177,6 @@ CORES = "GEOIDENT_CORES"
 
 def usable_cores() -> int:
     """Cores that this process may use: those of the machine, or its share of them."""
-    here = processors()
+    cores = processors()
     limit = os.environ.get(CORES, "")
-    return max(1, min(here, int(limit))) if limit.isdecimal() else here
+    return max(1, min(cores, int(limit))) if limit.isdecimal() else cores

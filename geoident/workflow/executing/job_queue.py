@@ -27,15 +27,15 @@ def known_options(queue: str) -> tuple[str, ...]:
     Args:
         queue: a key of `QUEUES`.
     """
-    found: dict[str, None] = {}
+    options: dict[str, None] = {}
     cluster = _class_of(queue)
     for kind in (*cluster.job_cls.__mro__, *cluster.__mro__):
         if kind.__module__.startswith("dask_jobqueue"):
             parameters = inspect.signature(kind.__init__).parameters.values()
             kept = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD,
                                                              p.KEYWORD_ONLY)]  # fmt: skip
-            found |= dict.fromkeys(name for name in kept if name not in _OURS)
-    return tuple(found)
+            options |= dict.fromkeys(name for name in kept if name not in _OURS)
+    return tuple(options)
 
 
 def check_options(cluster: Cluster) -> None:

@@ -18,13 +18,13 @@ class Parcel:
     Args:
         files: path of each, relative to a folder that holds them all, to its content.
         executable: which of them may be executed.
-        here: where paths in tasks are meant from, as seen from the folder of the files.
+        current: where paths in tasks are meant from, as seen from the folder of the files.
         programs: that must be there already, as commands name them.
     """
 
     files: Mapping[str, bytes]
     executable: frozenset[str] = frozenset()
-    here: str = "."
+    current: str = "."
     programs: tuple[str, ...] = ()
 
     def unpack(self, folder: Path) -> Path:
@@ -41,7 +41,7 @@ class Parcel:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
             path.chmod(_PROGRAM if name in self.executable else _READ_ONLY)
-        place = folder / self.here
+        place = folder / self.current
         place.mkdir(parents=True, exist_ok=True)
         return place
 
@@ -63,17 +63,17 @@ def packed(
         OSError: a file cannot be read.
         ValueError: they are on different drives.
     """
-    here = os.path.abspath(os.curdir)  # noqa: PTH100 - links stay links
+    current = os.path.abspath(os.curdir)  # noqa: PTH100 - links stay links
     paths = [os.path.abspath(path) for path in files]  # noqa: PTH100
     others = [os.path.abspath(path) for path in beside]  # noqa: PTH100
-    root = os.path.commonpath([here, *paths, *others])
+    root = os.path.commonpath([current, *paths, *others])
 
     def name(path: str) -> str:
         return Path(os.path.relpath(path, root)).as_posix()
 
     contents = {name(path): Path(path).read_bytes() for path in paths}
     executable = frozenset(name(path) for path in paths if os.access(path, os.X_OK))
-    return Parcel(contents, executable, name(here), programs)
+    return Parcel(contents, executable, name(current), programs)
 
 
 def relative(path: str) -> str:

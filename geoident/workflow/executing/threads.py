@@ -46,9 +46,9 @@ class WaitingThreads(Generic[T, R]):
             Exception: what the function or the check has raised.
         """
         self._check()
-        given = list(tasks)
-        with ThreadPoolExecutor(min(self._jobs, max(len(given), 1))) as pool:
-            self._futures = {pool.submit(self._function, one): n for n, one in enumerate(given)}
+        queued = list(tasks)
+        with ThreadPoolExecutor(min(self._jobs, max(len(queued), 1))) as pool:
+            self._futures = {pool.submit(self._function, one): n for n, one in enumerate(queued)}
             left = set(self._futures)
             try:
                 while left:

@@ -22,5 +22,5 @@ def versions() -> dict[str, str]:
 @cache
 def _versions() -> dict[str, str]:
     """The same; looking for them takes 5 ms, and they stay while a process runs."""
-    found = {"geoident": __version__, "python": platform.python_version()}
-    return found | {name: version(name) for name in LIBRARIES}
+    own = {"geoident": __version__, "python": platform.python_version()}
+    return own | {name: version(name) for name in LIBRARIES}

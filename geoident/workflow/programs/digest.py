@@ -23,30 +23,30 @@ def executable(program: ExternalProgram) -> str | None:
     return shutil.which(name)
 
 
-def model_files(given: ExternalSource) -> tuple[str, ...]:
+def model_files(source: ExternalSource) -> tuple[str, ...]:
     """Paths of all files that decide what runs of a model elsewhere give, its program among them.
 
     Args:
-        given: the model.
+        source: the model.
     """
-    if not isinstance(given, ExternalProgram):
-        return given.inputs
-    words = [word for argument in given.command[1:] for word in words_of(argument)]
+    if not isinstance(source, ExternalProgram):
+        return source.inputs
+    words = [word for argument in source.command[1:] for word in words_of(argument)]
     programs = [shutil.which(word) for word in words if Path(word).name == word]  # mpirun PROGRAM
-    if not is_beside(given):
-        programs.insert(0, executable(given))
+    if not is_beside(source):
+        programs.insert(0, executable(source))
     with_imports = ((path, *imported_files(path)) for path in programs if path is not None)
-    return tuple(dict.fromkeys(chain(given.inputs, *with_imports)))
+    return tuple(dict.fromkeys(chain(source.inputs, *with_imports)))
 
 
-def names_of(given: ExternalSource, folder: Path) -> list[str]:
+def names_of(source: ExternalSource, folder: Path) -> list[str]:
     """What the files of a model are called: another name may make another model of them.
 
     Args:
-        given: the model.
+        source: the model.
         folder: from which they are seen; of what lies outside of it only the last part counts.
     """
-    names = [Path(os.path.relpath(file, folder)) for file in given.inputs]
+    names = [Path(os.path.relpath(file, folder)) for file in source.inputs]
     return [name.name if ".." in name.parts else name.as_posix() for name in names]
 
 
@@ -69,15 +69,15 @@ class ModelFiles:
     def __init__(self, files: Iterable[str]) -> None:
         self._known = {path: (_state(path), _hashed(path)) for path in dict.fromkeys(files)}
 
-    def digest(self, said: Sequence[str], files: Sequence[str]) -> str:
+    def digest(self, texts: Sequence[str], files: Sequence[str]) -> str:
         """SHA-256 of texts and of the contents of some of the files.
 
         Args:
-            said: the texts.
+            texts: the texts.
             files: paths.
         """
         total = hashlib.sha256()
-        for text in said:
+        for text in texts:
             total.update(hashlib.sha256(text.encode("utf-8", "surrogateescape")).digest())
         for path in files:
             total.update(self._known[path][1])
@@ -104,26 +104,26 @@ class ModelFiles:
             self._known[path] = now, content
 
 
-def digest_of(said: Sequence[str], files: Sequence[str]) -> str:
+def digest_of(texts: Sequence[str], files: Sequence[str]) -> str:
     """SHA-256 of texts and of the contents of files.
 
     Args:
-        said: the texts.
+        texts: the texts.
         files: paths.
 
     Raises:
         InputError: a file cannot be read.
     """
-    return ModelFiles(files).digest(said, files)
+    return ModelFiles(files).digest(texts, files)
 
 
 def _state(path: str) -> tuple[int, ...]:
     """What tells, without reading a file, that it may be another; nothing where there is none."""
     try:
-        found = Path(path).stat()
+        status = Path(path).stat()
     except OSError:
         return ()
-    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+    return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def _hashed(path: str) -> bytes:

@@ -54,12 +54,12 @@ class FunctionRuns(LoggedRuns):
             if scalar is not None
         }
         self.seen: Bools = np.array([name not in tied for name in self._names], dtype=bool)
-        self.given: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
+        self.provided: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
         channels = [channel.name for channel in case.channels]
-        said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
-        said.append(repr(names_of(function, Path(function.path).parent)))
+        texts = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
+        texts.append(repr(names_of(function, Path(function.path).parent)))
         files = ModelFiles(function.inputs)
-        digest = files.digest(said, function.inputs)
+        digest = files.digest(texts, function.inputs)
         execution = Execution(executed(function), digest, digest)
         permission = Permission(execution, folder, case.source, "function")
         log = RunLog(folder, digest, again=again)
@@ -114,10 +114,10 @@ class FunctionRuns(LoggedRuns):
     def portable(self) -> tuple[SetUp[RunItem, RemoteRun], tuple[str, ...], tuple[str, ...]]:
         """What makes runs in another process, files that it needs, and no program."""
         function = self._function
-        there = replace(
+        portable = replace(
             function, path=relative(function.path), files=tuple(map(relative, function.files))
         )
-        set_up = partial(set_up_function, self._case, there, relative(str(self._folder)))
+        set_up = partial(set_up_function, self._case, portable, relative(str(self._folder)))
         return set_up, function.inputs, ()
 
     def compute(self, item: RunItem) -> Floats | FailedRun:
@@ -146,7 +146,7 @@ class FunctionRuns(LoggedRuns):
 
     def _table(self, answer: Any) -> Floats | FailedRun:
         """Readings (n_stages, n_channels) of what the function gave."""
-        stages, channels = self.given.shape
+        stages, channels = self.provided.shape
         if isinstance(answer, Mapping):
             answer = self._of_mapping(answer)
             if isinstance(answer, FailedRun):
@@ -192,7 +192,7 @@ class FunctionRuns(LoggedRuns):
 
     def _derivatives(self, answer: Any) -> Floats | FailedRun:
         """(n_stages, n_channels, n) of what the function of derivatives gave."""
-        stages, channels = self.given.shape
+        stages, channels = self.provided.shape
         wanted = (channels, stages, int(self.seen.sum()))
         try:
             table = np.asarray(answer, dtype=np.float64)
@@ -206,11 +206,11 @@ class FunctionRuns(LoggedRuns):
                 f"the derivatives are {shape}; gauges x stages x parameters, {expected}, is "
                 "expected"
             )
-        found = self._finite(table.swapaxes(0, 1))
-        if isinstance(found, FailedRun):
-            return found
+        derivatives = self._finite(table.swapaxes(0, 1))
+        if isinstance(derivatives, FailedRun):
+            return derivatives
         result = np.zeros((stages, channels, len(self._names)))
-        result[..., self.seen] = found
+        result[..., self.seen] = derivatives
         return result
 
     def end_running(self) -> None:

@@ -77,8 +77,8 @@ def _caller() -> Callable[[Call], bytes]:
     guards: dict[str, Guard] = {}
     begun = Path.cwd()
 
-    def call(given: Call) -> bytes:
-        path, name, arguments, readable = given
+    def call(call_sent: Call) -> bytes:
+        path, name, arguments, readable = call_sent
         try:
             if path not in guards:
                 os.chdir(begun)

@@ -33,19 +33,19 @@ def _installed() -> tuple[str, ...]:
     """Where Python finds modules, but for the current folder and that of a script."""
     script = getattr(sys.modules.get("__main__"), "__file__", None) or ""
     own = {Path.cwd(), Path(script).resolve().parent}
-    given = (*sys.path, sys.prefix, sys.base_prefix, *_editable())
-    found = [Path(path).resolve() for path in given if path]
+    paths = (*sys.path, sys.prefix, sys.base_prefix, *_editable())
+    folders = [Path(path).resolve() for path in paths if path]
     package = Path(geoident.__file__).resolve().parent
-    return tuple(map(str, dict.fromkeys([*(one for one in found if one not in own), package])))
+    return tuple(map(str, dict.fromkeys([*(one for one in folders if one not in own), package])))
 
 
 def _editable() -> Iterator[str]:
     """Folders that are installed where they lie (PEP 610): not all of them are on the path."""
     for installed in distributions(path=path_without_here()):
         with suppress(OSError, ValueError, KeyError, TypeError):
-            said = json.loads(installed.read_text("direct_url.json") or "")
-            if said["dir_info"]["editable"] and said["url"].startswith("file:"):
-                yield url2pathname(urlsplit(said["url"]).path)
+            origin = json.loads(installed.read_text("direct_url.json") or "")
+            if origin["dir_info"]["editable"] and origin["url"].startswith("file:"):
+                yield url2pathname(urlsplit(origin["url"]).path)
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Guard:
         self.refused = ""
         """What was refused first: whatever the function makes of that, it has no answer."""
 
-    def __call__(self, event: str, given: tuple[Any, ...]) -> None:
+    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
         """Refuse what the case does not name.
 
         Raises:
@@ -91,38 +91,38 @@ class Guard:
             FileNotFoundError: it was compiled beside a case, where nobody sees what it does.
         """
         if event == "open":
-            made = given[2] & (os.O_CREAT | os.O_TRUNC)
-            if not given[2] & os.O_WRONLY and not (given[2] & os.O_RDWR and made):
-                self._require(given[0])
-        elif event == "import" and given[1] is not None:  # a compiled extension
-            self._require(given[1], code=True)
+            made = arguments[2] & (os.O_CREAT | os.O_TRUNC)
+            if not arguments[2] & os.O_WRONLY and not (arguments[2] & os.O_RDWR and made):
+                self._require(arguments[0])
+        elif event == "import" and arguments[1] is not None:  # a compiled extension
+            self._require(arguments[1], code=True)
         elif event == "import":
-            for place in given[2] or ():
+            for place in arguments[2] or ():
                 self._require(place, code=True)  # an archive of modules, if it is a file
         elif event == "ctypes.dlopen":
-            self._require(given[0])
+            self._require(arguments[0])
         elif event in _STARTS:
-            folder = given[2] if event == "subprocess.Popen" else None
-            self._require_started(event, given, os.curdir if folder is None else folder)
+            folder = arguments[2] if event == "subprocess.Popen" else None
+            self._require_started(event, arguments, os.curdir if folder is None else folder)
 
-    def _require_started(self, event: str, given: tuple[Any, ...], folder: Any) -> None:
+    def _require_started(self, event: str, arguments: tuple[Any, ...], folder: Any) -> None:
         """Refuse programs, and those among their arguments, also in lines for a shell."""
         folder = os.fsdecode(folder)
         if event != "os.system":
-            self._require(given[0], folder)
-        arguments = given[0] if event == "os.system" else given[1]
-        for one in [arguments] if isinstance(arguments, str | bytes) else arguments or ():
+            self._require(arguments[0], folder)
+        line = arguments[0] if event == "os.system" else arguments[1]
+        for one in [line] if isinstance(line, str | bytes) else line or ():
             if isinstance(one, str | bytes | os.PathLike):
                 for word in words_of(os.fsdecode(one)):
                     if is_program(Path(folder) / word):
                         self._require(word, folder)
 
-    def _require(self, given: Any, folder: str = os.curdir, *, code: bool = False) -> None:
+    def _require(self, file: Any, folder: str = os.curdir, *, code: bool = False) -> None:
         """Refuse a file of the case that the case does not name, and code from elsewhere."""
-        if not isinstance(given, str | bytes | os.PathLike):
+        if not isinstance(file, str | bytes | os.PathLike):
             return  # a file that is open
-        said = Path.cwd() / folder / os.fsdecode(given)
-        path, real = said.parent.resolve() / said.name, said.resolve()
+        absolute = Path.cwd() / folder / os.fsdecode(file)
+        path, real = absolute.parent.resolve() / absolute.name, absolute.resolve()
         if real in self._named or not real.is_file():
             return
         of_case = [one for one in (self._here, self._runs.parent) if path.is_relative_to(one)]

@@ -191,7 +191,7 @@ class LoggedRuns(ABC):
                         if next(answers, None) is None:
                             check()
                             raise Interrupted("Interrupted.", exit_code=ExitCode.TERMINATED)
-                    result = made.found
+                    result = made.result
                 self._asked.add(key)
                 if isinstance(result, FailedRun):
                     self._failed[key] = result
@@ -233,9 +233,9 @@ class LoggedRuns(ABC):
             return None
         began = time.monotonic()
         self._files.require_unchanged()
-        found = self.compute(item)
+        result = self.compute(item)
         self._files.require_unchanged()
-        return None if self._ended else CompletedRun(found, time.monotonic() - began)
+        return None if self._ended else CompletedRun(result, time.monotonic() - began)
 
     def end(self) -> None:
         """End the runs that are being made, and begin no more."""
@@ -254,11 +254,11 @@ class LoggedRuns(ABC):
         """
         if remote.run is None:
             return
-        found = remote.run.found
-        if isinstance(found, FailedRun) and found.folder:
-            found = replace(found, folder=str(self._folder / Path(found.folder).name))
+        result = remote.run.result
+        if isinstance(result, FailedRun) and result.folder:
+            result = replace(result, folder=str(self._folder / Path(result.folder).name))
         keep_runs(remote.left, self._folder)
-        self._log.add(remote.item.key, replace(remote.run, found=found), remote.item.values)
+        self._log.add(remote.item.key, replace(remote.run, result=result), remote.item.values)
 
 
 def run_maker(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]:

@@ -69,15 +69,15 @@ _SHOWN = 12
 _STDOUT, _STDERR = "stdout.txt", "stderr.txt"
 
 
-def program_of(given: ExternalProgram | PythonFunction) -> tuple[str, ...]:
+def program_of(source: ExternalProgram | PythonFunction) -> tuple[str, ...]:
     """What must be installed where a model runs: its program, if that does not lie beside the case.
 
     Args:
-        given: the model.
+        source: the model.
     """
-    if isinstance(given, PythonFunction) or is_beside(given) or executable(given) is None:
+    if isinstance(source, PythonFunction) or is_beside(source) or executable(source) is None:
         return ()
-    return (given.command[0],)
+    return (source.command[0],)
 
 
 def _named(output: Output) -> Output:
@@ -88,23 +88,23 @@ def _named(output: Output) -> Output:
     return replace(output, how=replace(how, path=Path(how.path).name))
 
 
-def executed(given: ExternalSource) -> str:
+def executed(source: ExternalSource) -> str:
     """What a model elsewhere runs, in words; of a table, what it has.
 
     Args:
-        given: the model.
+        source: the model.
     """
-    if isinstance(given, ConvergenceLaw):
-        also = "" if given.creep is None else " and time"
+    if isinstance(source, ConvergenceLaw):
+        also = "" if source.creep is None else " and time"
         return f"convergence law in distance to the face{also} (Sulem, Panet and Guenot 1987)"
-    if isinstance(given, RunTable):
-        return f"the {len(given)} runs of {given.called}"
-    if isinstance(given, PythonFunction):
-        also = f" and '{given.jacobian}'" if given.jacobian else ""
-        with_files = _with([file for file in given.files if file != given.path])
-        return f"the function '{given.name}'{also} of {Path(given.path).name}{with_files}"
-    first = executable(given) or given.command[0]
-    return f"`{shlex.join((first, *given.command[1:]))}`{_with([*given.files, *given.code])}"
+    if isinstance(source, RunTable):
+        return f"the {len(source)} runs of {source.called}"
+    if isinstance(source, PythonFunction):
+        also = f" and '{source.jacobian}'" if source.jacobian else ""
+        with_files = _with([file for file in source.files if file != source.path])
+        return f"the function '{source.name}'{also} of {Path(source.path).name}{with_files}"
+    first = executable(source) or source.command[0]
+    return f"`{shlex.join((first, *source.command[1:]))}`{_with([*source.files, *source.code])}"
 
 
 def _with(files: Sequence[str]) -> str:
@@ -139,20 +139,20 @@ class ProgramRuns(LoggedRuns):
         self._command = (path, *program.command[1:])
         self._names = tuple(parameter.name for parameter in case.parameters)
         self.seen: Bools = np.array(seen_parameters(program, self._names), dtype=bool)
-        self.given: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
+        self.provided: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
         for output in program.outputs:
-            self.given[output.stage, output.channel] = True
+            self.provided[output.stage, output.channel] = True
         files = ModelFiles(model_files(program))
-        said = [repr([_named(output) for output in program.outputs]), repr(case.stage_names)]
-        said += [
+        texts = [repr([_named(output) for output in program.outputs]), repr(case.stage_names)]
+        texts += [
             repr([c.name for c in case.channels]),
             repr([(t.target, t.pieces) for t in program.templates]),
         ]
-        said.append(repr(names_of(program, Path(program.folder))))
+        texts.append(repr(names_of(program, Path(program.folder))))
         # one beside the case is known by its content, wherever the case lies
         first = program.command[0] if is_beside(program) else path
-        digest = files.digest([repr((first, *program.command[1:])), *said], model_files(program))
-        portable = files.digest([repr(program.command), *said], program.inputs)
+        digest = files.digest([repr((first, *program.command[1:])), *texts], model_files(program))
+        portable = files.digest([repr(program.command), *texts], program.inputs)
         execution = Execution(executed(program), digest, portable)
         permission = Permission(execution, folder, case.source, "command")
         log = RunLog(folder, digest, again=again)
@@ -172,16 +172,16 @@ class ProgramRuns(LoggedRuns):
     @property
     def notes(self) -> tuple[str, ...]:
         """Runs that failed, and parameters that are written with few digits."""
-        found = []
+        notes = []
         start = np.array([parameter.start for parameter in self._case.parameters])
         digits = self._digits(start, in_jinja=self._permission.is_given)
         for name, value, quantum in zip(self._names, start, digits, strict=True):
             if abs(quantum) > _COARSE * abs(value) > 0.0:
-                found.append(
+                notes.append(
                     f"the template writes {name} with few digits (its last one is "
                     f"{quantum / abs(value):.0e} of the start): it is known no better than that"
                 )
-        return (*found, *super().notes)
+        return (*notes, *super().notes)
 
     def written(self, p: Floats) -> Floats:
         """The parameters (n,) with the digits that are written, of several fields the most."""
@@ -256,9 +256,9 @@ class ProgramRuns(LoggedRuns):
     def portable(self) -> tuple[SetUp[RunItem, RemoteRun], tuple[str, ...], tuple[str, ...]]:
         """What makes runs in another process, files that it needs, and programs."""
         program, programs = self._program, program_of(self._program)
-        there = as_seen_from_here(program)
-        moved = dict(zip(program.code, there.code, strict=True))
-        set_up = partial(set_up_program, self._case, there, relative(str(self._folder)), moved)
+        portable = as_seen_from_here(program)
+        moved = dict(zip(program.code, portable.code, strict=True))
+        set_up = partial(set_up_program, self._case, portable, relative(str(self._folder)), moved)
         named = tuple(file for file in program.inputs if file not in programs)
         return set_up, named, programs
 
@@ -270,13 +270,13 @@ class ProgramRuns(LoggedRuns):
         """
         folder = new_folder(self._folder)
         try:
-            found = self._made(folder, item.argument)
+            result = self._made(folder, item.argument)
         except OSError as error:
             message = f"{folder}: the run cannot be written: {error.strerror or error}"
             raise OutputError(message) from error
-        if self._ended or not (isinstance(found, FailedRun) or self._program.keep_all):
+        if self._ended or not (isinstance(result, FailedRun) or self._program.keep_all):
             shutil.rmtree(folder, ignore_errors=True)
-        return found
+        return result
 
     def _made(self, folder: Path, texts: list[list[str]]) -> Floats | FailedRun:
         program = self._program
@@ -290,7 +290,7 @@ class ProgramRuns(LoggedRuns):
         failed = self._computed(folder)
         if failed is not None:
             return FailedRun(failed, str(folder))
-        case, result = self._case, np.full(self.given.shape, np.nan)
+        case, result = self._case, np.full(self.provided.shape, np.nan)
         files = RunFiles(folder.resolve(), self._called)
         try:
             for output in program.outputs:
@@ -334,19 +334,19 @@ class ProgramRuns(LoggedRuns):
                 self._running.discard(process)
         if code == 0:
             return None
-        said = _last_line(folder / _STDERR) or _last_line(folder / _STDOUT)
+        last = _last_line(folder / _STDERR) or _last_line(folder / _STDOUT)
         ending = f"signal {-code}" if code < 0 else f"exit code {code}"
-        return f"{ending}: {said}" if said else ending
+        return f"{ending}: {last}" if last else ending
 
     def _called(self, path: str, name: str, folder: str, gauge: str, stage: str) -> Any:
         """What a function that finds a number says, in a process of its own."""
         free = self._functions
         process = FunctionProcess(self._program.machine.time_limit) if free.empty() else free.get()
-        found = process.call(path, name, (folder, gauge, stage), self._readable)
+        value = process.call(path, name, (folder, gauge, stage), self._readable)
         free.put(process)
-        if isinstance(found, FailedRun):
-            raise NotFound(found.reason)
-        return found
+        if isinstance(value, FailedRun):
+            raise NotFound(value.reason)
+        return value
 
     def end_running(self) -> None:
         """End the programs that run."""
@@ -372,9 +372,9 @@ def set_up_program(
         moved: what is run, by its path where the command runs, to its path here.
     """
     first, *arguments = program.command
-    for path, here in moved.items():
+    for path, moved_to in moved.items():
         if Path(path).is_absolute():
-            arguments = [one.replace(path, str(Path(here).resolve())) for one in arguments]
+            arguments = [one.replace(path, str(Path(moved_to).resolve())) for one in arguments]
     program = replace(program, command=(first, *arguments))
     return run_maker(ProgramRuns(case, program, Path(folder)), Path(folder))
 
@@ -386,7 +386,7 @@ def as_seen_from_here(program: ExternalProgram) -> ExternalProgram:
         program: with names as the case has them.
     """
 
-    def found(output: Output) -> Output:
+    def portable(output: Output) -> Output:
         how = output.how
         if isinstance(how, FunctionValue | InstructedValue):
             return replace(output, how=replace(how, path=relative(how.path)))
@@ -398,7 +398,7 @@ def as_seen_from_here(program: ExternalProgram) -> ExternalProgram:
         files=tuple(map(relative, program.files)),
         code=tuple(map(relative, program.code)),
         templates=tuple(replace(one, source=relative(one.source)) for one in program.templates),
-        outputs=tuple(map(found, program.outputs)),
+        outputs=tuple(map(portable, program.outputs)),
     )
 
 
@@ -434,6 +434,6 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 def _last_line(file: Path) -> str:
     with suppress(OSError):
         lines = file.read_bytes()[-4000:].decode("utf-8", "replace").split("\n")
-        said = [line.strip() for line in lines if line.strip()]
-        return said[-1][:200] if said else ""
+        printed = [line.strip() for line in lines if line.strip()]
+        return printed[-1][:200] if printed else ""
     return ""

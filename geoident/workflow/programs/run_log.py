@@ -33,11 +33,11 @@ class CompletedRun:
     """A run that was made.
 
     Args:
-        found: what it gave (...), SI, or why it failed.
+        result: what it gave (...), SI, or why it failed.
         seconds: it took.
     """
 
-    found: Floats | FailedRun
+    result: Floats | FailedRun
     seconds: float
 
 
@@ -75,12 +75,12 @@ class RunLog:
         Raises:
             OutputError: it cannot be written.
         """
-        found = made.found
+        result = made.result
         entry: dict[str, Any] = {"model": self._model, "key": key, "parameters": dict(values)}
-        if isinstance(found, FailedRun):
-            entry |= {"failed": found.reason, "folder": found.folder}
+        if isinstance(result, FailedRun):
+            entry |= {"failed": result.reason, "folder": result.folder}
         else:
-            entry |= {"readings": _plain(found)}
+            entry |= {"readings": _plain(result)}
         line = json.dumps({**entry, "seconds": round(made.seconds, 4)}) + "\n"
         with self._lock:
             self._known[key] = made
@@ -100,12 +100,12 @@ class RunLog:
             entry = json.loads(line)
             if entry["model"] != self._model or (again and "failed" in entry):
                 return
-            found: Floats | FailedRun
+            result: Floats | FailedRun
             if "failed" in entry:
-                found = FailedRun(str(entry["failed"]), str(entry["folder"]))
+                result = FailedRun(str(entry["failed"]), str(entry["folder"]))
             else:
-                found = np.array(entry["readings"], dtype=np.float64)
-            self._known[str(entry["key"])] = CompletedRun(found, float(entry["seconds"]))
+                result = np.array(entry["readings"], dtype=np.float64)
+            self._known[str(entry["key"])] = CompletedRun(result, float(entry["seconds"]))
         except (ValueError, KeyError, TypeError):
             return
 

@@ -196,7 +196,7 @@ def _folders(folder: Path) -> set[str]:
 
 def _content(folder: Path) -> dict[str, bytes]:
     """The files of a run, the small ones first, as many as come back."""
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     left, size = [], 0
     files = [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
     for path in sorted(files, key=lambda path: path.stat().st_size):
@@ -205,7 +205,7 @@ def _content(folder: Path) -> dict[str, bytes]:
         if size > _MOST:
             left.append(name)
         else:
-            found[name] = path.read_bytes()
+            contents[name] = path.read_bytes()
     if left:
-        found[_LEFT_OUT] = "".join(f"{name}\n" for name in left).encode()
-    return found
+        contents[_LEFT_OUT] = "".join(f"{name}\n" for name in left).encode()
+    return contents

@@ -42,7 +42,7 @@ class Execution:
     details: str = ""
 
     @property
-    def said(self) -> str:
+    def clause(self) -> str:
         """What the file does, in words that end in no full stop."""
         return _visible(f"{self.does} {self.words}")
 
@@ -159,7 +159,7 @@ def require(
     if is_remembered(execution, folder):
         return
     if not _decide.get()(execution):
-        message = f"{execution.said}, and it is not trusted yet"
+        message = f"{execution.clause}, and it is not trusted yet"
         hint = f"Look at what it runs. {term} runs it, and is remembered until it changes."
         raise refused("not-trusted", message, hint + execution.shown("        "))
     if _remembers.get():
@@ -200,8 +200,8 @@ def remember(execution: Execution, folder: Path) -> None:
 
 
 def _mark(key: bytes, execution: Execution, folder: Path) -> str:
-    said = f"{execution.digest} {folder.resolve()}"
-    return hmac.new(key, said.encode("utf-8", "surrogateescape"), "sha256").hexdigest()
+    text = f"{execution.digest} {folder.resolve()}"
+    return hmac.new(key, text.encode("utf-8", "surrogateescape"), "sha256").hexdigest()
 
 
 def _key(*, create: bool) -> bytes | None:
@@ -211,8 +211,8 @@ def _key(*, create: bool) -> bytes | None:
         place = (Path(home) if home else Path.home() / ".local" / "state") / "geoident"
         file = place / "trust.key"
         with suppress(FileNotFoundError):
-            found = file.read_bytes()
-            return found if len(found) == _KEY_BYTES else None
+            key = file.read_bytes()
+            return key if len(key) == _KEY_BYTES else None
         if not create:
             return None
         place.mkdir(parents=True, exist_ok=True)

@@ -21,11 +21,11 @@ _MOST = 1_000_000
 """Bytes of a certificate or of a key."""
 
 
-def cluster_given(given: str) -> Cluster:
+def cluster_given(option: str) -> Cluster:
     """The cluster that somebody names.
 
     Args:
-        given: an address, ``local``, or the path of a cluster file.
+        option: an address, ``local``, or the path of a cluster file.
 
     Raises:
         InputError: there is no such thing, its file is wrong, or nobody has said that what this
@@ -33,7 +33,7 @@ def cluster_given(given: str) -> Cluster:
         MissingExtra: dask is not installed.
     """
     require_dask()
-    return trusted(read_cluster(given))
+    return trusted(read_cluster(option))
 
 
 def trusted(cluster: Cluster) -> Cluster:
@@ -50,11 +50,11 @@ def trusted(cluster: Cluster) -> Cluster:
     """
     if not cluster.file or cluster.local:
         return cluster
-    said: list[object] = [cluster.address, cluster.queue, dict(cluster.options), cluster.jobs]
+    stated: list[object] = [cluster.address, cluster.queue, dict(cluster.options), cluster.jobs]
     if cluster.keys is not None:
         keys = (cluster.keys.ca_file, cluster.keys.cert, cluster.keys.key)
-        said.append([read_bytes(key, limit=_MOST, what="key").hex() for key in keys])
-    digest = hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
+        stated.append([read_bytes(key, limit=_MOST, what="key").hex() for key in keys])
+    digest = hashlib.sha256(json.dumps(stated, sort_keys=True, default=str).encode()).hexdigest()
     if cluster.address:
         words = f"the scheduler at {cluster.address}, which can have any program run here as you"
         execution = Execution(words, digest, does="the file has geoident connect to")
@@ -83,11 +83,13 @@ def require_dask() -> None:
             raise MissingExtra(f"a cluster needs {package}\n    {hint}", name=package)
 
 
-def workplace(given: str | None, jobs: int | None, tell: Callable[[str], None]) -> Workplace | None:
+def workplace(
+    option: str | None, jobs: int | None, tell: Callable[[str], None]
+) -> Workplace | None:
     """Where a command has computed what it can compute at a time; None for processes here.
 
     Args:
-        given: an address, ``local``, or the path of a cluster file; None for none.
+        option: an address, ``local``, or the path of a cluster file; None for none.
         jobs: number of workers, where they are started here; None for the cores there are.
         tell: is told what people should know.
 
@@ -95,9 +97,9 @@ def workplace(given: str | None, jobs: int | None, tell: Callable[[str], None]) 
         InputError: there is no such thing, its file is wrong, or it may not be used.
         MissingExtra: dask is not installed.
     """
-    if given is None:
+    if option is None:
         return None
-    cluster = cluster_given(given)
+    cluster = cluster_given(option)
     from geoident.workflow.executing.cluster import OnCluster
 
     return OnCluster(cluster, jobs, tell)

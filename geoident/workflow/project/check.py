@@ -31,4 +31,4 @@ def check_project(path: str, *, solver: str = "auto") -> tuple[Project, tuple[Ca
     )
     if faults:
         raise InputError(in_order(faults))
-    return project, tuple(found.summary for _, found in checked)
+    return project, tuple(report.summary for _, report in checked)

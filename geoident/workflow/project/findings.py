@@ -82,12 +82,12 @@ def _one_in(probability: float) -> str:
 
 def _off(result: ProjectResult, name: str) -> str:
     """By how much the own fit of a section is off its laws."""
-    said = []
+    parts = []
     for row in result.of(name):
         if row.law == row.law and row.alone == row.alone and row.law != 0.0:
-            said.append(f"its own fit gives {row.alone / row.law:.2g} times the {row.parameter} "
+            parts.append(f"its own fit gives {row.alone / row.law:.2g} times the {row.parameter} "
                         "of the law")  # fmt: skip
-    return f" Of {name}, {' and '.join(said)}." if said else ""
+    return f" Of {name}, {' and '.join(parts)}." if parts else ""
 
 
 def _of_bands(rows: Sequence[SectionReading], which: str) -> Iterator[str]:

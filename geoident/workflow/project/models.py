@@ -117,12 +117,14 @@ def _on(
     Own fits of sections leave their checkpoints there, in folders that go with the workers.
     """
     files = tuple(dict.fromkeys(path for one in inputs for path in one.files))
-    there = replace(
+    portable = replace(
         sources,
         sections=tuple(replace(one, case=relative(one.case)) for one in sources.sections),
         checkpoint=Path(sources.checkpoint.name),
     )
-    return cluster.begin(partial(set_up_sections, there), packed(files), check=control.stop.check)
+    return cluster.begin(
+        partial(set_up_sections, portable), packed(files), check=control.stop.check
+    )
 
 
 class SectionAnswers:
@@ -158,7 +160,7 @@ class SectionAnswers:
             InputError, ModelError: the first section that cannot be set up or fitted says why.
         """
         numbers = range(len(self._names))
-        found: dict[int, PreparedSection] = {}
+        prepared: dict[int, PreparedSection] = {}
 
         def take(number: int, answer: SectionAnswer) -> None:
             if isinstance(answer.error, InputError):
@@ -167,12 +169,12 @@ class SectionAnswers:
             if answer.error is not None:
                 raise answer.error
             assert answer.prepared is not None
-            found[number] = answer.prepared
-            words = f"{len(found)} of {len(self._names)} sections fitted one by one"
-            self._control.monitor.part(words, len(found) / len(self._names))
+            prepared[number] = answer.prepared
+            words = f"{len(prepared)} of {len(self._names)} sections fitted one by one"
+            self._control.monitor.part(words, len(prepared) / len(self._names))
 
         self._run([SectionTask(n, PREPARE) for n in numbers], take)
-        return tuple(found[n] for n in numbers)
+        return tuple(prepared[n] for n in numbers)
 
     def evaluate(self, points: Mapping[int, Floats]) -> Mapping[int, tuple[Floats, Floats]]:
         """Readings (g,) of some sections and their exact Jacobians (g, n).
@@ -180,12 +182,12 @@ class SectionAnswers:
         Raises:
             ModelError: one of them has no solution.
         """
-        found = self._answers(list(points.items()), EVALUATE)
-        missing = [n for n, one in zip(points, found, strict=True) if one is None]
+        answers = self._answers(list(points.items()), EVALUATE)
+        missing = [n for n, one in zip(points, answers, strict=True) if one is None]
         if missing:
             named = ", ".join(self._names[n] for n in missing)
             raise ModelError(f"The model has no solution for {named}.")
-        return {n: one for n, one in zip(points, found, strict=True) if one is not None}
+        return {n: one for n, one in zip(points, answers, strict=True) if one is not None}
 
     def sharpen(self, points: Mapping[int, Floats]) -> bool:
         """Make Jacobians that are differences better at points (n,); whether any were not exact."""
@@ -284,8 +286,8 @@ class ChosenSections:
 
     def evaluate(self, points: Mapping[int, Floats]) -> Mapping[int, tuple[Floats, Floats]]:
         """Readings (g,) of some sections and their exact Jacobians (g, n)."""
-        found = self._models.evaluate({self._numbers[k]: p for k, p in points.items()})
-        return {k: found[self._numbers[k]] for k in points}
+        answers = self._models.evaluate({self._numbers[k]: p for k, p in points.items()})
+        return {k: answers[self._numbers[k]] for k in points}
 
     def sharpen(self, points: Mapping[int, Floats]) -> bool:
         """Make Jacobians that are differences better at points (n,); whether any were not exact."""

@@ -79,15 +79,15 @@ def plan_project(request: ProjectRequest) -> ProjectJob:
         command=COMMAND,
         place=place,
         identity=identity,
-        found=existing(place, identity, kind=COMMAND, case=request.case),
+        existing=existing(place, identity, kind=COMMAND, case=request.case),
         project=project,
         text=decode(read_bytes(request.case, limit=MAX_BYTES, what="project"), request.case),
         inputs=inputs,
     )
-    said = [LEAVE_ONE_OUT] if request.leave_one_out else []
-    job = replace(job, stamp=stamp(place.path.parent, job.files, COMMAND, said, request.seed))
+    options = [LEAVE_ONE_OUT] if request.leave_one_out else []
+    job = replace(job, stamp=stamp(place.path.parent, job.files, COMMAND, options, request.seed))
     if not job.up_to_date:
-        require_free(job.found, place, force=request.force, inputs=job.files)
+        require_free(job.existing, place, force=request.force, inputs=job.files)
     return job
 
 
@@ -112,7 +112,7 @@ def read_sections(path: str) -> tuple[Project, tuple[Inputs, ...]]:
 
 
 def _identity(project: Project, inputs: Sequence[Inputs], request: ProjectRequest) -> str:
-    said = {
+    contents = {
         "format": PROJECT_FORMAT,
         "leave_one_out": request.leave_one_out,
         "shared": project.shared,
@@ -127,7 +127,7 @@ def _identity(project: Project, inputs: Sequence[Inputs], request: ProjectReques
             for section, one in zip(project.sections, inputs, strict=True)
         ],
     }
-    return sha256(json.dumps(said, sort_keys=True).encode())
+    return sha256(json.dumps(contents, sort_keys=True).encode())
 
 
 # Whether the sections have in common what the project says
@@ -186,13 +186,13 @@ def _differs(
     if own.name not in first:
         return
     other, known = first[own.name]
-    for key, mine, theirs in (
+    for key, ours, theirs in (
         ("bounds", (own.lower, own.upper), (known.lower, known.upper)),
         ("scale", own.scale, known.scale),
         ("start", own.dimension, known.dimension),
         ("prior", own.prior, known.prior),
     ):
-        if mine != theirs:
+        if ours != theirs:
             what = {"start": "unit", "prior": "prior"}.get(key, key)
             message = f"the {what} of '{own.name}' differs from that of the section '{other.name}'"
             path = ("parameters", own.name, key)

@@ -32,7 +32,7 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
     """
     request, place = job.request, job.place
     before = PROJECTS.at_hand(
-        place, job.identity, job.found, force=request.force, fresh=request.fresh
+        place, job.identity, job.existing, force=request.force, fresh=request.fresh
     )
     if before is not None:
         return before
@@ -60,7 +60,9 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
                 left_out = fits.each_left_out(whole)
             control.stop.check()
             result = project_result(job, models, whole, left_out)
-            return PROJECTS.write(result, place, job.found, inputs=job.files, force=request.force)
+            return PROJECTS.write(
+                result, place, job.existing, inputs=job.files, force=request.force
+            )
     finally:
         if not place.checkpoint.exists():  # those of the sections go with it
             for number in range(len(sources.sections)):

@@ -315,13 +315,13 @@ class _OneSection:
         require_possible(setup.model, case, case.fit.methods)
         with log:
             state = estimated(setup, case.fit.methods, log, control)
-            found = assess_fit(*state, fields=False)
-        table = parameter_table(case.parameters, found.outcome.values, found.assessment)
+            estimate = assess_fit(*state, fields=False)
+        table = parameter_table(case.parameters, estimate.outcome.values, estimate.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan
         problem = state.problem
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
-            self._shown_rows(), found.outcome.values, alone, found.outcome.status,
+            self._shown_rows(), estimate.outcome.values, alone, estimate.outcome.status,
             (*case.notes, *setup.model.notes),
         )  # fmt: skip

@@ -151,7 +151,7 @@ class KeptAnswers:
             Interrupted: a stop was asked for.
             Stopped: the time is up.
         """
-        return [found.used for found in self.at(points)]
+        return [answer.used for answer in self.at(points)]
 
     def at(self, points: Floats) -> list[Answer]:
         """All answers at p (k, n), SI; those that are not known are computed.
@@ -169,12 +169,12 @@ class KeptAnswers:
         return [self._known[p.tobytes()] for p in points]
 
     def _compute(self, points: Floats) -> None:
-        found = self.compute(points)
+        answers = self.compute(points)
         for p in points:
             self.control.stop.check()
             if self.control.over() is not None:
                 raise Stopped(OUT_OF_TIME)
-            answer = next(found)
+            answer = next(answers)
             self._known[p.tobytes()] = answer
             self._unkept.append((p, answer))
 

@@ -174,13 +174,15 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
             parts = replace(parts, already_estimated=c.errors.estimated)
         channels.append(replace(c, accuracy=known.get(c.name, c.accuracy), errors=parts))
     readings = readings_of(gauges.readings)
-    found, sd = result.accuracies, gauges.readings.own_sd
-    if found is not None and sd is not None and len(found.of_reading) == len(readings):
+    accuracies, sd = result.accuracies, gauges.readings.own_sd
+    if accuracies is not None and sd is not None and len(accuracies.of_reading) == len(readings):
         # those with an estimated accuracy have none of their own
         own = {c.name: c.own_accuracy for c in channels}
         readings = tuple(
             r if k < 0 else replace(r, accuracy=None, count=round((own[r.channel] / size) ** 2))
-            for r, k, size in zip(readings, found.of_reading.tolist(), sd.tolist(), strict=True)
+            for r, k, size in zip(
+                readings, accuracies.of_reading.tolist(), sd.tolist(), strict=True
+            )
         )
     return replace(
         case,
@@ -196,8 +198,8 @@ def _hashed(path: str, loaded: LoadedCase) -> Inputs:
     model, program = "" if mesh is None else _hash_file(mesh, "mesh"), ""
     if isinstance(elsewhere, RunTable) and elsewhere.campaign:
         # by its numbers: the file is written anew whenever its campaign is looked at
-        said = [elsewhere.values.tobytes(), elsewhere.readings.tobytes()]
-        model = sha256(b"".join(said))
+        arrays = [elsewhere.values.tobytes(), elsewhere.readings.tobytes()]
+        model = sha256(b"".join(arrays))
     elif elsewhere is not None:
         model = digest_of((), elsewhere.inputs)
         run = [file for file in model_files(elsewhere) if file not in elsewhere.inputs]
@@ -257,14 +259,14 @@ def _read_mesh(case: Case, path: str) -> Mesh:
 
 def sums(paths: Sequence[str]) -> tuple[str, ...]:
     """Checksums of files; empty where there is none to read."""
-    found = []
+    checksums = []
     for path in paths:
         try:
             with Path(path).open("rb") as file:
-                found.append(hashlib.file_digest(file, "sha256").hexdigest())
+                checksums.append(hashlib.file_digest(file, "sha256").hexdigest())
         except OSError:
-            found.append("")
-    return tuple(found)
+            checksums.append("")
+    return tuple(checksums)
 
 
 def _mesh_at(case: Case, path: str) -> Mesh:
@@ -388,7 +390,7 @@ class Planned:
         command: its name.
         place: of the result.
         identity: hash of everything that the result depends on.
-        found: what stands at the place of the result.
+        existing: what stands at the place of the result.
         stamp: of the files as they were read, see `outputs.stamp`.
         started: when it was planned, by the clock that counts seconds.
     """
@@ -397,14 +399,14 @@ class Planned:
     command: str
     place: Target
     identity: str
-    found: Existing
+    existing: Existing
     stamp: str = ""
     started: float = field(default_factory=time.monotonic)
 
     @property
     def up_to_date(self) -> bool:
         """The result stands there already and is to be kept."""
-        return self.found is Existing.UP_TO_DATE and not self.request.fresh
+        return self.existing is Existing.UP_TO_DATE and not self.request.fresh
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -460,7 +462,7 @@ def _plan(request: Request, command: str, *further: str) -> Job:
         command=command,
         place=place,
         identity=identity,
-        found=existing(place, identity, kind=command, case=request.case),
+        existing=existing(place, identity, kind=command, case=request.case),
         stamp=stamp(place.path.parent, inputs.files, command, request.overrides, request.seed)
         if in_file
         else "",
@@ -468,7 +470,7 @@ def _plan(request: Request, command: str, *further: str) -> Job:
         inputs=inputs,
     )
     if not job.up_to_date:
-        require_free(job.found, place, force=request.force, inputs=inputs.files)
+        require_free(job.existing, place, force=request.force, inputs=inputs.files)
     return job
 
 
@@ -506,26 +508,26 @@ def provenance(
     )
 
 
-def of_fit(found: Provenance, fit: Result, path: str, output: Path) -> Provenance:
+def of_fit(origin: Provenance, fit: Result, path: str, output: Path) -> Provenance:
     """A provenance with the fit that a result was made from.
 
     Args:
-        found: the provenance.
+        origin: the provenance.
         fit: the fit.
         path: of its file.
         output: path of the result.
     """
     seen = seen_from(output.parent, path)
-    return replace(found, fit_file=seen, fit_fingerprint=fit.fingerprint)
+    return replace(origin, fit_file=seen, fit_fingerprint=fit.fingerprint)
 
 
 def job_provenance(job: Job) -> Provenance:
     """The provenance of the result of a job."""
-    found = provenance(
+    origin = provenance(
         job.inputs,
         command=job.command,
         identity=job.identity,
         seed=job.request.seed,
         output=job.place.path,
     )
-    return replace(found, seconds=time.monotonic() - job.started, stamp=job.stamp)
+    return replace(origin, seconds=time.monotonic() - job.started, stamp=job.stamp)

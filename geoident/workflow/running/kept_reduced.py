@@ -63,12 +63,12 @@ def spread_around(table: ParameterTable, parameters: Sequence[Parameter]) -> Flo
     size = np.where(log, p, 1.0)
     grown = p * np.exp(np.clip(steps / size, -3.0, 3.0))
     ends = np.array([(q.lower, q.upper) for q in parameters])
-    found = np.clip(np.where(log, grown, p + steps), ends[:, 0], ends[:, 1])
+    points = np.clip(np.where(log, grown, p + steps), ends[:, 0], ends[:, 1])
     for k in np.flatnonzero(~known):
         low, high = np.log(ends[k]) if log[k] else ends[k]
         even = low + (high - low) * rng.random(_DRAWS)
-        found[:, k] = np.exp(even) if log[k] else even
-    return found
+        points[:, k] = np.exp(even) if log[k] else even
+    return points
 
 
 def made_to_keep(
@@ -170,9 +170,9 @@ def _refusal(result: Result, inputs: Inputs) -> tuple[str, str]:
         return f"its reduced model is of the form {result.reduced.form!r}, not {FORM!r}", again
     if result.provenance.mesh_sha256 != inputs.mesh_sha256:
         return "its reduced model is of another mesh: the file has changed since", again
-    here = parse_yaml(inputs.loaded.resolved, inputs.path).data
-    there = parse_yaml(result.case_resolved, inputs.path).data
-    differs = _first_difference(_seen(there), _seen(here), ())
+    now = parse_yaml(inputs.loaded.resolved, inputs.path).data
+    before = parse_yaml(result.case_resolved, inputs.path).data
+    differs = _first_difference(_seen(before), _seen(now), ())
     if differs is None:
         if tuple(channel.name for channel in inputs.case.channels) != result.reduced.channels:
             return "its reduced model is of gauges in another order", again
@@ -188,37 +188,37 @@ def _refusal(result: Result, inputs: Inputs) -> tuple[str, str]:
 def _seen(case: object) -> dict[str, object]:
     """What readings depend on, but for the values of parameters."""
     assert isinstance(case, Mapping)
-    found = {key: value for key, value in case.items() if key not in _UNSEEN}
-    found["parameters"] = dict.fromkeys(case.get("parameters", {}), "sought")
+    seen = {key: value for key, value in case.items() if key not in _UNSEEN}
+    seen["parameters"] = dict.fromkeys(case.get("parameters", {}), "sought")
     gauges = case.get("gauges", {})
-    found["gauges"] = {
+    seen["gauges"] = {
         name: {k: v for k, v in one.items() if k not in _OF_GAUGES}
         if isinstance(one, Mapping)
         else one
         for name, one in gauges.items()
     }
-    return found
+    return seen
 
 
 def _first_difference(
-    there: object, here: object, path: KeyPath
+    before: object, now: object, path: KeyPath
 ) -> tuple[KeyPath, object, object] | None:
     """The first key with two values; None where all is the same."""
     if path == ("mesh", "file"):  # what is in it is compared
         return None
-    if isinstance(there, Mapping) and isinstance(here, Mapping):
-        for key in dict.fromkeys((*there, *here)):
-            found = _first_difference(there.get(key), here.get(key), (*path, key))
-            if found is not None:
-                return found
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in dict.fromkeys((*before, *now)):
+            difference = _first_difference(before.get(key), now.get(key), (*path, key))
+            if difference is not None:
+                return difference
         return None
-    if isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
-        for n, (one, other) in enumerate(zip(there, here, strict=True)):
-            found = _first_difference(one, other, (*path, n))
-            if found is not None:
-                return found
+    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        for n, (one, other) in enumerate(zip(before, now, strict=True)):
+            difference = _first_difference(one, other, (*path, n))
+            if difference is not None:
+                return difference
         return None
-    return None if there == here else (path, there, here)
+    return None if before == now else (path, before, now)
 
 
 def _said(value: object) -> str:

@@ -21,14 +21,14 @@ def listed_files(text: str) -> dict[str, tuple[str, str]]:
     Args:
         text: of a list of checksums, as `listing_text` writes it.
     """
-    found: dict[str, tuple[str, str]] = {}
+    listed: dict[str, tuple[str, str]] = {}
     identity = ""
     for line in text.splitlines():
         identity = line.removeprefix(_OF).strip() if line.startswith(_OF) else identity
         checksum, _, name = line.partition("  ")
         if name and not line.startswith("#"):
-            found[name] = checksum, identity
-    return found
+            listed[name] = checksum, identity
+    return listed
 
 
 def listing_text(files: Mapping[str, tuple[str, str]]) -> str:
@@ -40,8 +40,8 @@ def listing_text(files: Mapping[str, tuple[str, str]]) -> str:
     lines = []
     for identity in sorted({identity for _, identity in files.values()}):
         lines += [f"{_OF}{identity}"] if identity else []
-        mine = sorted((name, one) for name, (one, of) in files.items() if of == identity)
-        lines += [f"{checksum}  {name}" for name, checksum in mine]
+        of_result = sorted((name, one) for name, (one, of) in files.items() if of == identity)
+        lines += [f"{checksum}  {name}" for name, checksum in of_result]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -55,7 +55,7 @@ def older_files(path: Path, identity: str, *, new: bool) -> tuple[str, ...]:
     """
     stem = path.name.removesuffix(".h5")
     folder = path.with_name(f"{stem}.export")
-    said = []
+    remarks = []
     try:
         listed = listed_files((folder / f"{stem}.sha256").read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError):
@@ -65,7 +65,7 @@ def older_files(path: Path, identity: str, *, new: bool) -> tuple[str, ...]:
     if older:
         what = f"{len(older)} files" if len(older) > 1 else older[0]
         have = "are" if len(older) > 1 else "is"
-        said.append(
+        remarks.append(
             f"{what} in {folder} {have} of an earlier result: `geoident export {path}` makes "
             f"{'them' if len(older) > 1 else 'it'} again"
         )
@@ -75,5 +75,5 @@ def older_files(path: Path, identity: str, *, new: bool) -> tuple[str, ...]:
     except OSError:
         made_here = False
     if made_here:
-        said.append(f"{page} shows an earlier result: `geoident report {path}` makes it again")
-    return tuple(said)
+        remarks.append(f"{page} shows an earlier result: `geoident report {path}` makes it again")
+    return tuple(remarks)

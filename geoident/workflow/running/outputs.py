@@ -97,13 +97,13 @@ def runs_folder(case: str) -> Path:
 def _is_folder(output: str) -> bool:
     """Whether an output is an existing folder; raises where it can only be one and is none."""
     try:
-        found = Path(output).is_dir()
+        is_folder = Path(output).is_dir()
     except OSError as error:  # such as a name that is too long
         raise output_error(output, error) from error
-    if not found and output.endswith(("/", os.sep)):
+    if not is_folder and output.endswith(("/", os.sep)):
         remedy = f"create it, or choose another place with {Term.OUTPUT}"
         raise OutputError(f"{output}: cannot be written: there is no such folder\n    {remedy}")
-    return found
+    return is_folder
 
 
 def _stem(path: Path) -> str:
@@ -126,19 +126,19 @@ def existing(place: Target, identity: str, *, kind: str, case: str) -> Existing:
     """
     if not place.path.exists():
         return Existing.NOTHING
-    found = read_identity(place.path)
-    if found is None:
+    result = read_identity(place.path)
+    if result is None:
         return Existing.UNKNOWN
-    if found.identity != identity:
-        return Existing.OTHER if _is_of(found, place, kind, case) else Existing.FOREIGN
+    if result.identity != identity:
+        return Existing.OTHER if _is_of(result, place, kind, case) else Existing.FOREIGN
     return Existing.UNFINISHED if place.checkpoint.exists() else Existing.UP_TO_DATE
 
 
-def require_free(found: Existing, place: Target, *, force: bool, inputs: Sequence[str]) -> None:
+def require_free(existing: Existing, place: Target, *, force: bool, inputs: Sequence[str]) -> None:
     """Try whether a result, its sidecar and its checkpoint may be written, before computing.
 
     Args:
-        found: what stands at the place.
+        existing: what stands at the place.
         place: of the output.
         force: what stands there may be replaced if it is no input.
         inputs: paths that are read, and so must not be written.
@@ -150,9 +150,9 @@ def require_free(found: Existing, place: Target, *, force: bool, inputs: Sequenc
     sidecar = sidecar_path(place.path)
     for path in (place.path, place.checkpoint, *([] if sidecar is None else [sidecar])):
         refuse_inputs(path, inputs)
-    if not force and found in (Existing.FOREIGN, Existing.UNKNOWN):
+    if not force and existing in (Existing.FOREIGN, Existing.UNKNOWN):
         raise OutputError(
-            f"{place.path}: exists and holds {found.value}; it is not overwritten\n"
+            f"{place.path}: exists and holds {existing.value}; it is not overwritten\n"
             f"    {Term.FORCE} replaces it, {Term.OUTPUT} writes elsewhere"
         )
     with suppress(_Probe), atomic_output(place.path, overwrite=True, inputs=inputs):
@@ -169,18 +169,18 @@ LONG = 600.0
 """Seconds from which on a result is never removed."""
 
 
-def _is_of(found: ResultIdentity, place: Target, kind: str, case: str) -> bool:
+def _is_of(result: ResultIdentity, place: Target, kind: str, case: str) -> bool:
     """Whether a result is an earlier one of this command and case.
 
     Beside the case its name says so; where the user has named a place, the case in it does.
     """
-    if found.kind != kind:
+    if result.kind != kind:
         return False
     if not place.named:
         return True
-    mine = Path("stdin") if case == STDIN else Path(case)
-    theirs = place.path.parent / found.case_file
-    return os.path.realpath(theirs) == os.path.realpath(mine)
+    ours = Path("stdin") if case == STDIN else Path(case)
+    theirs = place.path.parent / result.case_file
+    return os.path.realpath(theirs) == os.path.realpath(ours)
 
 
 def set_aside(path: Path) -> tuple[Path, tuple[Path, ...]]:
@@ -222,16 +222,16 @@ def kept_results(path: Path) -> list[tuple[int, Path]]:
         names = [entry.name for entry in final.parent.iterdir()]
     except OSError:
         return []
-    found = [(match, name) for name in names if (match := pattern.fullmatch(name))]
-    return sorted((int(match[1]), final.with_name(name)) for match, name in found)
+    matches = [(match, name) for name in names if (match := pattern.fullmatch(name))]
+    return sorted((int(match[1]), final.with_name(name)) for match, name in matches)
 
 
 def _thinned(earlier: Sequence[Path]) -> tuple[Path, ...]:
     """Remove the oldest of too many earlier results, but none that took long to compute."""
     removed = []
     for path in earlier[: max(0, len(earlier) + 1 - KEPT)]:
-        found = read_identity(path)
-        if found is not None and found.seconds < LONG:
+        result = read_identity(path)
+        if result is not None and result.seconds < LONG:
             with suppress(OSError):
                 path.unlink()
                 removed.append(path)
@@ -252,8 +252,8 @@ def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
         OutputError: what stands there cannot be kept.
     """
     for _, path in reversed(kept_results(place.path)):
-        found = read_identity(path)
-        if found is not None and found.identity == identity and found.status != STOPPED:
+        result = read_identity(path)
+        if result is not None and result.identity == identity and result.status != STOPPED:
             aside, _ = set_aside(place.path)
             try:
                 path.replace(_final(place.path))
@@ -266,7 +266,9 @@ def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
 # Known to be up to date without reading a case
 
 
-def stamp(folder: Path, files: Sequence[str], command: str, said: Sequence[str], seed: int) -> str:
+def stamp(
+    folder: Path, files: Sequence[str], command: str, overrides: Sequence[str], seed: int
+) -> str:
     """What a result is made from, by the bytes of its files.
 
     A result of the same stamp is up to date, and this is known in a hundredth of the time that it
@@ -276,7 +278,7 @@ def stamp(folder: Path, files: Sequence[str], command: str, said: Sequence[str],
         folder: of the result.
         files: paths of the case and of all files that it names.
         command: its name.
-        said: overrides.
+        overrides: overrides.
         seed: of random numbers.
 
     Returns:
@@ -285,11 +287,11 @@ def stamp(folder: Path, files: Sequence[str], command: str, said: Sequence[str],
     sums = {seen_from(folder, path): _sum(Path(path)) for path in files}
     if "" in sums.values():
         return ""
-    return json.dumps({**_made_by(command, said, seed), "files": sums}, sort_keys=True)
+    return json.dumps({**_made_by(command, overrides, seed), "files": sums}, sort_keys=True)
 
 
 def known(
-    case: str, command: str, *, output: str | None, said: Sequence[str], seed: int
+    case: str, command: str, *, output: str | None, overrides: Sequence[str], seed: int
 ) -> tuple[Target, ResultIdentity] | None:
     """Where the result of a case stands, if its stamp says that it is up to date.
 
@@ -297,24 +299,24 @@ def known(
         case: path of the case.
         command: its name.
         output: a file, an existing folder, or None for beside the case.
-        said: overrides.
+        overrides: overrides.
         seed: of random numbers.
     """
     place = target(case, command, output=output)
-    found = read_identity(place.path) if place.path.exists() else None
-    if found is None or not found.stamp or found.kind != command or place.checkpoint.exists():
+    result = read_identity(place.path) if place.path.exists() else None
+    if result is None or not result.stamp or result.kind != command or place.checkpoint.exists():
         return None
-    stands = json.loads(found.stamp)
+    stands = json.loads(result.stamp)
     sums, folder = stands.pop("files"), place.path.parent
-    if stands != _made_by(command, said, seed) or seen_from(folder, case) not in sums:
+    if stands != _made_by(command, overrides, seed) or seen_from(folder, case) not in sums:
         return None
     same = all(_sum(folder / name) == expected for name, expected in sums.items())
-    return (place, found) if same else None
+    return (place, result) if same else None
 
 
-def _made_by(command: str, said: Sequence[str], seed: int) -> dict[str, object]:
+def _made_by(command: str, overrides: Sequence[str], seed: int) -> dict[str, object]:
     own = {"version": __version__, "format": FORMAT}
-    return {**own, "command": command, "overrides": list(said), "seed": seed}
+    return {**own, "command": command, "overrides": list(overrides), "seed": seed}
 
 
 def _sum(path: Path) -> str:

@@ -52,12 +52,12 @@ def _accuracies(case: Case) -> Iterator[str]:
     for (kind, accuracy), names in alike.items():
         one = next(channel for channel in case.channels if channel.name == names[0])
         unit = TYPICAL[kind].unit
-        said, usual_said = (
+        stated, usual_said = (
             f"{in_unit(size, unit, one.dimension):.3g} {shown_unit(unit, one.dimension)}"
             for size in (accuracy, TYPICAL[kind].reading)
         )
         yield (
-            f"the accuracy of {named_channels(names)} is {said}; gauges of the kind {kind} have "
+            f"the accuracy of {named_channels(names)} is {stated}; gauges of the kind {kind} have "
             f"about {usual_said}: check its unit"
         )
 

@@ -82,28 +82,28 @@ def unit_doubts(
         computed: (g,) the model at the start values, for those that are used.
         met: parameters within their bounds may meet the readings, as far as is known.
     """
-    said = []
+    sentences = []
     doubtful = dict[tuple[str, int], list[tuple[str, Bools, float]]]()
-    for kind, dimension, mine in _kinds(case, readings):
-        scale = _scale(readings, computed, mine)
+    for kind, dimension, rows_of_kind in _kinds(case, readings):
+        scale = _scale(readings, computed, rows_of_kind)
         power = 0 if scale is None else round(np.log10(scale))
         near = scale is not None and abs(np.log10(scale) - power) < (_NEAR if met else _ABOUT)
         if scale is not None and near and (dimension, power) in _MISTAKEN:
-            doubtful.setdefault((dimension, power), []).append((kind, mine, scale))
-    for (dimension, power), found in doubtful.items():
-        mine = np.logical_or.reduce([one for _, one, _ in found])
-        rows = np.flatnonzero(readings.used)[mine]
-        scale = float(np.exp(np.mean([np.log(one) for _, _, one in found])))
+            doubtful.setdefault((dimension, power), []).append((kind, rows_of_kind, scale))
+    for (dimension, power), suspects in doubtful.items():
+        rows_of_kind = np.logical_or.reduce([one for _, one, _ in suspects])
+        rows = np.flatnonzero(readings.used)[rows_of_kind]
+        scale = float(np.exp(np.mean([np.log(one) for _, _, one in suspects])))
         place = case.readings[int(rows[0])].location
-        kinds = named_channels([kind for kind, _, _ in found])
+        kinds = named_channels([kind for kind, _, _ in suspects])
         names = named_channels([readings.gauge[k] for k in rows])
-        said.append(
+        sentences.append(
             f"the readings of {names} ({kinds}; the first at {place}) have the pattern of the "
             f"model at the start values, and are {_times(scale, power)}: "
             f"{_MISTAKEN[dimension, power]}? Check their unit; if it is right, the start values "
             "are as far off"
         )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _times(scale: float, power: int) -> str:
@@ -126,10 +126,10 @@ def _kinds(case: Case, readings: ReadingTable) -> Iterator[tuple[str, str, Bools
         yield kind, dimension, np.array([one == (kind, dimension) for one in each])
 
 
-def _scale(readings: ReadingTable, computed: Floats, mine: Bools) -> float | None:
+def _scale(readings: ReadingTable, computed: Floats, which: Bools) -> float | None:
     """How many times the computed readings some are; None where they have another pattern."""
-    measured, sd = readings.value[readings.used][mine], readings.sd[readings.used][mine]
-    model = computed[mine]
+    measured, sd = readings.value[readings.used][which], readings.sd[readings.used][which]
+    model = computed[which]
     if len(measured) < _FEWEST or not np.isfinite(model).all():
         return None
     product = float(measured @ model)

@@ -259,21 +259,21 @@ def errors_of_used(case: Case, used: Bools) -> ErrorStructure:
 
 def error_structure(
     rows: Sequence[ChannelReading],
-    found: AccuracyTable | None = None,
+    estimated: AccuracyTable | None = None,
     own_components: Ints | None = None,
 ) -> ErrorStructure:
     """The errors of readings, whether they share any or not.
 
     Args:
         rows: readings with their channels.
-        found: accuracies that were estimated, whose components are wanted; None for the components
-            that the case wants estimated.
+        estimated: accuracies that were estimated, whose components are wanted; None for the
+            components that the case wants estimated.
         own_components: (m,) numbers of these components to which the own errors of the first m
             readings belong, -1 for none; None where the channels say it.
     """
-    collector = _ErrorCollector(steps=_steps(rows), found=found)
-    if found is not None:
-        collector.component_names.update(dict.fromkeys(found.names))
+    collector = _ErrorCollector(steps=_steps(rows), estimated=estimated)
+    if estimated is not None:
+        collector.component_names.update(dict.fromkeys(estimated.names))
     for number, row in enumerate(rows):
         collector.add(number, row)
     structure = collector.structure()
@@ -288,7 +288,7 @@ class _ErrorCollector:
     """Collects the entries of B, reading by reading, and the components of variance."""
 
     steps: Mapping[str, tuple[float, ...]]
-    found: AccuracyTable | None = None
+    estimated: AccuracyTable | None = None
     sources: dict[ErrorSource, int] = field(default_factory=dict)
     component_names: dict[str, None] = field(default_factory=dict)
     component_of_source: list[str] = field(default_factory=list)
@@ -319,7 +319,7 @@ class _ErrorCollector:
         shape = (len(self.sd), len(self.sources))
         of_readings, of_sources = self.component_of_reading, self.component_of_source
         taken = {*of_readings, *of_sources}
-        names = tuple(name for name in self.component_names if self.found or name in taken)
+        names = tuple(name for name in self.component_names if self.estimated or name in taken)
         numbers = {"": -1} | {name: number for number, name in enumerate(names)}
         return ErrorStructure(
             sd=np.array(self.sd, dtype=np.float64),
@@ -333,9 +333,9 @@ class _ErrorCollector:
         """The component of a part of the error of a channel; empty where its size is given."""
         if channel.errors is None:
             return ""
-        if self.found is not None:
+        if self.estimated is not None:
             name = dict(channel.errors.already_estimated).get(part, "")
-            return name if name in self.found.names else ""
+            return name if name in self.estimated.names else ""
         name = channel.errors.component(part) or ""
         if name:
             self.component_names.setdefault(name)
@@ -397,8 +397,8 @@ def _of_epoch(
 
 def _steps(rows: Sequence[ChannelReading]) -> dict[str, tuple[float, ...]]:
     """Run to the places of its channels, from the reference end on, m."""
-    found: dict[str, set[float]] = {}
+    places_of: dict[str, set[float]] = {}
     for channel, _ in rows:
         if channel.run:
-            found.setdefault(channel.run, set()).add(channel.along)
-    return {run: tuple(sorted(places)) for run, places in found.items()}
+            places_of.setdefault(channel.run, set()).add(channel.along)
+    return {run: tuple(sorted(places)) for run, places in places_of.items()}

@@ -89,11 +89,11 @@ class ReadingsByReduced(ByReducedModel):
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        found = self._by_reduced(p)
+        reduced = self._by_reduced(p)
         del self._known[p.tobytes()]  # asked once
-        if found is not None:
+        if reduced is not None:
             self.by_reduced += 1
-            return found
+            return reduced
         self.by_model += 1
         return self.inner.readings(p)
 
@@ -137,8 +137,8 @@ class ReadingsByReduced(ByReducedModel):
 
     def part_close(self, points: Floats) -> float:
         """At which part of some points (k, n) the reduced model is close enough."""
-        found, error = self.reduced.estimated(points)
-        close = [self._close(*each) for each in zip(points, found, error, strict=True)]
+        readings, error = self.reduced.estimated(points)
+        close = [self._close(*each) for each in zip(points, readings, error, strict=True)]
         return float(np.mean(close)) if close else 0.0
 
     def _close(self, p: Floats, v: Floats, error: Floats) -> bool:
@@ -262,9 +262,9 @@ class ReducedInLog:
         arrays["materials"] = np.array([ord(c) for c in "\n".join(kept.materials)], dtype=float)
         arrays["cost"] = np.array(astuple(spent), dtype=float)
         self.log.add(_REDUCED, centre, arrays)
-        found = self.find(centre)
-        assert found is not None
-        return found
+        kept_again = self.find(centre)
+        assert kept_again is not None
+        return kept_again
 
 
 _NUMBERS = ("reference", "lower", "upper", "analyses")

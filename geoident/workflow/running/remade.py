@@ -138,8 +138,8 @@ def write_readings(
         OutputError: something else stands there, or the file cannot be written.
     """
     refuse_inputs(path, inputs)
-    said = f"{text}# Simulated by geoident, not measured.\n"
-    new = marked(said.encode(), "csv", origin_of([case], path))
+    content = f"{text}# Simulated by geoident, not measured.\n"
+    new = marked(content.encode(), "csv", origin_of([case], path))
     old = _present(path)
     if old == new:
         return None

@@ -77,17 +77,17 @@ def outdated_beside(fit: Result, path: str) -> tuple[str, ...]:
         return ()
     place = Path(path)
     stem = place.name.removesuffix(".h5").removesuffix(".fit")
-    found = []
+    outdated = []
     for kind in OF_FITS:
         other = place.with_name(f"{stem}.{kind}.h5")
         made = read_identity(other) if other.is_file() else None
         ours = made is not None and os.path.normpath(made.fit_file) == place.name
         if made is not None and ours and made.fit_fingerprint != fit.fingerprint:
-            found.append(str(other))
+            outdated.append(str(other))
     page = place.with_name(place.name.removesuffix(".h5") + ".html")
     if _shows_another(page, fit.fingerprint):
-        found.append(str(page))
-    return tuple(found)
+        outdated.append(str(page))
+    return tuple(outdated)
 
 
 _SHOWN = b"fingerprint of the result"
@@ -112,9 +112,9 @@ def with_outdated(result: Result, path: str) -> tuple[Result, tuple[str, ...]]:
     Returns:
         The result; its own path, or the paths of what stands beside a fit.
     """
-    said = why_outdated(result, path)
-    if said:
-        return replace(result, findings=(said, *result.findings)), (path,)
+    reason = why_outdated(result, path)
+    if reason:
+        return replace(result, findings=(reason, *result.findings)), (path,)
     return result, outdated_beside(result, path)
 
 

@@ -120,7 +120,7 @@ def task_runner(parts: ModelParts) -> Callable[[SearchPartTask], Recording]:
 
 
 def _evaluated(model: ObservedModel, task: SearchPartTask) -> Recording:
-    control, found = Control(stop=STOP, max_time=task.seconds), Recording()
+    control, recording = Control(stop=STOP, max_time=task.seconds), Recording()
 
     def before() -> None:
         STOP.check()
@@ -130,12 +130,12 @@ def _evaluated(model: ObservedModel, task: SearchPartTask) -> Recording:
     model.on_state = lambda state: control.within()
     response = model.response(task.pairs, task.times)
     assert isinstance(response, ReducibleResponse)
-    cached, begun = CachedResponse(response, found, before=before), response.counts
+    cached, begun = CachedResponse(response, recording, before=before), response.counts
     response.forget()
     with one_thread(), suppress(Interrupted, ModelError):  # what was found until then is of use
         task.search(cached)
-    found.failures, found.spent = list(cached.failures), response.counts - begun
-    return found
+    recording.failures, recording.spent = list(cached.failures), response.counts - begun
+    return recording
 
 
 class ModelWorkers:

@@ -13,20 +13,20 @@ from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.estimate import Estimate
 
 
-def convergence_notes(model: ObservedModel, found: Estimate) -> tuple[str, ...]:
+def convergence_notes(model: ObservedModel, estimate: Estimate) -> tuple[str, ...]:
     """A sentence for each gauge of a convergence law, with 95 % intervals; none of other models.
 
     Args:
         model: of the case.
-        found: the estimate.
+        estimate: the estimate.
     """
     if not isinstance(model, LawModel):
         return ()
-    p = found.outcome.values
+    p = estimate.outcome.values
     lost, final = model.lost(p), model.final(p)
     rest = final - lost
     lost_words, final_words, rest_words = (
-        _interval(model, found, numbers) for numbers in (lost, final, rest)
+        _interval(model, estimate, numbers) for numbers in (lost, final, rest)
     )
     notes = []
     for j, channel in enumerate(model.case.channels):
@@ -41,10 +41,10 @@ def convergence_notes(model: ObservedModel, found: Estimate) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _interval(model: LawModel, found: Estimate, numbers: Dual) -> list[str]:
+def _interval(model: LawModel, estimate: Estimate, numbers: Dual) -> list[str]:
     """A value of each channel with its 95 % interval, in the unit of the gauge."""
     values, slopes = numbers.value, numbers.columns[:, 1:]
-    band = predict_band(found.assessment, slopes, np.zeros(len(values)), None)
+    band = predict_band(estimate.assessment, slopes, np.zeros(len(values)), None)
     ends = np.stack([values, values + band.lower95, values + band.upper95], axis=1)
     pairs = zip(model.case.channels, ends.tolist(), strict=True)
     return [_words(channel, *row) for channel, row in pairs]

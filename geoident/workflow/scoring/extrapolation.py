@@ -55,10 +55,10 @@ class StressLevels:
 def _excess(level: Floats, last: int) -> Floats:
     known = level[: last + 1]
     tested = np.nanmax(known, initial=0.0)
-    found = np.full(len(level), np.nan)
+    excess = np.full(len(level), np.nan)
     if tested > 0.0:
-        found[last + 1 :] = level[last + 1 :] / tested - 1.0
-    return found
+        excess[last + 1 :] = level[last + 1 :] / tested - 1.0
+    return excess
 
 
 def stress_levels(
@@ -135,13 +135,13 @@ def _elastic_ground(case: Case, sequence: ConstructionSequence, n_elements: int)
     placed = {name for stage in case.stages for name in (*stage.install, *stage.change)}
     first = sequence.states[0].materials
     ground = [group for group in first if sequence.groups[group] not in placed]
-    found = np.zeros((len(sequence.states), n_elements), dtype=np.bool_)
+    elastic = np.zeros((len(sequence.states), n_elements), dtype=np.bool_)
     for n, state in enumerate(sequence.states):
         for group in ground:
             material = state.materials.get(group)
             if material is not None and not case.materials[material].yields:
-                found[n, sequence.elements(group)] = True
-    return found
+                elastic[n, sequence.elements(group)] = True
+    return elastic
 
 
 def _measures(stress: Floats) -> tuple[Floats, Floats]:
@@ -173,8 +173,8 @@ def extrapolation_findings(
     """
     if levels is None:
         return ()
-    both = [np.where(states, found, np.nan) for found in levels.excess(last)]
-    worst = [np.nanmax(found, initial=-1.0) for found in both]
+    both = [np.where(states, excess, np.nan) for excess in levels.excess(last)]
+    worst = [np.nanmax(excess, initial=-1.0) for excess in both]
     if not max(worst) > WORTH_SAYING:
         return ()
     kind = int(np.argmax(worst))

@@ -88,7 +88,7 @@ class PartialFit:
     Args:
         setup: model, readings, and accuracies as estimated.
         problem: the fitted readings and their errors.
-        found: the estimate.
+        estimate: the estimate.
         gauges: what was read and computed.
         step: what is kept of it.
         bands: of the readings that were predicted, (n_channels, n_stages).
@@ -100,7 +100,7 @@ class PartialFit:
 
     setup: Setup
     problem: Problem
-    found: Estimate
+    estimate: Estimate
     gauges: GaugeTable
     step: BacktestStep
     bands: Bands
@@ -186,19 +186,21 @@ def tried(
     part, before = up_to(setup, last), setup.model.counts
     fitted, problem, outcome = estimated(part, methods, log, control, start=start, near=near)
     end = None if until is None else until + 1
-    found = assess_fit(fitted, problem, outcome, fields=True, last=end)
-    levels = stress_levels(setup.model, setup.case, found.survey.fields)
-    found = replace(found, survey=replace(found.survey, fields=None))  # large, and not needed on
-    gauges = gauge_table(fitted.case, found.readings, found.survey.computed)
+    estimate = assess_fit(fitted, problem, outcome, fields=True, last=end)
+    levels = stress_levels(setup.model, setup.case, estimate.survey.fields)
+    estimate = replace(
+        estimate, survey=replace(estimate.survey, fields=None)
+    )  # large, and not needed on
+    gauges = gauge_table(fitted.case, estimate.readings, estimate.survey.computed)
     later = np.arange(len(gauges.stages)) > last
-    prediction = predicted(fitted, found, later)
+    prediction = predicted(fitted, estimate, later)
     measured = measured_of(setup, gauges)
     bands = Bands(measured, prediction.mean, prediction.lower95, prediction.upper95)
     ahead = next_read(bands)
     judged = _some_of(ahead & bands.scored)
     states = np.concatenate([[False], later])
     table = opened(
-        parameter_table(setup.case.parameters, outcome.values, found.assessment),
+        parameter_table(setup.case.parameters, outcome.values, estimate.assessment),
         outcome.certificate,
     )
     step = BacktestStep(
@@ -214,16 +216,16 @@ def tried(
         prediction=prediction,
         log_density=bands.log_density,
         excess=_excess(levels, last, len(later)),
-        counts=_since(before, found.counts),
+        counts=_since(before, estimate.counts),
     )
     return PartialFit(
         fitted,
         problem,
-        found,
+        estimate,
         gauges,
         step,
         bands,
-        correlations(found.survey, found.assessment, prediction, judged, found.errors),
+        correlations(estimate.survey, estimate.assessment, prediction, judged, estimate.errors),
         ahead,
         judged,
         extrapolation_findings(levels, setup.case, last + 1, states),
@@ -237,11 +239,11 @@ and their correlations would fill the memory."""
 
 def _some_of(places: Bools) -> Bools:
     """Of some predictions (n_channels, n_stages) as many as are judged, evenly chosen."""
-    found = np.zeros_like(places)
+    chosen = np.zeros_like(places)
     every = np.flatnonzero(places)
     step = -(-len(every) // _MOST_JUDGED) or 1
-    found.flat[every[::step]] = True
-    return found
+    chosen.flat[every[::step]] = True
+    return chosen
 
 
 def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
@@ -255,7 +257,7 @@ def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
         last: number of the last stage that the other one fits.
         log: of the evaluations of that.
     """
-    p, table = before.found.outcome.values, before.found.readings
+    p, table = before.estimate.outcome.values, before.estimate.readings
     if not starts_warm(before.problem.response) or table.sensitivity is None:
         return
     try:
@@ -264,7 +266,7 @@ def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
         return
     v, dv_dp = table.computed[rows], table.sensitivity[rows]
     if log.find("evaluate", p) is None and np.isfinite(v).all() and np.isfinite(dv_dp).all():
-        increments = before.found.survey.increments[: last + 2]  # with the virgin state
+        increments = before.estimate.survey.increments[: last + 2]  # with the virgin state
         log.add("evaluate", p, {"v": v, "dv_dp": dv_dp, "increments": increments})
 
 
@@ -335,17 +337,17 @@ def variances(trials: Sequence[PartialFit]) -> Floats:
     Args:
         trials: k fits, of which the last has the readings of all.
     """
-    last = trials[-1].found.readings
+    last = trials[-1].estimate.readings
     assert last.sensitivity is not None
-    values = trials[-1].found.outcome.values
+    values = trials[-1].estimate.outcome.values
     scale = Scaling(trials[-1].setup.case.parameters).dp_dx(values)
-    found = []
+    squares = []
     for trial in trials:
-        rows = trial.found.readings.used
+        rows = trial.estimate.readings.used
         known = assess_robustly(trial.problem, values, last.computed[rows], last.sensitivity[rows])
         ratio = known.dp_dx / scale  # each search is scaled by where it began
-        found.append(ratio**2 * np.sum(known.determined_x**2, axis=1))
-    return np.array(found)
+        squares.append(ratio**2 * np.sum(known.determined_x**2, axis=1))
+    return np.array(squares)
 
 
 def _innovations(trial: PartialFit) -> Innovations:
@@ -446,13 +448,13 @@ def last_stage(
     counts = trial.step.counts
     if control.out_of_time:
         return LastStage(notes=(f"{what}: the time was used up.",), counts=counts)
-    found = backtest_of(setup, [trial], ())
-    said = verdict(found, trial.gauges)
-    text = (f"{what}: {said.sentence[0].lower()}{said.sentence[1:]}",)
-    if not found.next.readings:
+    backtest = backtest_of(setup, [trial], ())
+    judged = verdict(backtest, trial.gauges)
+    text = (f"{what}: {judged.sentence[0].lower()}{judged.sentence[1:]}",)
+    if not backtest.next.readings:
         return LastStage(notes=text, counts=counts)
-    findings, notes = (text, ()) if said.remarkable else ((), text)
-    return LastStage(found, findings, notes, counts)
+    findings, notes = (text, ()) if judged.remarkable else ((), text)
+    return LastStage(backtest, findings, notes, counts)
 
 
 def added(first: Counts, second: Counts) -> Counts:
@@ -468,5 +470,5 @@ def added(first: Counts, second: Counts) -> Counts:
 
 def clause(error: InputError | ModelError) -> str:
     """What is wrong, for the middle of a sentence."""
-    said = error.faults[0].message if isinstance(error, InputError) else error.message
-    return said.rstrip(".")
+    message = error.faults[0].message if isinstance(error, InputError) else error.message
+    return message.rstrip(".")

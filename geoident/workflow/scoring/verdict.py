@@ -57,36 +57,38 @@ class Verdict:
     remarkable: bool
 
 
-def verdict(found: Backtest, gauges: GaugeTable) -> Verdict:
+def verdict(backtest: Backtest, gauges: GaugeTable) -> Verdict:
     """Whether the bands hold.
 
     Args:
-        found: the backtest; some of its predictions are scored.
+        backtest: the backtest; some of its predictions are scored.
         gauges: names of channels and stages.
     """
-    ahead = found.next
+    ahead = backtest.next
     if not ahead.readings:
         return Verdict(False, NOTHING, remarkable=True)
     counted = (
         f"{ahead.inside} of {ahead.readings} readings of the next stage are inside their "
         f"bands ({100 * ahead.coverage:.0f} %)"
     )
-    if found.few < ALARM:
-        said = f"The 95 % bands do not hold: {counted}, as few as chance leaves {odds(found.few)}."
-        return Verdict(False, f"{said} {_worst(found, gauges)}", remarkable=True)
-    if found.far < ALARM:
-        said = (
+    if backtest.few < ALARM:
+        sentence = (
+            f"The 95 % bands do not hold: {counted}, as few as chance leaves {odds(backtest.few)}."
+        )
+        return Verdict(False, f"{sentence} {_worst(backtest, gauges)}", remarkable=True)
+    if backtest.far < ALARM:
+        sentence = (
             f"The 95 % bands do not hold: {counted}, but the errors of the predictions are "
-            f"{ahead.rms:.1f} times as large as the bands say, which happens {odds(found.far)}."
+            f"{ahead.rms:.1f} times as large as the bands say, which happens {odds(backtest.far)}."
         )
-        return Verdict(False, f"{said} {_worst(found, gauges)}", remarkable=True)
+        return Verdict(False, f"{sentence} {_worst(backtest, gauges)}", remarkable=True)
     if ahead.coverage < WORTH_SAYING:
-        odd = min(found.few, found.far) < ODD
-        said = (
+        odd = min(backtest.few, backtest.far) < ODD
+        sentence = (
             f"{counted}, fewer than 95 %, but with so few readings that happens "
-            f"{odds(found.few)} by chance."
+            f"{odds(backtest.few)} by chance."
         )
-        return Verdict(True, f"{said} {_worst(found, gauges)}", remarkable=odd)
+        return Verdict(True, f"{sentence} {_worst(backtest, gauges)}", remarkable=odd)
     return Verdict(True, f"The 95 % bands hold: {counted}.", remarkable=False)
 
 
@@ -105,20 +107,20 @@ def odds(probability: float) -> str:
     return f"{100 * probability:.0f} times in 100"
 
 
-def _worst(found: Backtest, gauges: GaugeTable) -> str:
+def _worst(backtest: Backtest, gauges: GaugeTable) -> str:
     """The reading that is farthest from its prediction."""
-    worst, said = 0.0, ""
-    for step in found.steps:
-        z = bands_of(found, step).z
+    worst, sentence = 0.0, ""
+    for step in backtest.steps:
+        z = bands_of(backtest, step).z
         if np.isfinite(z).any() and np.nanmax(np.abs(z)) > worst:
             i, j = np.unravel_index(int(np.nanargmax(np.abs(z))), z.shape)
             worst = float(abs(z[i, j]))
-            said = (
+            sentence = (
                 f"Farthest off: {gauges.channels[i]} at {gauges.stages[j]}, {z[i, j]:+.1f} "
                 f"standard deviations from the prediction by the readings up to "
                 f"{gauges.stages[step.last]}."
             )
-    return said
+    return sentence
 
 
 def settling_sentences(

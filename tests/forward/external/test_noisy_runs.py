@@ -27,7 +27,7 @@ class Noisy(ArrayRuns):
 
     def __init__(self, size, seed):
         super().__init__(None, 2, 6)
-        self.given = np.ones((2, 3), bool)
+        self.provided = np.ones((2, 3), bool)
         self._size, self._rng, self._known = size, np.random.default_rng(seed), {}
 
     def each(self, points, check):

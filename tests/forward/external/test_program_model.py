@@ -58,7 +58,7 @@ class FormulaRuns:
     notes = ("of a formula",)
 
     def __init__(self, factors=None, fails=lambda p: False):
-        self.seen, self.given = np.array([True, True, False]), GIVEN
+        self.seen, self.provided = np.array([True, True, False]), GIVEN
         self.factors, self.fails = factors, fails
         self.asked, self.derived = [], 0
 

@@ -150,11 +150,11 @@ class GaussianProcess:
 
     def value(self, u: Floats) -> tuple[float, Floats]:
         """The reading at coordinates u (n,), SI, and its derivatives (n,) by these."""
-        given = self.hyperparameters
-        away = self._scaled - u / given.lengths
-        k, slope = _correlation(np.sum(away**2, axis=1), smooth=given.smooth)
+        parameters = self.hyperparameters
+        away = self._scaled - u / parameters.lengths
+        k, slope = _correlation(np.sum(away**2, axis=1), smooth=parameters.smooth)
         value = float(self.b[0] + self.b[1:] @ u + k @ self.weights)
-        return value, self.b[1:] + (slope * self.weights) @ away / given.lengths
+        return value, self.b[1:] + (slope * self.weights) @ away / parameters.lengths
 
     def deviation(self, u: Floats) -> float:
         """Standard deviation of the process given the runs, at coordinates u (n,), SI.
@@ -162,36 +162,36 @@ class GaussianProcess:
         What a run has by itself is in it: whether that is noise of the runs or a detail between
         them, the process cannot tell.
         """
-        given = self.hyperparameters
-        system = _System(self.u, self.y, _matrix(self.u, given))
-        k = given.correlation(self.u, u[None])[:, 0]
+        parameters = self.hyperparameters
+        system = _System(self.u, self.y, _matrix(self.u, parameters))
+        k = parameters.correlation(self.u, u[None])[:, 0]
         rest = trend(u[None])[0] - system.solved.T @ k
-        part = 1.0 + given.nugget - k @ cho_solve(system.factor, k)
+        part = 1.0 + parameters.nugget - k @ cho_solve(system.factor, k)
         part += rest @ cho_solve(system.of_trend, rest)
-        return float(np.sqrt(self.variance * max(float(part), given.nugget)))
+        return float(np.sqrt(self.variance * max(float(part), parameters.nugget)))
 
 
-def _matrix(u: Floats, given: Hyperparameters) -> Floats:
-    matrix = given.correlation(u, u)
-    matrix[np.diag_indices_from(matrix)] += given.nugget
+def _matrix(u: Floats, parameters: Hyperparameters) -> Floats:
+    matrix = parameters.correlation(u, u)
+    matrix[np.diag_indices_from(matrix)] += parameters.nugget
     return matrix
 
 
-def process_with(u: Floats, y: Floats, given: Hyperparameters) -> GaussianProcess:
+def process_with(u: Floats, y: Floats, parameters: Hyperparameters) -> GaussianProcess:
     """The process with given hyperparameters.
 
     Args:
         u: (r, n) coordinates of the runs.
         y: (r,) what they gave, SI.
-        given: lengths and nugget.
+        parameters: lengths and nugget.
     """
     size = _size(y)
-    system = _System(u, y / size, _matrix(u, given))
+    system = _System(u, y / size, _matrix(u, parameters))
     diagonal = np.diag(system.projection())
     return GaussianProcess(
         u,
         y,
-        given,
+        parameters,
         size * system.b,
         size * system.weights,
         size**2 * system.variance,
