@@ -29,8 +29,8 @@ def asked(
             return True
         if as_json or not _on_terminal():
             return False
-        said = execution.said
-        click.echo(f"\n{said[0].upper()}{said[1:]}.{execution.shown('    ')}", err=True)
+        statement = execution.said
+        click.echo(f"\n{statement[0].upper()}{statement[1:]}.{execution.shown('    ')}", err=True)
         return click.confirm("May it?", default=False, err=True)
 
     with decided_by(decide, remembered=permitted is None):
