@@ -35,7 +35,7 @@ def dataset(result: Result) -> xr.Dataset:
     variables: dict[str, Variable] = {}
     for part in (_readings, _parameters, _predictions, _fields, _scan, _draws):
         variables |= dict(part(shown))
-    found: xr.Dataset = xarray.Dataset(
+    data: xr.Dataset = xarray.Dataset(
         {name: (dims, _plain(values)) for name, (dims, values) in variables.items()},
         coords=_coordinates(shown),
         attrs={
@@ -50,20 +50,20 @@ def dataset(result: Result) -> xr.Dataset:
         },
     )
     for name, unit in {"displacement": "m", "stress": "Pa", "points": "m"}.items():
-        if name in found:
-            found[name].attrs["units"] = unit
-    return found
+        if name in data:
+            data[name].attrs["units"] = unit
+    return data
 
 
 def _plain(values: Any) -> Any:
     """Texts as objects, so that xarray keeps names of any length as they are."""
-    found = np.asarray(values)
-    return found.astype(object) if found.dtype.kind == "U" else found
+    array = np.asarray(values)
+    return array.astype(object) if array.dtype.kind == "U" else array
 
 
 def _coordinates(result: Result) -> dict[str, Variable]:
     gauges, table = result.gauges, result.parameters
-    found: dict[str, Variable] = {
+    coordinates: dict[str, Variable] = {
         "channel": (("channel",), _names(gauges.channels)),
         "stage": (("stage",), _names(gauges.stages)),
         "gauge": (("channel",), _names(gauges.gauges)),
@@ -74,16 +74,16 @@ def _coordinates(result: Result) -> dict[str, Variable]:
     }
     dates = dates_of(result)
     if dates is not None:
-        found["date"] = ("stage",), dates
+        coordinates["date"] = ("stage",), dates
     if result.fields is not None:
         states = ("virgin", *gauges.stages)[: len(result.fields.present)]
-        found["state"] = ("state",), _names(states)
-        found["axis"] = ("axis",), _names("xyz"[: result.fields.mesh.dim])
-        found["component"] = ("component",), _names(COMPONENTS)
+        coordinates["state"] = ("state",), _names(states)
+        coordinates["axis"] = ("axis",), _names("xyz"[: result.fields.mesh.dim])
+        coordinates["component"] = ("component",), _names(COMPONENTS)
     if result.grid is not None:
         for name, axis in zip(result.grid.names, result.grid.axes, strict=True):
-            found[name] = (name,), axis
-    return found
+            coordinates[name] = (name,), axis
+    return coordinates
 
 
 def _names(names: Any) -> Any:
@@ -125,14 +125,14 @@ def _columns(record: Any) -> Iterator[tuple[str, Variable]]:
 
 
 def _fields(result: Result) -> Iterator[tuple[str, Variable]]:
-    found = result.fields
-    if found is None:
+    fields = result.fields
+    if fields is None:
         return
-    yield "points", (("node", "axis"), found.mesh.points)
-    yield "displacement", (("state", "node", "axis"), found.displacement)
-    yield "stress", (("state", "element", "component"), found.stress)
-    yield "present", (("state", "element"), found.present)
-    yield "yielded", (("state", "element"), found.yielded)
+    yield "points", (("node", "axis"), fields.mesh.points)
+    yield "displacement", (("state", "node", "axis"), fields.displacement)
+    yield "stress", (("state", "element", "component"), fields.stress)
+    yield "present", (("state", "element"), fields.present)
+    yield "yielded", (("state", "element"), fields.yielded)
     if result.mechanism is not None:
         yield "mechanism", (("node", "axis"), result.mechanism.velocity)
         yield "mechanism_shear", (("element",), result.mechanism.shear)

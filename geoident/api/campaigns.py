@@ -50,8 +50,8 @@ class CampaignResult(Mapping[str, ResultFile]):
     @cached_property
     def runs(self) -> ResultTable:
         """One row a run, in the units of the case: what ``runs.csv`` holds."""
-        found = runs_columns(self.data)
-        return ResultTable(found.header, found.rows)
+        columns = runs_columns(self.data)
+        return ResultTable(columns.header, columns.rows)
 
     def __getitem__(self, name: str) -> ResultFile:
         files = self._files
@@ -73,8 +73,8 @@ class CampaignResult(Mapping[str, ResultFile]):
         return campaign_text(self.data, title=self.path)
 
     def __repr__(self) -> str:
-        said = f"{self.data.command}: {len(self)} of {self.data.total} runs with a result"
-        return f"CampaignResult({Path(self.path).as_posix()}: {said})"
+        text = f"{self.data.command}: {len(self)} of {self.data.total} runs with a result"
+        return f"CampaignResult({Path(self.path).as_posix()}: {text})"
 
     def _repr_html_(self) -> str:
         return self.runs._repr_html_()

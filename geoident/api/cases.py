@@ -155,9 +155,9 @@ def trust(case: CaseFile | AnyPath) -> None:
         UsageError: it names nothing that is run.
     """
     origin = origin_of(case)
-    said = said_format(origin.path) if origin.text is None else ""
-    if said.startswith(("geoident-cluster/", "geoident-campaign/")):
-        of_campaign = said.startswith("geoident-campaign/")
+    format_text = said_format(origin.path) if origin.text is None else ""
+    if format_text.startswith(("geoident-cluster/", "geoident-campaign/")):
+        of_campaign = format_text.startswith("geoident-campaign/")
         cluster = read_campaign(origin.path).cluster if of_campaign else read_cluster(origin.path)
         if cluster is None or cluster.local:
             raise UsageError(f"{origin.path} names no scheduler and no queue system.")
@@ -285,11 +285,10 @@ class CheckResult:
         return case_text(self.summary)
 
     def __repr__(self) -> str:
-        found = self.summary
-        size = f"{found.nodes} nodes, {found.elements} elements" if found.nodes else "no mesh"
-        return (
-            f"CheckResult({found.title or found.case}: valid; {size}, {found.used} readings used)"
-        )
+        summary = self.summary
+        size = f"{summary.nodes} nodes, {summary.elements} elements" if summary.nodes else "no mesh"
+        name = summary.title or summary.case
+        return f"CheckResult({name}: valid; {size}, {summary.used} readings used)"
 
     def _repr_html_(self) -> str:
         return tag("pre", str(self))
@@ -454,7 +453,7 @@ def simulate(
         OutputError: something stands in the place of the file, or it cannot be written.
     """
     origin = origin_of(case)
-    found = run_simulation(
+    simulation = run_simulation(
         origin.path,
         overrides=origin.overrides,
         noise=Noise.ACCURACY if noise else Noise.NONE,
@@ -464,4 +463,4 @@ def simulate(
         to=Outputs(fields=None if fields is None else os.fspath(fields), force=force),
         text=origin.text,
     )
-    return SimulationResult(found)
+    return SimulationResult(simulation)

@@ -99,10 +99,10 @@ def report(
         return write_page_of_many(paths[0], asked, force=force, logo=given.logo, render=page)
     place = page_path(paths, output=asked)
     read = read_results(paths)
-    said = head_of(paths, read, given)
+    report_head = head_of(paths, read, given)
     inputs = files_read(paths, read)
-    inputs = (*inputs, said.logo) if said.logo else inputs
-    render = partial(report_page, head=said, logo=read_logo(said))
+    inputs = (*inputs, report_head.logo) if report_head.logo else inputs
+    render = partial(report_page, head=report_head, logo=read_logo(report_head))
     return write_page(
         read, place, cases=cases_of(paths, read), overwrite=force, inputs=inputs, render=render
     )

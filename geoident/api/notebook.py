@@ -29,12 +29,12 @@ def result_html(result: Result, *, title: str, plots: Plots) -> Html:
         plots: its figures.
     """
     shown = result.for_people
-    said = warnings(shown)
+    warned = warnings(shown)
     return joined(
         [
             tag("p", tag("b", case_title(shown) or title)),
             tag("p", " ".join(outcome_sentences(shown))),
-            tag("ul", *(tag("li", text) for text in said)) if said else Html(""),
+            tag("ul", *(tag("li", text) for text in warned)) if warned else Html(""),
             table(parameter_table(shown.parameters)),
             _figure(plots),
         ]

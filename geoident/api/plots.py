@@ -111,8 +111,8 @@ class Plots:
             MissingExtra: matplotlib is not installed.
             UsageError: nothing was read.
         """
-        found = [p for p in self._album.readings if not p.name.startswith("signs")]
-        return self._drawn(found, "figure of gauges")
+        pictures = [p for p in self._album.readings if not p.name.startswith("signs")]
+        return self._drawn(pictures, "figure of gauges")
 
     @spoken
     def parameters(self) -> Drawing:
@@ -143,10 +143,10 @@ class Plots:
         names = sorted({name for name, _ in pictures})
         if quantity not in names:
             _refuse("quantity", quantity, names)
-        found = {number: p for (name, number), p in pictures.items() if name == quantity}
-        if section not in found:
-            _refuse("section", str(section), [str(number) for number in sorted(found)])
-        return Drawing.of([found[section]])
+        by_number = {number: p for (name, number), p in pictures.items() if name == quantity}
+        if section not in by_number:
+            _refuse("section", str(section), [str(number) for number in sorted(by_number)])
+        return Drawing.of([by_number[section]])
 
     @spoken
     def quantities(self) -> tuple[str, ...]:
@@ -176,10 +176,10 @@ class Plots:
             MissingExtra: matplotlib is not installed.
             UsageError: there is no such figure.
         """
-        found = [picture for picture in self._album.all if picture.name == name]
-        if not found:
+        matches = [picture for picture in self._album.all if picture.name == name]
+        if not matches:
             _refuse("figure", name, [picture.name for picture in self._album.all])
-        return Drawing.of(found)
+        return Drawing.of(matches)
 
     @cached_property
     def _album(self) -> Album:
@@ -232,8 +232,8 @@ def _split(name: str) -> tuple[str, int]:
     >>> _split("section-2-displacement"), _split("yielded")
     (('displacement', 2), ('yielded', 1))
     """
-    found = _SECTION.match(name)
-    return (name[found.end() :], int(found[1])) if found else (name, 1)
+    match = _SECTION.match(name)
+    return (name[match.end() :], int(match[1])) if match else (name, 1)
 
 
 def _refuse(kind: str, name: str, names: Sequence[str]) -> NoReturn:

@@ -77,29 +77,29 @@ class ProjectFit(ResultHandle[ProjectResult]):
     @cached_property
     def sections(self) -> Mapping[str, SectionFit]:
         """The sections by name, also those that are predicted."""
-        found, data = {}, self.data
+        sections, data = {}, self.data
         for one in data.sections:
             own = {row.parameter: row for row in data.of(one.name)}
             read = tuple(row for row in data.readings if row.section == one.name)
-            found[one.name] = SectionFit(one, own, read)
-        return ByName(found, "section")
+            sections[one.name] = SectionFit(one, own, read)
+        return ByName(sections, "section")
 
     @cached_property
     def left_out(self) -> Mapping[str, SectionFit]:
         """Each fitted section as the others predict it; empty without ``leave_one_out``."""
-        found, data = {}, self.data
+        left_out, data = {}, self.data
         for one in data.fitted:
             own = {r.parameter: r for r in data.left_out_parameters if r.section == one.name}
             read = tuple(row for row in data.left_out_readings if row.section == one.name)
             if own:
-                found[one.name] = SectionFit(one, own, read)
-        return ByName(found, "section that was left out")
+                left_out[one.name] = SectionFit(one, own, read)
+        return ByName(left_out, "section that was left out")
 
     @cached_property
     def tables(self) -> Mapping[str, ResultTable]:
         """All tables by name, in the units of the cases: those that ``geoident export`` writes."""
-        found = project_tables(self.data)
-        return {name: ResultTable(one.header, one.rows) for name, one in found.items()}
+        tables = project_tables(self.data)
+        return {name: ResultTable(one.header, one.rows) for name, one in tables.items()}
 
     @spoken
     def export(self, output: AnyPath | None = None, *, force: bool = False) -> tuple[str, ...]:
@@ -127,8 +127,8 @@ class ProjectFit(ResultHandle[ProjectResult]):
         return f"ProjectFit({Path(self.path).name}: {self.status}; {count})"
 
     def _repr_html_(self) -> str:
-        found = tag("ul", *(tag("li", text) for text in self.findings))
-        return joined([table(common_table(self.data)), table(laws_table(self.data)), found])
+        findings = tag("ul", *(tag("li", text) for text in self.findings))
+        return joined([table(common_table(self.data)), table(laws_table(self.data)), findings])
 
 
 class ByName(Mapping[str, _OfName]):
@@ -144,8 +144,8 @@ class ByName(Mapping[str, _OfName]):
 
     def __getitem__(self, name: str) -> _OfName:
         if name not in self._items:
-            said = f"there is no {self._kind} '{name}'. {did_you_mean(name, self._items)}"
-            raise KeyError(said.strip())
+            message = f"there is no {self._kind} '{name}'. {did_you_mean(name, self._items)}"
+            raise KeyError(message.strip())
         return self._items[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -204,8 +204,8 @@ def fit_project(
     )
     job = plan_project(request)
     with decided_by(trusting(trust=trust)):
-        found = run_project(job, control(progress, max_time, jobs, cluster))
-    return ProjectFit(found.result, found.paths[0], found.up_to_date)
+        fit = run_project(job, control(progress, max_time, jobs, cluster))
+    return ProjectFit(fit.result, fit.paths[0], fit.up_to_date)
 
 
 @spoken

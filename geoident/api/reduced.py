@@ -52,8 +52,8 @@ class ReducedReadings:
 
     def __getitem__(self, pair: tuple[str, str]) -> npt.NDArray[np.float64] | float:
         """The reading of a channel at a stage; (b,) at several parameter vectors."""
-        found = self.values[..., self.pairs.index(pair)]
-        return float(found) if found.ndim == 0 else found
+        values = self.values[..., self.pairs.index(pair)]
+        return float(values) if values.ndim == 0 else values
 
     @property
     def table(self) -> ResultTable:
@@ -142,12 +142,12 @@ class KeptModel:
             if reason is not None:
                 raise UsageError(f"The reduced model does not answer there: {reason}.")
         response = self._restored.response(self.pairs)
-        found, errors = response.estimated(points)
+        readings, errors = response.estimated(points)
         if single:
-            found, errors = found[0], errors[0]
+            readings, errors = readings[0], errors[0]
         channels = {c.name: (c.unit, c.dimension) for c in self._restored.case.channels}
         units = tuple(channels[channel] for channel, _ in self.pairs)
-        return ReducedReadings(self.pairs, found, errors, self._accuracy, units)
+        return ReducedReadings(self.pairs, readings, errors, self._accuracy, units)
 
     def _points(self, values: ParameterValues) -> tuple[bool, Floats]:
         """Whether one vector was given, and all of them (b, n), SI."""

@@ -84,10 +84,9 @@ class ResultFile(ResultHandle[Result]):
         return summary_text(self.data)
 
     def __repr__(self) -> str:
-        said = summary_of(self.parameters, most=_MOST)
-        return (
-            f"{type(self).__name__}({Path(self.path).name}: {self.status}{'; ' * bool(said)}{said})"
-        )
+        summary = summary_of(self.parameters, most=_MOST)
+        state = f"{self.status}; {summary}" if summary else self.status
+        return f"{type(self).__name__}({Path(self.path).name}: {state})"
 
     def _repr_html_(self) -> str:
         return result_html(self.data, title=f"{self.data.kind} of {self.path}", plots=self.plot)
@@ -218,8 +217,8 @@ KINDS: Mapping[str, type[ResultFile]] = {
 """Kind of a result to its class."""
 
 
-def _predictions(found: ResultFile) -> ResultTable:
-    return found.tables.get("prediction", ResultTable((), ()))
+def _predictions(result: ResultFile) -> ResultTable:
+    return result.tables.get("prediction", ResultTable((), ()))
 
 
 @dataclass(frozen=True, repr=False)
@@ -262,8 +261,8 @@ class ModelChoice:
         return f"ModelChoice({self.chosen} is chosen, {how}; {parts})"
 
     def _repr_html_(self) -> str:
-        said = tag("ul", *(tag("li", text) for text in self.sentences))
-        return joined([table(models_table(self.data)), said, tag("p", MODELS_LEGEND)])
+        sentences = tag("ul", *(tag("li", text) for text in self.sentences))
+        return joined([table(models_table(self.data)), sentences, tag("p", MODELS_LEGEND)])
 
 
 @spoken

@@ -259,9 +259,9 @@ def sample(
     return SampleResult(*_parts(run_sample(plan_sample(request), obeyed)))
 
 
-def path_of(found: Stored | AnyPath) -> str:
+def path_of(source: Stored | AnyPath) -> str:
     """The path of a result, from itself or its path."""
-    return os.fspath(found) if isinstance(found, str | os.PathLike) else found.path
+    return os.fspath(source) if isinstance(source, str | os.PathLike) else source.path
 
 
 def _place(output: AnyPath | None) -> str | None:

@@ -91,11 +91,11 @@ def dates_of(result: Result) -> NDArray[np.datetime64] | None:
 
 def tables_of(result: Result) -> dict[str, ResultTable]:
     """Name to table, those without rows left out."""
-    return {name: _table(found) for name, found in csv_tables(result).items()}
+    return {name: _table(table) for name, table in csv_tables(result).items()}
 
 
-def _table(found: CsvTable) -> ResultTable:
-    return ResultTable(found.header, found.rows)
+def _table(table: CsvTable) -> ResultTable:
+    return ResultTable(table.header, table.rows)
 
 
 @dataclass(frozen=True)
@@ -195,8 +195,8 @@ def _in_words(table: ParameterTable, i: int) -> str:
     value, interval = value_cells(table, i)
     if not table.determined[i]:
         return value
-    said = f"{value} {shown_unit(table.units[i], table.dimensions[i])}".rstrip()
-    return f"{said} (95 %: {interval})" if interval else said
+    text = f"{value} {shown_unit(table.units[i], table.dimensions[i])}".rstrip()
+    return f"{text} (95 %: {interval})" if interval else text
 
 
 def summary_of(parameters: Parameters, *, most: int) -> str:
@@ -206,12 +206,12 @@ def summary_of(parameters: Parameters, *, most: int) -> str:
         parameters: of a result.
         most: parameters at most.
     """
-    said = [
+    texts = [
         f"{name} = {estimate.text}" if estimate.determined else f"{name} {estimate.text}"
         for name, estimate in list(parameters.items())[:most]
     ]
     more = len(parameters) - most
-    return "; ".join([*said, f"{more} more"] if more > 0 else said)
+    return "; ".join([*texts, f"{more} more"] if more > 0 else texts)
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
         return self._table.stages
 
     def __getitem__(self, name: str) -> ChannelReadings:
-        table, found = self._table, self._result.prediction
+        table, prediction = self._table, self._result.prediction
         i = table.channels.index(_known(name, table.channels, "channel"))
         nothing = np.full(len(table.stages), np.nan)
         return ChannelReadings(
@@ -285,9 +285,9 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
             table.computed[i],
             table.sd[i],
             table.used[i],
-            predicted=nothing if found is None else found.mean[i],
-            lower95=nothing if found is None else found.lower95[i],
-            upper95=nothing if found is None else found.upper95[i],
+            predicted=nothing if prediction is None else prediction.mean[i],
+            lower95=nothing if prediction is None else prediction.lower95[i],
+            upper95=nothing if prediction is None else prediction.upper95[i],
         )
 
     def __iter__(self) -> Iterator[str]:
@@ -320,8 +320,8 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
             "lower95": nothing if prediction is None else prediction.lower95,
             "upper95": nothing if prediction is None else prediction.upper95,
         }
-        there = np.isfinite(table.measured) | np.isfinite(table.computed)
-        j, i = np.nonzero(there.T)
+        present = np.isfinite(table.measured) | np.isfinite(table.computed)
+        j, i = np.nonzero(present.T)
         dates = dates_of(self._result)
         units = [si_unit(d) for d in table.dimensions] if si else list(table.shown_units)
         shown = {name: v if si else table.in_units(v) for name, v in columns.items()}
@@ -340,8 +340,8 @@ class GaugeReadings(Mapping[str, ChannelReadings]):
 
     @property
     def _shown(self) -> ResultTable:
-        found = csv_tables(self._result).get("gauges")
-        return ResultTable((), ()) if found is None else _table(found)
+        gauges = csv_tables(self._result).get("gauges")
+        return ResultTable((), ()) if gauges is None else _table(gauges)
 
     def __repr__(self) -> str:
         return repr(self._shown) if len(self._shown) else "no channels"
@@ -365,8 +365,8 @@ def _known(name: str, names: Sequence[str], kind: str) -> str:
 
 
 def _frame(columns: Mapping[str, object]) -> pd.DataFrame:
-    found: pd.DataFrame = needed("pandas", extra="notebook", what="to_frame").DataFrame(columns)
-    return found
+    frame: pd.DataFrame = needed("pandas", extra="notebook", what="to_frame").DataFrame(columns)
+    return frame
 
 
 def _cell(cell: CsvCell) -> str:

@@ -62,8 +62,8 @@ class Commands(click.Group):
         """Import the module of a command."""
         if cmd_name not in COMMANDS:
             return None
-        found = import_module(f"geoident.cli.commands.{cmd_name}").command
-        return found if isinstance(found, click.Command) else None
+        command = import_module(f"geoident.cli.commands.{cmd_name}").command
+        return command if isinstance(command, click.Command) else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -94,8 +94,8 @@ class Commands(click.Group):
         """
         rows = []
         for name in self.list_commands(ctx):
-            found = self.get_command(ctx, name)
-            about = (found.help or "") if found is not None else ""
+            command = self.get_command(ctx, name)
+            about = (command.help or "") if command is not None else ""
             rows.append((name, about.partition("\n\n")[0].replace("\n", " ")))
         with formatter.section("Commands"):
             formatter.write_dl(rows)

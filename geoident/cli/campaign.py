@@ -96,7 +96,7 @@ def run_campaign(
         with (
             run_executor(plan, where, jobs, terminal.inform) as (executor, at_a_time),
             terminal.live(f"{count} runs"),
-            stop_runs_on_signals(executor) as heard,
+            stop_runs_on_signals(executor) as log,
         ):
             table = compute(
                 plan, executor, Progress(options, terminal, count, at_a_time), runs_csv,
@@ -110,7 +110,7 @@ def run_campaign(
         terminal.inform(f"\n{failed_table(table).text}")
     if not options.as_json:
         click.echo(plan.folder)
-    return int(heard.code or table.exit_code)
+    return int(log.code or table.exit_code)
 
 
 def _say_plan(plan: CampaignPlan, options: Options) -> int:

@@ -33,8 +33,8 @@ def _drawn(error: CollapseError, case: str, options: Options) -> str:
     """A line that names the picture, or says why there is none; empty where nothing is known."""
     from geoident.model.results.yielded import Mechanism
 
-    found = error.motion
-    if not isinstance(found, Mechanism):
+    motion = error.motion
+    if not isinstance(motion, Mechanism):
         return ""
     try:
         from geoident.report.drawing.fields.mechanism import mechanism_picture
@@ -46,7 +46,7 @@ def _drawn(error: CollapseError, case: str, options: Options) -> str:
 
     name = target(case, "collapse").path.with_suffix(".png")
     inputs = [] if case == "-" else [case]
-    picture = mechanism_picture(found, ("x", "y", "z"))
+    picture = mechanism_picture(motion, ("x", "y", "z"))
     try:
         write_remade({str(name): image(picture, "png")}, cases=[case], force=options.force,
                      inputs=inputs)  # fmt: skip

@@ -91,8 +91,8 @@ class OneOf(_Choice):
         from geoident.io.text.wording import nearest
 
         near = nearest(str(value), [str(word) for word in self.choices])
-        said = str(super().get_invalid_choice_message(value, ctx))
-        return f"{said.removesuffix('.')}. Did you mean {near!r}?" if near else said
+        message = str(super().get_invalid_choice_message(value, ctx))
+        return f"{message.removesuffix('.')}. Did you mean {near!r}?" if near else message
 
 
 class Whole(click.IntRange):

@@ -150,10 +150,10 @@ def export_project_table(path: str, name: str, options: Options) -> int:
     from geoident.workflow.project.export import write_project_table
 
     result = read_project_result(path)
-    found = project_tables(result)
-    if name not in found:
-        raise UsageError(f"{path}: has no table {name!r}; it has {', '.join(found)}")
-    text = csv_text(found[name])
+    tables = project_tables(result)
+    if name not in tables:
+        raise UsageError(f"{path}: has no table {name!r}; it has {', '.join(tables)}")
+    text = csv_text(tables[name])
     if options.output in (None, "-"):
         click.echo(text, nl=False)
         return ExitCode.DONE

@@ -58,10 +58,10 @@ class CaseEnd:
     @property
     def words(self) -> str:
         """In a few words."""
-        said = WORDS.get(ExitCode(self.code), str(self.code))
+        outcome = WORDS.get(ExitCode(self.code), str(self.code))
         if not self.up_to_date:
-            return said
-        return "up to date" if self.code == ExitCode.DONE else f"up to date: {said}"
+            return outcome
+        return "up to date" if self.code == ExitCode.DONE else f"up to date: {outcome}"
 
 
 def run_cases(
@@ -105,12 +105,12 @@ def _up_to_date(command: str, case: str, options: Options) -> CaseEnd | None:
     """A case whose result is up to date, as the checksums of its files tell."""
     from geoident.workflow.running.outputs import known
 
-    found = known(
+    result = known(
         case, command, output=options.output, overrides=options.overrides, seed=options.seed
     )
-    if found is None:
+    if result is None:
         return None
-    place, identity = found
+    place, identity = result
     path = line = str(place.path)
     if options.as_json:
         from geoident.io.result.file import read_result
@@ -130,7 +130,7 @@ def _compute(
     cases = [ends.cases[n] for n in left]
     with (
         _executor(command, cases, options, terminal, cluster) as executor,
-        stop_runs_on_signals(executor) as heard,
+        stop_runs_on_signals(executor) as log,
         terminal.live(f"{len(left)} cases"),
     ):
         for done, answer in enumerate(executor.run(cases), start=1):
@@ -141,7 +141,7 @@ def _compute(
                 end = CaseEnd(ExitCode.BUG, stderr=f"set aside: {lost_words(answer)}")
             ends.add(left[answer.number], end)
             terminal.part(f"{done} of {len(left)} cases done", done / len(left))
-    return heard.code
+    return log.code
 
 
 @contextmanager

@@ -168,7 +168,7 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
         cases: their paths; what is wrong with one is told by whoever computes it.
         options: of the command.
     """
-    found: dict[str, RunCase] = {}
+    by_path: dict[str, RunCase] = {}
     for case in cases:
         with suppress(InputError):
             text = decode(read_bytes(case, limit=MAX_BYTES, what="case"), case)
@@ -181,10 +181,10 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
             if isinstance(model, ProgramModel) and isinstance(
                 given, ExternalProgram | PythonFunction
             ):
-                found[case] = RunCase(given, "")
+                by_path[case] = RunCase(given, "")
                 with asked(trust=options.trust, as_json=options.as_json):
-                    found[case] = RunCase(given, model.runs.require_trust())
-    return found
+                    by_path[case] = RunCase(given, model.runs.require_trust())
+    return by_path
 
 
 def set_up_cases(

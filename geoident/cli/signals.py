@@ -64,19 +64,19 @@ class SignalLog:
 @contextmanager
 def stop_runs_on_signals(runs: Stoppable) -> Iterator[SignalLog]:
     """The same for many runs: the first signal lets those end that run, the second ends them."""
-    heard = SignalLog()
+    log = SignalLog()
 
     def ask(number: int, frame: FrameType | None) -> None:
-        if heard.code is not None:
+        if log.code is not None:
             runs.kill()
             return
-        heard.code = CODES[signal.Signals(number)]
+        log.code = CODES[signal.Signals(number)]
         runs.ask_to_stop()
         with suppress(OSError):
             os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _SAID.encode())
 
     with handled_signals(ask):
-        yield heard
+        yield log
 
 
 @contextmanager

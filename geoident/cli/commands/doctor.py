@@ -28,43 +28,44 @@ def command(options: Options) -> int:
     from geoident.report.text.json import dumps
     from geoident.workflow.doctor import diagnose
 
-    found = diagnose()
-    click.echo(dumps(asdict(found)) if options.as_json else _text(found))
+    diagnosis = diagnose()
+    click.echo(dumps(asdict(diagnosis)) if options.as_json else _text(diagnosis))
     return 0
 
 
-def _text(found: Diagnosis) -> str:
+def _text(diagnosis: Diagnosis) -> str:
     from geoident.report.text.layout import TextTable, bullets, section, sections
 
-    versions = [[name, version] for name, version in found.versions.items()]
+    versions = [[name, version] for name, version in diagnosis.versions.items()]
     solvers = [
         [
             solver.name,
             solver.version or "not installed",
             str(solver.threads) if solver.available else "-",
-            _use(solver.name, found),
+            _use(solver.name, diagnosis),
         ]
-        for solver in found.solvers
+        for solver in diagnosis.solvers
     ]
     extras = [
         [extra.use, f"{extra.package} {extra.version}" if extra.version else extra.remedy]
-        for extra in found.extras
+        for extra in diagnosis.extras
     ]
     memory = ""
-    if found.memory is not None:
-        memory = f", {found.memory / 1e9:.1f} GB of memory"
-    limits = ", ".join(f"{name}={value}" for name, value in found.threads.items())
+    if diagnosis.memory is not None:
+        memory = f", {diagnosis.memory / 1e9:.1f} GB of memory"
+    limits = ", ".join(f"{name}={value}" for name, value in diagnosis.threads.items())
     return sections(
         TextTable(("program", "version"), versions).text,
         TextTable(("solver", "from", "threads", ""), solvers, right="llrl").text,
         TextTable(("extra", "from"), extras).text,
-        f"{found.platform}, {found.cores} cores{memory}" + (f", {limits}" if limits else ""),
-        section("To be faster", bullets(found.remedies)),
+        f"{diagnosis.platform}, {diagnosis.cores} cores{memory}"
+        + (f", {limits}" if limits else ""),
+        section("To be faster", bullets(diagnosis.remedies)),
     )
 
 
-def _use(solver: str, found: Diagnosis) -> str:
+def _use(solver: str, diagnosis: Diagnosis) -> str:
     """What a solver is used for."""
-    if solver == found.picked_beyond:
+    if solver == diagnosis.picked_beyond:
         return "used where a factor takes too much time or memory"
-    return "used" if solver == found.picked else ""
+    return "used" if solver == diagnosis.picked else ""

@@ -170,16 +170,16 @@ def _one_table(path: str, name: str, options: Options) -> int:
 
         return export_project_table(path, name, options)
     result = read_result(path)
-    found = csv_tables(result)
+    tables = csv_tables(result)
 
     def earlier(kept: str) -> str:
         table = csv_tables(read_result(kept)).get(name)
         return "" if table is None else csv_text(table)
 
-    if name not in found:
-        msg = f"{path}: has no table {name!r}; it has {', '.join(found)}"
+    if name not in tables:
+        msg = f"{path}: has no table {name!r}; it has {', '.join(tables)}"
         raise UsageError(msg)
-    text = csv_text(found[name])
+    text = csv_text(tables[name])
     if options.output in (None, "-"):
         click.echo(text, nl=False)
     else:

@@ -97,8 +97,10 @@ def command(
         raise UsageError("The head is that of the page, which --no-page leaves out.")
     if find_spec("matplotlib") is None:
         _require_matplotlib()
-    said = ReportHead(**head)
-    written = _written(results, folder, suffixes, no_page=no_page, options=options, head=said)
+    report_head = ReportHead(**head)
+    written = _written(
+        results, folder, suffixes, no_page=no_page, options=options, head=report_head
+    )
     for path in written:
         click.echo(path)
     return 0
@@ -135,11 +137,11 @@ def _written(
     inputs, cases = files_read(results, read), cases_of(results, read)
     written: tuple[str, ...] = ()
     if place:
-        said = head_of(results, read, head)
-        inputs = (*inputs, said.logo) if said.logo else inputs
+        report_head = head_of(results, read, head)
+        inputs = (*inputs, report_head.logo) if report_head.logo else inputs
         with _progress(options) as progress:
             draw = partial(svg_files, progress=progress)
-            render = partial(report_page, head=said, logo=read_logo(said), draw=draw)
+            render = partial(report_page, head=report_head, logo=read_logo(report_head), draw=draw)
             page = write_page(
                 read, place, cases=cases, overwrite=options.force, inputs=inputs, render=render
             )
@@ -188,7 +190,7 @@ def _require_matplotlib() -> None:
         raise UsageError(msg) from error
 
 
-def _page_of_many(path: str, options: Options, said: ReportHead) -> str:
+def _page_of_many(path: str, options: Options, report_head: ReportHead) -> str:
     """The page of a campaign or a project, beside its runs or its result."""
     from geoident.report.drawing.style import svg_files
     from geoident.report.page.many import page_of_many
@@ -197,7 +199,7 @@ def _page_of_many(path: str, options: Options, said: ReportHead) -> str:
 
     with _progress(options) as progress:
         draw = partial(svg_files, progress=progress)
-        render = partial(page_of_many, head=said, logo=read_logo(said), draw=draw)
+        render = partial(page_of_many, head=report_head, logo=read_logo(report_head), draw=draw)
         return write_page_of_many(
-            path, options.output, force=options.force, logo=said.logo, render=render
+            path, options.output, force=options.force, logo=report_head.logo, render=render
         )

@@ -72,9 +72,9 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
     elif as_csv:
         click.echo(all_csv(result), nl=False)
     else:
-        said = outdated_sentence(outdated) if result.kind == "fit" else ""
+        outdated_text = outdated_sentence(outdated) if result.kind == "fit" else ""
         text = result_text(result, title=f"{path}: {result.kind} of {case}")
-        click.echo("\n\n".join(part for part in (text, said) if part) + "\n")
+        click.echo("\n\n".join(part for part in (text, outdated_text) if part) + "\n")
     return 0
 
 
@@ -89,8 +89,8 @@ def _show_campaign(path: str, options: Options, *, as_csv: bool) -> int:
         table = read_runs(path)
     if options.as_json:
         for run in table.runs:
-            said = {"outdated": table.outdated} if table.outdated else {}
-            click.echo(dumps({**record_object(run), **said}))
+            entries = {"outdated": table.outdated} if table.outdated else {}
+            click.echo(dumps({**record_object(run), **entries}))
     elif as_csv:
         click.echo(runs_csv(table), nl=False)
     else:

@@ -32,14 +32,14 @@ def unique(names: Iterable[str]) -> tuple[str, ...]:
     ('e', 'k0', 'e_2')
     """
     names = tuple(names)
-    found: dict[str, None] = {}
+    taken: dict[str, None] = {}
     for name in names:
         number, free = 1, name
-        while free in found or (number > 1 and free in names):
+        while free in taken or (number > 1 and free in names):
             number += 1
             free = f"{name}_{number}"
-        found[free] = None
-    return tuple(found)
+        taken[free] = None
+    return tuple(taken)
 
 
 def reading_names(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:

@@ -94,7 +94,7 @@ def values_of(written: Sequence[WrittenValue], parameters: Sequence[Parameter]) 
             of another dimension, values beyond the bounds.
     """
     known = {parameter.name: parameter for parameter in parameters}
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     faults: list[Fault] = []
     for row in written:
         name = row.name
@@ -102,17 +102,17 @@ def values_of(written: Sequence[WrittenValue], parameters: Sequence[Parameter]) 
             hint = did_you_mean(row.name, known, what="Parameters")
             message = f"there is no parameter '{shorten(row.name)}' in the case"
             faults.append(Fault("unknown-parameter", message, hint, row.place))
-        elif name in found:
+        elif name in values:
             message = f"the parameter '{name}' is given twice"
             faults.append(Fault("same-parameter", message, "Keep one of them.", row.place))
         else:
             value = _value(row, known[name])
             if isinstance(value, Fault):
                 faults.append(value)
-            found[name] = math.nan if isinstance(value, Fault) else value
+            values[name] = math.nan if isinstance(value, Fault) else value
     if faults:
         raise InputError(faults[:_MOST_FAULTS])
-    return found
+    return values
 
 
 def _value(row: WrittenValue, parameter: Parameter) -> float | Fault:

@@ -24,11 +24,11 @@ _WITH_UNIT = re.compile(rf"({NUMBER_PATTERN})\s*(.*)", re.DOTALL)
 def _sampled(value: object) -> tuple[float, str]:
     """A number and the unit that is written behind it."""
     text = require_text(value, "a number with its unit").strip()
-    found = _WITH_UNIT.fullmatch(text)
-    if found is None:
+    match = _WITH_UNIT.fullmatch(text)
+    if match is None:
         hint = "Write a number with a decimal point and its unit, such as 15 GPa."
         raise Refusal("bad-number", f"'{shorten(text)}' is not a number with a unit", hint)
-    return float(found[1]), found[2].strip()
+    return float(match[1]), match[2].strip()
 
 
 Sampled = Annotated[

@@ -133,8 +133,8 @@ class LoadSection(Section):
         else:
             expected, good = "'on' with a group of faces is expected", places == ["on"]
         if not good:
-            found = " and ".join(f"'{place}'" for place in places) or "no place"
-            faults.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
+            places_text = " and ".join(f"'{place}'" for place in places) or "no place"
+            faults.add((), "wrong-place", f"found {places_text} for the load '{kind}'; {expected}")
 
     def load(self, context: Context) -> Load:
         """The load for the model; what cannot be is noted as a fault."""

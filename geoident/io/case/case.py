@@ -346,33 +346,33 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
 
 def numbers_with_paths(node: object, path: KeyPath = ()) -> list[tuple[KeyPath, CaseNumber]]:
     """Every number of a case, or of a part of it that stands at a path, with its path."""
-    found: list[tuple[KeyPath, CaseNumber]] = []
-    _add_numbers(node, path, found)
-    return found
+    numbers: list[tuple[KeyPath, CaseNumber]] = []
+    _add_numbers(node, path, numbers)
+    return numbers
 
 
 _PLAIN = frozenset([type(None), str, float, int, bool])
 """Most of what a case holds: it is no number with a unit, and has none inside."""
 
 
-def _add_numbers(node: object, path: KeyPath, found: list[tuple[KeyPath, CaseNumber]]) -> None:
+def _add_numbers(node: object, path: KeyPath, numbers: list[tuple[KeyPath, CaseNumber]]) -> None:
     if type(node) in _PLAIN:
         return
     if isinstance(node, CaseNumber) and isinstance(
         node.varied_by, GrowthBase | RockMassModulusSection
     ):
-        _add_numbers(node.varied_by, path, found)
+        _add_numbers(node.varied_by, path, numbers)
     elif isinstance(node, CaseNumber):
-        found.append((path if node.varied_by is None else (*path, "field", "mean"), node))
+        numbers.append((path if node.varied_by is None else (*path, "field", "mean"), node))
     elif isinstance(node, BaseModel):
         for name, key in _keys_of(type(node)):
-            _add_numbers(getattr(node, name), (*path, key), found)
+            _add_numbers(getattr(node, name), (*path, key), numbers)
     elif isinstance(node, Mapping):
         for key, value in node.items():
-            _add_numbers(value, (*path, key), found)
+            _add_numbers(value, (*path, key), numbers)
     elif isinstance(node, list):
         for n, value in enumerate(node):
-            _add_numbers(value, (*path, n), found)
+            _add_numbers(value, (*path, n), numbers)
 
 
 @cache
@@ -383,5 +383,5 @@ def _keys_of(section: type[BaseModel]) -> tuple[tuple[str, str], ...]:
 
 def tied_parameters(section: CaseSection) -> frozenset[str]:
     """Names of the parameters that the case itself refers to by ``$NAME``."""
-    found = (given.parameter for _, given in numbers_with_paths(section))
-    return frozenset(name for name in found if name is not None)
+    names = (given.parameter for _, given in numbers_with_paths(section))
+    return frozenset(name for name in names if name is not None)

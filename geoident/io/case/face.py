@@ -178,9 +178,9 @@ def _with_stages(
 def _stage_at(
     given: CaseNumber, stages: Sequence[StageSection], path: KeyPath, faults: Faults
 ) -> str:
-    found = [s.name for s in stages if s.distance and s.distance.scalar == given.scalar]
-    if found:
-        return found[0]
+    matches = [s.name for s in stages if s.distance and s.distance.scalar == given.scalar]
+    if matches:
+        return matches[0]
     message = f"at no stage is the face {given.text} away"
     known = [f"{s.distance.text} at '{s.name}'" for s in stages if s.distance]
     hint = f"Distances are {', '.join(known)}." if known else ""

@@ -85,11 +85,11 @@ _USES: Mapping[str, bool | str] = {
 
 
 def _known_use(value: object) -> bool | str:
-    found = _USES.get(str(value).lower())
-    if found is None:
+    use = _USES.get(str(value).lower())
+    if use is None:
         message = f"found '{shorten(str(value))}'; true, false or keep is expected"
         raise Refusal("wrong-kind", message, "Write one of them, without quotes.")
-    return found
+    return use
 
 
 ReducedUse = Annotated[

@@ -44,11 +44,11 @@ def with_periods(
 
 
 def _oriented(parameter: Parameter, ties: Sequence[tuple[KeyPath, CaseNumber]]) -> Parameter:
-    mine = [(path, given.factor) for path, given in ties if given.parameter == parameter.name]
-    if not mine or any(path[-1] not in TURNS or factor == 0.0 for path, factor in mine):
+    places = [(path, given.factor) for path, given in ties if given.parameter == parameter.name]
+    if not places or any(path[-1] not in TURNS or factor == 0.0 for path, factor in places):
         return parameter
-    period = _common([TURNS[str(path[-1])] / abs(factor) for path, factor in mine])
-    mirrors = {_strike_of(path, factor, ties) for path, factor in mine}
+    period = _common([TURNS[str(path[-1])] / abs(factor) for path, factor in places])
+    mirrors = {_strike_of(path, factor, ties) for path, factor in places}
     mirror = mirrors.pop() if len(mirrors) == 1 else None
     return replace(parameter, period=period, mirror=mirror)
 

@@ -247,8 +247,8 @@ def elastic(value: object) -> str:
 
     Messages name this function, so it is called as the key.
     """
-    found = value.get("elastic") if isinstance(value, dict) else getattr(value, "elastic", None)
-    return found if isinstance(found, str) else "isotropic"
+    symmetry = value.get("elastic") if isinstance(value, dict) else getattr(value, "elastic", None)
+    return symmetry if isinstance(symmetry, str) else "isotropic"
 
 
 MaterialSection = Annotated[
@@ -299,19 +299,19 @@ def _check_start(
 ) -> None:
     """Note a constant that is inadmissible at the start of the parameters."""
     starts = numbers_at_start(section.numbers, parameters)
-    found = None if starts is None else breach(elastic, starts)
-    if found is None:
+    violation = None if starts is None else breach(elastic, starts)
+    if violation is None:
         return
-    keys, given = _written(section, found.constant)
+    keys, given = _written(section, violation.constant)
     ties = {n.parameter for n in section.numbers if n.parameter and n.dimension != "angle"}
     if given.parameter is not None:
-        message = f"'{given.text}' is {found.value:g} at the start; {found.limit}"
+        message = f"'{given.text}' is {violation.value:g} at the start; {violation.limit}"
         hint = f"Change the start of {given.parameter}."
     else:
-        message = f"'{given.text}' makes the stiffness indefinite; {found.limit}"
+        message = f"'{given.text}' makes the stiffness indefinite; {violation.limit}"
         hint = f"Change it, or the start of {', '.join(sorted(ties))}." if ties else ""
         if len(keys) > 1:
-            message, hint = f"'{given.text}': {found.limit}", "Correct the number."
+            message, hint = f"'{given.text}': {violation.limit}", "Correct the number."
     context.at(*keys).refuse("out-of-range", message, hint)
 
 

@@ -127,8 +127,8 @@ class _Ladder:
         if name is None:
             return _PLAIN
         written = self.materials[name]
-        found = str(getattr(written, "elastic", "isotropic"))
-        if found == section.elastic and section.dip is None and section.dip_direction is None:
+        symmetry = str(getattr(written, "elastic", "isotropic"))
+        if symmetry == section.elastic and section.dip is None and section.dip_direction is None:
             return _PLAIN
         constants = _constants(written)
         if constants is None:
@@ -358,7 +358,9 @@ def _constants(written: MaterialSection) -> dict[str, str] | None:
         {"E_1": "E_1", "nu_12": "nu_12", "E_3": "E_3", "nu_13": "nu_13", "G_13": "G_13"},
     )
     for keys in kinds:
-        found = {name: texts[key] for name, key in keys.items() if key in texts}
-        if len(found) == len(keys) and all(isinstance(text, str) for text in found.values()):
-            return found
+        constants = {name: texts[key] for name, key in keys.items() if key in texts}
+        if len(constants) == len(keys) and all(
+            isinstance(text, str) for text in constants.values()
+        ):
+            return constants
     return None

@@ -67,7 +67,7 @@ class ReadReadings:
 
 
 @dataclass
-class _Found:
+class _Collected:
     """What was read so far.
 
     Args:
@@ -94,22 +94,22 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         faults: is told what is wrong.
     """
     calendar = calendar_of(section, faults)
-    found, checks = _Found(), ReadingChecks(section, calendar, faults)
+    collected, checks = _Collected(), ReadingChecks(section, calendar, faults)
     for path, entry in _entries(section.readings):
         if isinstance(entry, ReadingSection):
             batch, alone = _inline(entry, path, calendar, faults), True
         else:
-            batch, alone = _of_file(entry, path, find, checks, found)
+            batch, alone = _of_file(entry, path, find, checks, collected)
         checks.all(batch, alone=alone)
-        found.readings += batch
+        collected.readings += batch
     checks.bad()
-    found.notes += checks.drifts(found.readings)
-    readings = tuple(replace(r, bad=r.bad or _bad_reason(section, r)) for r in found.readings)
-    by_stage = when_read(found.dated, calendar)
+    collected.notes += checks.drifts(collected.readings)
+    readings = tuple(replace(r, bad=r.bad or _bad_reason(section, r)) for r in collected.readings)
+    by_stage = when_read(collected.dated, calendar)
     if by_stage and not faults.found:
-        found.notes += gaps(found.dated, by_stage, calendar, readings)
-    paths, notes = tuple(found.paths), tuple(found.notes)
-    return ReadReadings(readings, paths, calendar.dates, notes, found.zeros, by_stage)
+        collected.notes += gaps(collected.dated, by_stage, calendar, readings)
+    paths, notes = tuple(collected.paths), tuple(collected.notes)
+    return ReadReadings(readings, paths, calendar.dates, notes, collected.zeros, by_stage)
 
 
 def _entries(readings: Any) -> list[tuple[KeyPath, Any]]:
@@ -161,7 +161,7 @@ def _of_file(
     path: KeyPath,
     find: Find,
     checks: ReadingChecks,
-    found: _Found,
+    collected: _Collected,
 ) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
     calendar, faults = checks.calendar, checks.faults
@@ -170,13 +170,13 @@ def _of_file(
     before = len(faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
     paths = [find(name, key) for name in described.paths]
-    found.paths += paths
+    collected.paths += paths
     if len(faults.found) > before:
         return [], True
     survey = surveyed(described, checks.section, faults, path)
     checks.mapped(described, path)
     declared = len(faults.found)
-    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, found.notes)
+    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, collected.notes)
     if declared > before:
         return [], True
     sound = len(faults.found) == before
@@ -188,18 +188,18 @@ def _of_file(
         return [], True
     if described.several:
         note = "the key 'several' of the readings is called 'repeated_readings' now"
-        found.notes += [note] if note not in found.notes else []
+        collected.notes += [note] if note not in collected.notes else []
     repeated = described.repeated_readings or described.several or ("last" if dated else "")
-    found.dated += [
+    collected.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in rows
         if row.time is not None and row.value is not None and not row.bad
     ]
     zero = "first" if survey is not None else repeated if described.rezero else ""
     assigned = _assign(rows, calendar, repeated=repeated, zero=zero)
-    found.notes += assigned.notes
+    collected.notes += assigned.notes
     checks.zeroed(assigned.unzeroed if sound else ())
-    found.zeros |= assigned.zeros
+    collected.zeros |= assigned.zeros
     return assigned.readings, not repeated
 
 
@@ -303,16 +303,16 @@ def _assign(
         else replace(reading, stage=_stage_of(reading, calendar))
         for reading in readings
     ]
-    found = _Assigned(staged)
+    assigned = _Assigned(staged)
     if zero:
-        zeros = _take_zeros(found, calendar, zero)
-    _leave_out_early(found, calendar)
-    found.readings = [
-        r for group in _groups(found.readings) for r in _reduced(group, repeated, calendar)
+        zeros = _take_zeros(assigned, calendar, zero)
+    _leave_out_early(assigned, calendar)
+    assigned.readings = [
+        r for group in _groups(assigned.readings) for r in _reduced(group, repeated, calendar)
     ]
     if zero:
-        _subtract_zeros(found, zeros)
-    return found
+        _subtract_zeros(assigned, zeros)
+    return assigned
 
 
 def _stage_of(reading: Reading, calendar: Calendar) -> str:
@@ -321,11 +321,11 @@ def _stage_of(reading: Reading, calendar: Calendar) -> str:
     What reads the stress of the virgin ground is read before the first stage, too, and counts with
     it.
     """
-    found = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
+    stage = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
     gauge = calendar.channels.get(reading.channel)
     of_virgin = gauge is not None and gauge.reads is Reads.VIRGIN
-    first = calendar.stages[1] if len(calendar.stages) > 1 else found
-    return first if found == VIRGIN and of_virgin else found
+    first = calendar.stages[1] if len(calendar.stages) > 1 else stage
+    return first if stage == VIRGIN and of_virgin else stage
 
 
 def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
@@ -377,57 +377,57 @@ def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     )
 
 
-def _take_zeros(found: _Assigned, calendar: Calendar, repeated: str) -> dict[str, Reading]:
+def _take_zeros(assigned: _Assigned, calendar: Calendar, repeated: str) -> dict[str, Reading]:
     """Channel to what was read at its zero; these readings say nothing more."""
     at = calendar.zeroed
-    at_zero = [r for r in found.readings if at.get(r.channel) == r.stage]
+    at_zero = [r for r in assigned.readings if at.get(r.channel) == r.stage]
     good = [r for r in at_zero if r.value is not None and not r.bad]
     which = repeated if repeated in {"first", "last"} else "mean"
     zeros = {group[0].channel: _reduced(group, which, calendar)[0] for group in _groups(good)}
-    found.readings = [r for r in found.readings if at.get(r.channel) != r.stage]
+    assigned.readings = [r for r in assigned.readings if at.get(r.channel) != r.stage]
     lacking = {
         r.channel: r
-        for r in found.readings
+        for r in assigned.readings
         if r.channel in at and r.channel not in zeros and r.value is not None
     }
-    found.unzeroed = list(lacking.values())
+    assigned.unzeroed = list(lacking.values())
     return zeros
 
 
-def _subtract_zeros(found: _Assigned, zeros: Mapping[str, Reading]) -> None:
+def _subtract_zeros(assigned: _Assigned, zeros: Mapping[str, Reading]) -> None:
     """Subtract what was read at zero from the readings that are left.
 
     The error of a zero is that of all readings of its channel, `geoident.model.gauges.ErrorParts`:
     the variance of one is the sum of both (ISO/IEC Guide 98-3, 5.1.2), and the readings of the
     channel are correlated.
     """
-    found.readings = [
+    assigned.readings = [
         replace(row, value=row.value - (zeros[row.channel].value or 0.0))
         if row.value is not None and row.channel in zeros
         else row
-        for row in found.readings
+        for row in assigned.readings
     ]
-    channels = dict.fromkeys(row.channel for row in found.readings if row.channel in zeros)
-    found.zeros = {name: zeros[name] for name in channels}
+    channels = dict.fromkeys(row.channel for row in assigned.readings if row.channel in zeros)
+    assigned.zeros = {name: zeros[name] for name in channels}
     if channels:
         names = named_channels(list(channels))
-        found.notes.append(
+        assigned.notes.append(
             f"The readings of {names} are differences from a measured zero (rezero): their "
             "standard deviation is the root of the sum of the squares of both. All readings of a "
             "channel share the error of its zero, and count as correlated."
         )
 
 
-def _leave_out_early(found: _Assigned, calendar: Calendar) -> None:
+def _leave_out_early(assigned: _Assigned, calendar: Calendar) -> None:
     """Leave out dated readings of the time before the zero of their channel."""
     early = [
         r
-        for r in found.readings
+        for r in assigned.readings
         if r.time is not None
         and (r.stage in ("", VIRGIN) or calendar.before_zero(r.channel, r.stage))
     ]
     left_out = {id(reading) for reading in early}
-    found.readings = [r for r in found.readings if id(r) not in left_out]
+    assigned.readings = [r for r in assigned.readings if id(r) not in left_out]
     before: dict[str, list[tuple[str, int]]] = {}
     for channel, number in Counter(reading.channel for reading in early).items():
         zero = calendar.zeros.get(channel, VIRGIN)
@@ -439,4 +439,4 @@ def _leave_out_early(found: _Assigned, calendar: Calendar) -> None:
         number = sum(count for _, count in counted)
         names = named_channels([channel for channel, _ in counted])
         readings = "reading" if number == 1 else "readings"
-        found.notes.append(f"{number} {readings} of {names} before {what} left out.")
+        assigned.notes.append(f"{number} {readings} of {names} before {what} left out.")

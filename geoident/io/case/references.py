@@ -89,11 +89,11 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
     models: list[tuple[KeyPath, object, list[str]]] = [(("in_situ",), section.in_situ, rest)]
     models += [(("in_situ", "groups", name), zone, [name]) for name, zone in zones.items()]
     weighed = False
-    for path, model, mine in models:
+    for path, model, groups in models:
         if isinstance(model, GeostaticModel):
             weighed = True
             for key in ("K0", "K0_across"):
-                _check_ratios((*path, key), getattr(model, key), mine, section, faults)
+                _check_ratios((*path, key), getattr(model, key), groups, section, faults)
     if not weighed:
         return
     if section.gravity is None:
@@ -140,12 +140,12 @@ def _is_negative(given: CaseNumber, section: CaseSection) -> bool:
 
 
 def _check_ratios(
-    path: KeyPath, given: object, mine: Collection[str], section: CaseSection, faults: Faults
+    path: KeyPath, given: object, groups: Collection[str], section: CaseSection, faults: Faults
 ) -> None:
     """Ratios of horizontal stresses by group: one for each group that needs one, no other."""
     if not isinstance(given, Mapping):
         return
-    missing = [group for group in mine if group not in given]
+    missing = [group for group in groups if group not in given]
     if missing:
         message = f"no {path[-1]} for {', '.join(map(repr, missing))}"
         hint = "Add it, or write one number for all groups."
@@ -153,7 +153,7 @@ def _check_ratios(
     for group in given:
         if group not in section.groups:
             faults.add_unknown((*path, group), "group", group, section.groups, key=True)
-        elif group not in mine:
+        elif group not in groups:
             absent = section.groups[group] == ABSENT
             why = (
                 "is not there in the initial state, so it has no in-situ stress"

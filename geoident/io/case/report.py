@@ -54,12 +54,12 @@ def read_report_head(text: str, path: str) -> ReportHead:
         return ReportHead()
     faults, known = Faults(places), dict[int, tuple[str, ...]]()
     try:
-        found = _OnlyReport.model_validate(places.data, context=known).report
+        head = _OnlyReport.model_validate(places.data, context=known).report
     except ValidationError as error:
         add_schema_faults(faults, error.errors(include_url=False), places.data, known)
         faults.raise_any()
         raise
-    if found is None:
+    if head is None:
         return ReportHead()
-    logo = str(Path(path).parent / found.logo) if found.logo else ""
-    return found.to_model(ReportHead, logo=logo)
+    logo = str(Path(path).parent / head.logo) if head.logo else ""
+    return head.to_model(ReportHead, logo=logo)

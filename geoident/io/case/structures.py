@@ -193,8 +193,8 @@ class _BarSection(_StructureBase):
     def _check_ring(self, context: Context) -> None:
         """Bars about an axis: how many there are, and where."""
         if (self.spacing is None) == (self.number is None):
-            found = "neither" if self.spacing is None else "both"
-            message = f"found {found}; either number or spacing of the {self.what}s around the "
+            which = "neither" if self.spacing is None else "both"
+            message = f"found {which}; either number or spacing of the {self.what}s around the "
             message += "axis is expected"
             hint = f"Add 'number: 12', the {self.what}s of one ring, or their 'spacing: 1.5 m' "
             hint += "along the circumference."

@@ -39,10 +39,10 @@ def read_cluster(given: str) -> Cluster:
         address = given if "://" in given else f"tcp://{given}"
         return Cluster(address=address, place=Location(f"{Term.CLUSTER} {given}"))
     try:
-        there = Path(given).is_file()
+        is_file = Path(given).is_file()
     except (OSError, ValueError):
-        there = False
-    if not there:
+        is_file = False
+    if not is_file:
         message = f"'{shorten(given)}' is not an address, and there is no file of that name"
         raise InputError([Fault("no-cluster", message, _HINT, Location(str(Term.CLUSTER)))])
     return _of_file(given)
@@ -63,9 +63,9 @@ def _of_file(path: str) -> Cluster:
         add_schema_faults(faults, error.errors(include_url=False), document.data, known)
         faults.raise_any()
         raise
-    found = cluster_of(section, (), Path(path).parent, faults)
+    cluster = cluster_of(section, (), Path(path).parent, faults)
     faults.raise_any()
-    return found
+    return cluster
 
 
 def cluster_of(section: ClusterSection, at: KeyPath, folder: Path, faults: Faults) -> Cluster:

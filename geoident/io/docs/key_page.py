@@ -100,19 +100,19 @@ def _entries(section: Schema) -> list[tuple[str, str, str]]:
     """Each key with what is allowed and what it means."""
     required = (*section.get("required", ()), *section.get("else", {}).get("required", ()))
     head = paragraphs(section)[:1]
-    found = []
+    entries = []
     for name, key in section.get("properties", {}).items():
         default = "" if name in required else _default(key)
         meaning = _about(key)
         repeated = "const" in key and [meaning] == head  # of a key that chooses the section
-        found.append(
+        entries.append(
             (
                 f"**`{name}`**" if name in required else f"`{name}`",
                 _value(key) + (f", default {default}" if default else ""),
                 "" if repeated else meaning,
             )
         )
-    return found
+    return entries
 
 
 def _about(key: Schema) -> str:

@@ -47,8 +47,8 @@ class _Generator(GenerateJsonSchema):
 def _describe_keys(section: dict[str, Any], sections: dict[str, Any]) -> None:
     """Describe keys that say nothing themselves by what they choose or hold, for hovering."""
     for key in section.get("properties", {}).values():
-        found = [sections[name] for name in referred_sections(key)]
-        about = section if "const" in key else found[0] if len(found) == 1 else None
+        referred = [sections[name] for name in referred_sections(key)]
+        about = section if "const" in key else referred[0] if len(referred) == 1 else None
         if "description" not in key and about is not None:
             key["description"] = paragraphs(about)[0]
 

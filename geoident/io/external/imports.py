@@ -35,19 +35,19 @@ def words_of(argument: str) -> tuple[str, ...]:
     Args:
         argument: of a command.
     """
-    found = [argument, *re.split(r"[\s'\";&|<>()=,:@`]+", argument)]
+    names = [argument, *re.split(r"[\s'\";&|<>()=,:@`]+", argument)]
     written = set[str]()
     if argument.startswith("-"):
-        found += [argument.partition("=")[2], argument[2:]]  # -fFILE
+        names += [argument.partition("=")[2], argument[2:]]  # -fFILE
     with suppress(ValueError):  # no line for a shell
         line = shlex.shlex(argument, posix=True, punctuation_chars=True)
         line.whitespace_split, line.commenters = True, ""
         words = list(line)
-        found += [part for word in words for part in (word, word.partition("=")[2])]
+        names += [part for word in words for part in (word, word.partition("=")[2])]
         written.update(word for before, word in pairwise(words) if before in (">", ">>", "&>"))
     # no error where there is no such user
-    found += [os.path.expanduser(os.path.expandvars(w)) for w in found if w[:1] in ("~", "$")]  # noqa: PTH111
-    return tuple(dict.fromkeys(word for word in found if word and word not in written))
+    names += [os.path.expanduser(os.path.expandvars(w)) for w in names if w[:1] in ("~", "$")]  # noqa: PTH111
+    return tuple(dict.fromkeys(word for word in names if word and word not in written))
 
 
 def is_program(path: Path) -> bool:
@@ -73,14 +73,14 @@ def imported_files(path: str) -> tuple[str, ...]:
     """
     if not _is_python(Path(path)):
         return ()
-    folder, found, left = Path(path).parent, dict[str, None](), [Path(path)]
+    folder, imported, left = Path(path).parent, dict[str, None](), [Path(path)]
     while left:
         for name in _imports(left.pop()):
             for file in _beside(folder, name):
-                if str(file) not in found and str(file) != path:
-                    found[str(file)] = None
+                if str(file) not in imported and str(file) != path:
+                    imported[str(file)] = None
                     left.append(file)
-    return tuple(found)
+    return tuple(imported)
 
 
 def _is_python(path: Path) -> bool:

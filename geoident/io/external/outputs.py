@@ -71,14 +71,14 @@ class RunFiles:
         """
         how = output.how
         if isinstance(how, FunctionValue):
-            found = self.call(how.path, how.name, str(self.folder), gauge, stage)
+            value_read = self.call(how.path, how.name, str(self.folder), gauge, stage)
             where = f"{how.name}({gauge!r}, {stage!r})"
         else:
-            found, where = self._found(output.file, how), output.file
+            value_read, where = self._found(output.file, how), output.file
         try:
-            value = float(str(found).replace("D", "e").replace("d", "e"))
+            value = float(str(value_read).replace("D", "e").replace("d", "e"))
         except ValueError:
-            raise NotFound(f"{where}: '{shorten(str(found))}' is not a number") from None
+            raise NotFound(f"{where}: '{shorten(str(value_read))}' is not a number") from None
         if not math.isfinite(value):
             raise NotFound(f"{where}: the reading of '{gauge}' at '{stage}' is {value}")
         return value * output.size
@@ -111,8 +111,10 @@ class RunFiles:
             case PatternValue():
                 return _match(self._once(f"text {file}", text), file, how)
             case InstructedValue():
-                found = self._once(f"pest {how.path}\n{file}", lambda: observed(how.lines, text()))
-                return found[how.observation]
+                observations = self._once(
+                    f"pest {how.path}\n{file}", lambda: observed(how.lines, text())
+                )
+                return observations[how.observation]
         raise AssertionError(how)
 
     def _once(self, key: str, read: Callable[[], Any]) -> Any:
@@ -133,8 +135,8 @@ def _cell(rows: list[list[str]], file: str, how: TableCell) -> str:
     wanted = [how.column] if isinstance(how.row, int) else [how.column, *(k for k, _ in how.row)]
     for name in wanted:
         if name not in names:
-            there = ", ".join(names[:12]) or "none"
-            raise NotFound(f"{file} has no column '{name}' (its columns: {there})")
+            columns = ", ".join(names[:12]) or "none"
+            raise NotFound(f"{file} has no column '{name}' (its columns: {columns})")
     body = rows[1:]
     if isinstance(how.row, int):
         index = how.row - 1 if how.row > 0 else how.row
@@ -146,9 +148,11 @@ def _cell(rows: list[list[str]], file: str, how: TableCell) -> str:
         fitting = [
             row for row in body if all(n < len(row) and row[n] == value for n, value in places)
         ]
-        said = ", ".join(f"{key} = {value}" for key, value in how.row)
+        conditions = ", ".join(f"{key} = {value}" for key, value in how.row)
         if len(fitting) != 1:
-            raise NotFound(f"{file} has {len(fitting) or 'no'} rows with {said}; one is expected")
+            raise NotFound(
+                f"{file} has {len(fitting) or 'no'} rows with {conditions}; one is expected"
+            )
         row = fitting[0]
     place = names.index(how.column)
     if place >= len(row) or not row[place]:
@@ -172,35 +176,37 @@ def _pointed(data: Any, file: str, how: JsonValue) -> Any:
 
 
 def _dataset(opened: h5py.File, file: str, how: Hdf5Value) -> float:
-    found = opened.get(how.dataset)
-    if not isinstance(found, h5py.Dataset):
+    dataset = opened.get(how.dataset)
+    if not isinstance(dataset, h5py.Dataset):
         raise NotFound(f"{file} has no dataset '{how.dataset}'")
-    fits = len(how.index) == len(found.shape) and all(
-        -size <= n < size for n, size in zip(how.index, found.shape, strict=True)
+    fits = len(how.index) == len(dataset.shape) and all(
+        -size <= n < size for n, size in zip(how.index, dataset.shape, strict=True)
     )
     if not fits:
-        if found.size == 1 and not how.index:
-            return float(np.ravel(found[()])[0])
-        shape = " x ".join(map(str, found.shape)) or "one number"
-        message = f"'{how.dataset}' of {file} is {shape}; index {list(how.index)} is requested"
-        raise NotFound(message)
-    return float(found[how.index])
+        if dataset.size == 1 and not how.index:
+            return float(np.ravel(dataset[()])[0])
+        shape = " x ".join(map(str, dataset.shape)) or "one number"
+        raise NotFound(
+            f"'{how.dataset}' of {file} is {shape}; index {list(how.index)} is requested"
+        )
+    return float(dataset[how.index])
 
 
 def _word(lines: list[str], file: str, how: LineValue) -> str:
     if isinstance(how.line, int):
         index = how.line - 1 if how.line > 0 else len(lines) + how.line
-        said = f"line {how.line}"
+        wanted = f"line {how.line}"
     else:
         pattern = re.compile(how.line)
         index = next((n for n, text in enumerate(lines) if pattern.search(text)), -1)
-        said = f"line with '{shorten(how.line)}'"
+        wanted = f"line with '{shorten(how.line)}'"
         if index < 0:
-            raise NotFound(f"{file} has no {said}")
+            raise NotFound(f"{file} has no {wanted}")
     index += how.after
     if not 0 <= index < len(lines):
-        message = f"{file} has {len(lines)} lines, and {how.after} after {said} is requested"
-        raise NotFound(message)
+        raise NotFound(
+            f"{file} has {len(lines)} lines, and {how.after} after {wanted} is requested"
+        )
     line = lines[index]
     if how.word == 0:
         first, last = how.columns
@@ -212,9 +218,9 @@ def _word(lines: list[str], file: str, how: LineValue) -> str:
 
 
 def _match(text: str, file: str, how: PatternValue) -> str:
-    found = [match[1] for match in re.finditer(how.pattern, text, re.MULTILINE)]
+    matches = [match[1] for match in re.finditer(how.pattern, text, re.MULTILINE)]
     index = how.occurrence - 1 if how.occurrence > 0 else how.occurrence
-    if not -len(found) <= index < len(found):
-        message = f"{file}: '{shorten(how.pattern)}' is found {len(found)} times"
+    if not -len(matches) <= index < len(matches):
+        message = f"{file}: '{shorten(how.pattern)}' is found {len(matches)} times"
         raise NotFound(f"{message}, and number {how.occurrence} is requested")
-    return str(found[index])
+    return str(matches[index])

@@ -111,9 +111,9 @@ class _InstructionReader:
                 for word in re.finditer(r"\S+", part):
                     if first and word[0] == "&":
                         continue
-                    found = self._item(number, column + word.start(), word[0])
-                    if found is not None:
-                        yield found
+                    item = self._item(number, column + word.start(), word[0])
+                    if item is not None:
+                        yield item
             column += len(part) + 1
 
     def _item(self, number: int, column: int, word: str) -> Instruction | None:
@@ -152,15 +152,17 @@ def observed(lines: Sequence[InstructionLine], text: str) -> dict[str, str]:
     Raises:
         CannotFollow: the output is not as they say.
     """
-    found: dict[str, str] = {}
+    observations: dict[str, str] = {}
     output = text.lower().splitlines()
     at = -1  # just above the first line
     for line in lines:
-        at = _follow(line, output, at, found)
-    return found
+        at = _follow(line, output, at, observations)
+    return observations
 
 
-def _follow(line: InstructionLine, output: Sequence[str], at: int, found: dict[str, str]) -> int:
+def _follow(
+    line: InstructionLine, output: Sequence[str], at: int, observations: dict[str, str]
+) -> int:
     """Follow one line of instructions from a line of the output on; the line where it ends."""
     first, *rest = line.items
     markers = 0
@@ -180,7 +182,7 @@ def _follow(line: InstructionLine, output: Sequence[str], at: int, found: dict[s
         except CannotFollow as error:
             raise CannotFollow(f"line {at + 1} {error} ({_of(line)})") from None
         if word is not None and item.text != DUMMY:
-            found[item.text] = word
+            observations[item.text] = word
     return at
 
 

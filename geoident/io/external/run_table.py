@@ -79,10 +79,10 @@ def read_run_table(
         place = Location(path, line, 1)
         runs.append(RunRow(f"line {line}", f"the run in line {line}", place, failure))
     held, shape = list(columns.values()), (len(stages), len(channels))
-    found = runs_of(held, runs, parameters, shape, Path(path).name, reader.faults)
+    table_runs = runs_of(held, runs, parameters, shape, Path(path).name, reader.faults)
     known = not any(fault.code == "unknown-column" for fault in reader.faults)
     named = {c.parameter or channels[c.at[1]].name for c in held} | reader.misplaced
-    return FoundRuns(found, frozenset(named) if known else None, tuple(reader.faults))
+    return FoundRuns(table_runs, frozenset(named) if known else None, tuple(reader.faults))
 
 
 def _name_and_unit(cell: Cell) -> tuple[str, str | None]:

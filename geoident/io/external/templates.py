@@ -138,7 +138,7 @@ def field_texts(template: AnyTemplate, values: Mapping[str, float]) -> list[str]
     """
     if isinstance(template, JinjaTemplate):
         return [_rendered(template, values)]
-    found = []
+    texts = []
     for field in template.fields:
         text = field.written(values[field.parameter])
         width = _width(field)
@@ -146,8 +146,8 @@ def field_texts(template: AnyTemplate, values: Mapping[str, float]) -> list[str]
             where = f"{field.location}: "
             message = f"{where}'{text.strip()}' of {field.parameter} takes {len(text)} characters, "
             raise FieldTooNarrow(f"{message}its field has {width}")
-        found.append(text)
-    return found
+        texts.append(text)
+    return texts
 
 
 def _rendered(template: JinjaTemplate, values: Mapping[str, float]) -> str:

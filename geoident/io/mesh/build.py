@@ -75,7 +75,7 @@ def _check_dimension(raw: RawMesh, dim: int) -> None:
         raise Refused("mesh-empty", "the mesh has no elements", hint)
     if top == dim:
         return
-    found = {1: "lines only", 2: "surface elements only", 3: "solid elements"}[top]
+    elements = {1: "lines only", 2: "surface elements only", 3: "solid elements"}[top]
     kind = "a solid analysis needs solid ones" if dim == 3 else "a plane analysis needs plane ones"
     hint = {
         1: "mesh the surfaces too; in gmsh, put them in a physical group or set Mesh.SaveAll=1",
@@ -83,7 +83,7 @@ def _check_dimension(raw: RawMesh, dim: int) -> None:
         "in a physical group or set Mesh.SaveAll=1",
         3: "`analysis: solid` may be meant",
     }[top]
-    raise Refused("mesh-dimension", f"the mesh has {found}, {kind}", hint)
+    raise Refused("mesh-dimension", f"the mesh has {elements}, {kind}", hint)
 
 
 def _check_kinds(raw: RawMesh, dim: int) -> None:
@@ -192,9 +192,9 @@ def _in_vtk_order(kind: str, nodes: Ints, *, points: Floats, numbers: Ints) -> I
         return nodes
     orders = [order for order in (cell.gmsh_order, *cell.other_orders) if order]
     candidates = [nodes, *(nodes[:, order] for order in orders)]
-    found = [offsets, *(_offsets(kind, other, points) for other in candidates[1:])]
-    best = int(np.argmin([np.minimum(away, 10.0).sum() for away in found]))
-    _check_offsets(found[best], kind=kind, numbers=numbers)
+    all_offsets = [offsets, *(_offsets(kind, other, points) for other in candidates[1:])]
+    best = int(np.argmin([np.minimum(away, 10.0).sum() for away in all_offsets]))
+    _check_offsets(all_offsets[best], kind=kind, numbers=numbers)
     return candidates[best]
 
 

@@ -70,10 +70,10 @@ def _with_parts(path: Path, seen: set[Path]) -> Iterator[str]:
         return
     try:
         with path.open(encoding="utf-8", errors="replace") as lines:
-            found = [match[1].strip() for line in lines if (match := pattern.match(line))]
+            names = [match[1].strip() for line in lines if (match := pattern.match(line))]
     except (OSError, ValueError):
         return
-    for name in found:
+    for name in names:
         yield from _with_parts(path.parent / name, seen)
 
 

@@ -310,10 +310,10 @@ def _merge_groups(kind: str, rows: Ints) -> _Elements:
     return _Elements(kind, rows[keep, 0], rows[keep, 3:], groups)
 
 
-def _check_count(name: str, found: int, announced: int) -> None:
+def _check_count(name: str, count: int, announced: int) -> None:
     """Refuse a section that holds another number of things than it announces."""
-    if found != announced:
-        message = f"the section ${name} holds {found} entries and announces {announced}"
+    if count != announced:
+        message = f"the section ${name} holds {count} entries and announces {announced}"
         raise Refused("mesh-malformed", message, "the file is damaged: write it again with gmsh")
 
 

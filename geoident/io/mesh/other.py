@@ -81,8 +81,8 @@ def read_other(path: Path) -> RawMesh:
 
 def _check_vtk(data: bytes, mesh: meshio.Mesh) -> None:
     """Refuse a VTK file of which meshio has read less than it announces, as it does silently."""
-    found = {b"POINTS": len(mesh.points), b"CELL_TYPES": sum(map(len, mesh.cells))}
-    for key, n in found.items():
+    counts = {b"POINTS": len(mesh.points), b"CELL_TYPES": sum(map(len, mesh.cells))}
+    for key, n in counts.items():
         match = re.search(rb"^%s[ \t]+(\d+)" % key, data, re.MULTILINE)
         if match is not None and int(match[1]) != n:
             message = f"the file announces {int(match[1])} {key.decode()} and holds {n}"
@@ -128,10 +128,10 @@ def _unreadable(path: Path, error: BaseException, printed: str) -> Refused:
     if isinstance(error, MemoryError):
         message = "the file announces more data than there is memory for"
         return Refused("mesh-malformed", message, "it is damaged, or mesh more coarsely")
-    said = " ".join(printed.split()) if isinstance(error, SystemExit) else f"{error}"
+    reason = " ".join(printed.split()) if isinstance(error, SystemExit) else f"{error}"
     if path.suffix.lower() in (".xdmf", ".xmf") and isinstance(error, KeyError):
-        said = "second-order cells mixed with others are not read from XDMF, nor unknown kinds"
-    detail = f" ({said[:200]})" if said.strip() else ""
+        reason = "second-order cells mixed with others are not read from XDMF, nor unknown kinds"
+    detail = f" ({reason[:200]})" if reason.strip() else ""
     return Refused(
         "mesh-malformed",
         f"the file cannot be read as {path.suffix}{detail}",

@@ -96,8 +96,8 @@ def indices_of(numbers: Ints, wanted: Ints) -> Ints:
         return np.where((wanted >= 1) & (wanted <= len(numbers)), wanted - 1, -1)
     order = np.argsort(numbers, kind="stable")
     place = np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(numbers) - 1)
-    found = order[place]
-    return np.where(numbers[found] == wanted, found, -1)
+    indices = order[place]
+    return np.where(numbers[indices] == wanted, indices, -1)
 
 
 def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
@@ -111,15 +111,15 @@ def resolve_nodes(numbers: Ints, wanted: Ints, *, cells: Ints) -> Ints:
     Raises:
         Refused: a cell names a node that the file does not hold.
     """
-    found = indices_of(numbers, wanted)
-    if bool(np.any(found < 0)):
-        row, column = (int(k) for k in np.argwhere(found < 0)[0])
+    indices = indices_of(numbers, wanted)
+    if bool(np.any(indices < 0)):
+        row, column = (int(k) for k in np.argwhere(indices < 0)[0])
         raise Refused(
             "mesh-node",
             f"element {cells[row]} uses node {wanted[row, column]}, which the file does not hold",
             "the file is damaged or was cut by hand: write it again from the mesh generator",
         )
-    return found
+    return indices
 
 
 def check_unique(

@@ -34,23 +34,23 @@ def read_project(path: str) -> Project:
     for n, section in enumerate(listed if isinstance(listed, list) else ()):
         if isinstance(section, dict) and isinstance(case := section.get("case"), str):
             require_file(folder / case, ("sections", n, "case"), faults, "project")
-    found = validated(ProjectFile, faults, "project")
-    covariates = _covariates(found, faults)
-    names = _names(found, faults)
-    laws = tuple(_law(found, name, covariates, faults) for name in found.laws)
-    _check_common(found, faults)
-    keys: list[KeyPath] = [("shared",), *(("shared", n) for n in range(len(found.shared)))]
-    for law in found.laws:
+    declared = validated(ProjectFile, faults, "project")
+    covariates = _covariates(declared, faults)
+    names = _names(declared, faults)
+    laws = tuple(_law(declared, name, covariates, faults) for name in declared.laws)
+    _check_common(declared, faults)
+    keys: list[KeyPath] = [("shared",), *(("shared", n) for n in range(len(declared.shared)))]
+    for law in declared.laws:
         keys += [("laws", law), ("laws", law, "formula"), ("laws", law, "scatter")]
     project = Project(
         path=path,
-        title=found.title,
+        title=declared.title,
         sections=tuple(
             _section(section, name, folder, ("sections", n), faults)
-            for n, (section, name) in enumerate(zip(found.sections, names, strict=True))
+            for n, (section, name) in enumerate(zip(declared.sections, names, strict=True))
         ),
         covariates=covariates,
-        shared=tuple(found.shared),
+        shared=tuple(declared.shared),
         laws=laws,
         places={key: faults.places.locate(key) for key in keys},
     )
@@ -58,14 +58,14 @@ def read_project(path: str) -> Project:
     return project
 
 
-def _covariates(found: ProjectFile, faults: Faults) -> tuple[Covariate, ...]:
+def _covariates(project: ProjectFile, faults: Faults) -> tuple[Covariate, ...]:
     """What is known of every section: the same names, in units of the same dimensions."""
     first: dict[str, CaseNumber] = {}
-    for section in found.sections:
+    for section in project.sections:
         for name, given in section.covariates.items():
             first.setdefault(name, given)
-    used = {n for law in found.laws.values() for n in parse_formula(law.formula).names()}
-    for n, section in enumerate(found.sections):
+    used = {n for law in project.laws.values() for n in parse_formula(law.formula).names()}
+    for n, section in enumerate(project.sections):
         at = ("sections", n)
         missing = [c for c in first if c in used and c not in section.covariates]
         if missing:
@@ -83,10 +83,10 @@ def _covariates(found: ProjectFile, faults: Faults) -> tuple[Covariate, ...]:
     return tuple(Covariate(name, one.dimension, one.unit) for name, one in first.items())
 
 
-def _names(found: ProjectFile, faults: Faults) -> list[str]:
+def _names(project: ProjectFile, faults: Faults) -> list[str]:
     """A name for each section; two of one name are a fault."""
     names: list[str] = []
-    for n, section in enumerate(found.sections):
+    for n, section in enumerate(project.sections):
         name = section.name or Path(section.case).stem
         if name in names:
             hint = "Give each section a 'name' of its own."
@@ -98,17 +98,17 @@ def _names(found: ProjectFile, faults: Faults) -> list[str]:
 
 
 def _law(
-    found: ProjectFile, name: str, covariates: Sequence[Covariate], faults: Faults
+    project: ProjectFile, name: str, covariates: Sequence[Covariate], faults: Faults
 ) -> ParameterLaw:
     """A law, every name in whose formula is a covariate or a constant of its own."""
-    law, at = found.laws[name], ("laws", name)
+    law, at = project.laws[name], ("laws", name)
     formula = parse_formula(law.formula)
     known = {c.name for c in covariates}
     used = dict.fromkeys(formula.names())
     for one in used:
         if one in law.constants or one in known:
             continue
-        if one in found.shared or one in found.laws:
+        if one in project.shared or one in project.laws:
             how = "itself" if one == name else f"the parameter '{one}'"
             message = f"the law of '{name}' refers to {how}"
             hint = "A law takes covariates of the sections and constants of its own."
@@ -142,24 +142,24 @@ def _scatter(given: CaseNumber) -> Scatter:
     return Scatter("given", given.factor, given.dimension)
 
 
-def _check_common(found: ProjectFile, faults: Faults) -> None:
+def _check_common(project: ProjectFile, faults: Faults) -> None:
     """A parameter is shared or follows a law, and all names of what is common differ."""
-    if not (found.shared or found.laws):
+    if not (project.shared or project.laws):
         message = "nothing is common to the sections: no parameter is shared or has a law"
         hint = "Write 'shared' or 'laws', or fit the cases one by one."
         faults.add(("sections",), "nothing-common", message, hint, key=True)
-    if all(section.predict for section in found.sections):
+    if all(section.predict for section in project.sections):
         message = "there is no section to fit"
         faults.add(("sections",), "no-section", message, "Remove 'predict' from some.")
     seen: dict[str, str] = {}
-    for n, name in enumerate(found.shared):
-        if name in found.laws:
+    for n, name in enumerate(project.shared):
+        if name in project.laws:
             message = f"'{name}' is shared and has a law"
             faults.add(("shared", n), "two-ways", message, "Remove one of them.")
         elif name in seen:
             faults.add(("shared", n), "same-name", f"'{name}' is given twice", "Remove one.")
         seen[name] = "a shared parameter"
-    for law, section in found.laws.items():
+    for law, section in project.laws.items():
         for constant in section.constants:
             if constant in seen:
                 message = f"'{constant}' is {seen[constant]}, too"

@@ -40,8 +40,8 @@ def parse_formula(text: str) -> LawTerm:
     try:
         tree = ast.parse(re.sub(r"\^", "**", text.strip()), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        said = error.msg if isinstance(error, SyntaxError) else "it is too deep"
-        raise Refusal("bad-formula", f"'{written}' is not a formula: {said}", _HINT) from error
+        reason = error.msg if isinstance(error, SyntaxError) else "it is too deep"
+        raise Refusal("bad-formula", f"'{written}' is not a formula: {reason}", _HINT) from error
     return _term(tree.body, written, 0)
 
 
@@ -67,5 +67,5 @@ def _term(node: ast.expr, written: str, depth: int) -> LawTerm:
                 hint = did_you_mean(name, FUNCTIONS, what="Functions")
                 raise Refusal("bad-formula", f"'{written}': there is no function '{name}'", hint)
             return LawTerm(name, (_term(argument, written, depth + 1),))
-    found = shorten(ast.unparse(node))
-    raise Refusal("bad-formula", f"'{written}': '{found}' cannot be part of a law", _HINT)
+    text = shorten(ast.unparse(node))
+    raise Refusal("bad-formula", f"'{written}': '{text}' cannot be part of a law", _HINT)

@@ -161,9 +161,9 @@ def _rows_of(
     return rows
 
 
-def _same(found: object, wanted: str) -> bool:
+def _same(cell: object, wanted: str) -> bool:
     """Equal texts, or equal numbers: 5.00 is 5."""
-    text = str(found).strip()
+    text = str(cell).strip()
     if text == wanted:
         return True
     try:

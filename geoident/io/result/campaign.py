@@ -90,11 +90,11 @@ def _visible(value: Any) -> Any:
     return visible(value) if isinstance(value, str) else value
 
 
-def _record(found: Mapping[str, Any]) -> RunRecord:
+def _record(data: Mapping[str, Any]) -> RunRecord:
     def numbers(entry: Mapping[str, Any]) -> dict[str, Any]:
         return {key: math.nan if value is None else value for key, value in entry.items()}
 
-    plain = dict(found)
+    plain = dict(data)
     plain["settings"] = tuple(plain["settings"].items())
     plain["parameters"] = tuple(RunParameter(**numbers(p)) for p in plain["parameters"])
     plain["readings"] = tuple(RunReading(**numbers(r)) for r in plain["readings"])
@@ -120,11 +120,11 @@ def read_journal(folder: Path) -> tuple[CampaignHead | None, tuple[RunRecord, ..
     records: dict[str, RunRecord] = {}
     for line in lines:
         with suppress(ValueError, TypeError, KeyError, AttributeError):  # cut short
-            found = _visible(json.loads(line)) if "\\u00" in line else json.loads(line)
-            if "campaign_file" in found:
-                head = CampaignHead(**{**found, "paths": tuple(found["paths"])})
+            data = _visible(json.loads(line)) if "\\u00" in line else json.loads(line)
+            if "campaign_file" in data:
+                head = CampaignHead(**{**data, "paths": tuple(data["paths"])})
             else:
-                record = _record(found)
+                record = _record(data)
                 records[record.name] = record
     return head, tuple(records.values())
 
@@ -137,9 +137,9 @@ def read_head(folder: Path) -> CampaignHead | None:
     """
     with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
         with (folder / JOURNAL).open(encoding="utf-8", errors="replace") as file:
-            found = _visible(json.loads(file.readline()))
-        if "campaign_file" in found:
-            return CampaignHead(**{**found, "paths": tuple(found["paths"])})
+            data = _visible(json.loads(file.readline()))
+        if "campaign_file" in data:
+            return CampaignHead(**{**data, "paths": tuple(data["paths"])})
     return read_journal(folder)[0]
 
 

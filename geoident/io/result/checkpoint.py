@@ -222,12 +222,12 @@ class EvaluationLog:
         self._end += len(record)
 
     def _turn_off(self, error: OSError) -> None:
-        said = os.strerror(error.errno) if error.errno else str(error)
+        reason = os.strerror(error.errno) if error.errno else str(error)
         if error.errno in _LOCKED and self._file is not None:
-            said = "another run is using it"
+            reason = "another run is using it"
         if error.errno == errno.ELOOP:
-            said = "it is a symbolic link; remove it"
-        self.trouble = f"{self._path}: no checkpoint is kept: {said}"
+            reason = "it is a symbolic link; remove it"
+        self.trouble = f"{self._path}: no checkpoint is kept: {reason}"
         self.close()
 
 

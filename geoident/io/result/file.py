@@ -215,21 +215,21 @@ def read_result(path: str | Path) -> Result:
 
 
 def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
-    found = file.attrs.get("format")
-    if found == FORMAT:
+    stored = file.attrs.get("format")
+    if stored == FORMAT:
         return
     target = vtkhdf.sidecar_target(path)
     if target is not None:
         hint = f"this is the sidecar for ParaView; the result is {target}"
         raise refusal(path, "not-a-result", "not a result of geoident", hint)
-    if found == PROJECT_FORMAT:
+    if stored == PROJECT_FORMAT:
         hint = "geoident show and geoident report read it; give one of a case here"
         raise refusal(path, "not-a-result", "the result of several sections, not of a case", hint)
-    if not isinstance(found, str) or not found.startswith("geoident-result/"):
+    if not isinstance(stored, str) or not stored.startswith("geoident-result/"):
         hint = "give the path of a result file, such as CASE.fit.h5"
         raise refusal(path, "not-a-result", "an HDF5 file, but not a result of geoident", hint)
     hint = "read it with the version of geoident that wrote it, or run the command again"
-    message = f"format {found!r} is not known; expected {FORMAT!r}"
+    message = f"format {stored!r} is not known; expected {FORMAT!r}"
     raise refusal(path, "unknown-format", message, hint)
 
 

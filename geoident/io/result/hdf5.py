@@ -123,8 +123,8 @@ class _Memory(io.BytesIO):
 
     def readinto(self, buffer: Any, /) -> int:
         view = memoryview(buffer).cast("B")
-        found = super().readinto(view)
-        view[found:] = bytes(len(view) - found)
+        count = super().readinto(view)
+        view[count:] = bytes(len(view) - count)
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
@@ -247,17 +247,17 @@ _COMPUTED = {"geoident-case": "a case", "geoident-project": "a project of severa
 """Format of files that have a result beside them, to what they are."""
 
 
-def _unreadable(path: str | Path, said: str) -> InputError:
-    if "truncated" in said:
+def _unreadable(path: str | Path, reason: str) -> InputError:
+    if "truncated" in reason:
         return refusal(path, "damaged-result", "truncated: its end is missing")
-    if "signature" in said:
-        found = _COMPUTED.get(said_format(path).partition("/")[0])
-        if found is not None:
+    if "signature" in reason:
+        kind = _COMPUTED.get(said_format(path).partition("/")[0])
+        if kind is not None:
             result = Path(path).with_suffix(".fit.h5")
             hint = f"give its result: {result}"
             if not result.exists():
                 hint = f"give its result, which {Term.FIT} writes: {result}"
-            message = f"this file is {found}; a result is expected"
+            message = f"this file is {kind}; a result is expected"
             return refusal(path, "not-a-result", message, hint)
         return refusal(
             path,
@@ -265,7 +265,7 @@ def _unreadable(path: str | Path, said: str) -> InputError:
             "not an HDF5 file, or its beginning is damaged",
             "give the path of a result file, such as CASE.fit.h5",
         )
-    return refusal(path, "damaged-result", f"damaged: {said.splitlines()[0]}")
+    return refusal(path, "damaged-result", f"damaged: {reason.splitlines()[0]}")
 
 
 def _first_line(error: BaseException) -> str:
@@ -291,7 +291,7 @@ def visible(text: str) -> str:
     >>> print(visible("\x1b[2Jgone"))
     \x1b[2Jgone
     """
-    return _HIDDEN.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+    return _HIDDEN.sub(lambda match: f"\\x{ord(match[0]):02x}", text)
 
 
 def texts(values: Sequence[str]) -> npt.NDArray[np.object_]:
@@ -366,9 +366,9 @@ class TableWriter:
         """A contiguous dataset (...), as `h5py.Group.create_dataset` makes it."""
         kind = _TEXT if data.dtype.kind == "O" else h5py.h5t.py_create(data.dtype, logical=True)
         space = h5py.h5s.create_simple(data.shape)
-        found = h5py.h5d.create(self.group.id, name.encode(), kind, space, _PLAIN)
-        found.write(h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(data))
-        return found
+        dataset = h5py.h5d.create(self.group.id, name.encode(), kind, space, _PLAIN)
+        dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(data))
+        return dataset
 
 
 def _is_here(group: h5py.Group, name: str) -> bool:
@@ -438,23 +438,23 @@ class TableReader:
 
     def floats(self, name: str, *shape: int) -> Floats:
         """Numbers (...) of the given shape."""
-        found: Floats = self.column(name, "float", shape)
-        return found
+        values: Floats = self.column(name, "float", shape)
+        return values
 
     def ints(self, name: str, *shape: int) -> Ints:
         """Whole numbers (...) of the given shape."""
-        found: Ints = self.column(name, "int", shape)
-        return found
+        values: Ints = self.column(name, "int", shape)
+        return values
 
     def bools(self, name: str, *shape: int) -> Bools:
         """Truth values (...) of the given shape."""
-        found: Bools = self.column(name, "bool", shape)
-        return found
+        values: Bools = self.column(name, "bool", shape)
+        return values
 
     def texts(self, name: str, *shape: int) -> tuple[str, ...]:
         """A list of texts; without a shape, of any length."""
-        found: tuple[str, ...] = self.column(name, "text", shape or (self.size(name),))
-        return found
+        values: tuple[str, ...] = self.column(name, "text", shape or (self.size(name),))
+        return values
 
     def text(self, name: str) -> str:
         """A single text."""
@@ -467,8 +467,8 @@ class TableReader:
             InputError: it is missing, or no such value.
         """
         try:
-            found = kind(self.group.attrs[name])
-            return visible(found) if isinstance(found, str) else found
+            value = kind(self.group.attrs[name])
+            return visible(value) if isinstance(value, str) else value
         except (KeyError, TypeError, ValueError):
             if self.name == "/" and name not in self.group.attrs:
                 raise self._damage("the attribute", f"{name!r} is missing") from None

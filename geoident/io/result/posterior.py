@@ -28,17 +28,17 @@ NamedAxes = dict[str, Sequence[str] | Floats | Ints]
 _NUMBERS = ("pareto_k", "acceptance")
 
 
-def write_posterior(file: h5py.File, found: PosteriorDraws, table: ParameterTable) -> None:
+def write_posterior(file: h5py.File, posterior: PosteriorDraws, table: ParameterTable) -> None:
     """Writes ``/posterior``, ``/sample_stats``, ``/posterior_predictive``, ``/posterior_summary``.
 
     Args:
         file: the result.
-        found: the draws.
+        posterior: the draws.
         table: of the same parameters.
     """
-    chains, length = found.log_density.shape
+    chains, length = posterior.log_density.shape
     axes: NamedAxes = {"chain": np.arange(chains), "draw": np.arange(length)}
-    variables = _grouped(found.names, found.fields)
+    variables = _grouped(posterior.names, posterior.fields)
     modes = {
         f"{name}_mode": np.arange(1, 1 + len(i)) for name, i in variables.items() if len(i) > 1
     }
@@ -46,39 +46,39 @@ def write_posterior(file: h5py.File, found: PosteriorDraws, table: ParameterTabl
     for name, columns in variables.items():
         unit = DIMENSIONS.get(table.dimensions[columns[0]], "")
         if len(columns) > 1:
-            out.add(name, found.values[:, :, columns], *_AXES, f"{name}_mode")
+            out.add(name, posterior.values[:, :, columns], *_AXES, f"{name}_mode")
         else:
-            out.add(name, found.values[:, :, columns[0]], *_AXES, unit=unit)
+            out.add(name, posterior.values[:, :, columns[0]], *_AXES, unit=unit)
     attributes = out.group.attrs
-    attributes["effective_size"] = np.float64(found.least_effective)
-    attributes["sampler"] = plain_text(found.sampler)
-    attributes["evaluations"] = np.int64(found.evaluations)
+    attributes["effective_size"] = np.float64(posterior.least_effective)
+    attributes["sampler"] = plain_text(posterior.sampler)
+    attributes["evaluations"] = np.int64(posterior.evaluations)
     for name in _NUMBERS:
-        attributes[name] = np.float64(getattr(found, name))
+        attributes[name] = np.float64(getattr(posterior, name))
     stats = TableWriter(file, "sample_stats", axes)
-    stats.add("lp", found.log_density, *_AXES)
-    _write_predictive(file, found, chains)
-    _write_summary(file, found)
+    stats.add("lp", posterior.log_density, *_AXES)
+    _write_predictive(file, posterior, chains)
+    _write_summary(file, posterior)
 
 
-def _write_predictive(file: h5py.File, found: PosteriorDraws, chains: int) -> None:
-    readings = [f"{c} at {s}" for c, s in zip(found.channels, found.stages, strict=True)]
-    axes: NamedAxes = {"chain": np.arange(chains), "draw": found.taken, "reading": readings}
+def _write_predictive(file: h5py.File, posterior: PosteriorDraws, chains: int) -> None:
+    readings = [f"{c} at {s}" for c, s in zip(posterior.channels, posterior.stages, strict=True)]
+    axes: NamedAxes = {"chain": np.arange(chains), "draw": posterior.taken, "reading": readings}
     out = TableWriter(file, "posterior_predictive", axes)
-    out.add("readings", found.predicted, *_AXES, "reading")
-    out.add("channel", found.channels, "reading")
-    out.add("stage_name", found.stages, "reading")
+    out.add("readings", posterior.predicted, *_AXES, "reading")
+    out.add("channel", posterior.channels, "reading")
+    out.add("stage_name", posterior.stages, "reading")
 
 
-def _write_summary(file: h5py.File, found: PosteriorDraws) -> None:
-    axes: NamedAxes = {"parameter": found.names, "quantile": np.array(LEVELS)}
+def _write_summary(file: h5py.File, posterior: PosteriorDraws) -> None:
+    axes: NamedAxes = {"parameter": posterior.names, "quantile": np.array(LEVELS)}
     out = TableWriter(file, _SUMMARY, axes)
-    out.add("mean", found.mean, "parameter")
-    out.add("sd", found.sd, "parameter")
-    out.add("quantiles", found.quantiles, "parameter", "quantile")
-    out.add("ess", found.effective, "parameter")
-    out.add("r_hat", found.r_hat, "parameter")
-    out.add("field", found.fields, "parameter")
+    out.add("mean", posterior.mean, "parameter")
+    out.add("sd", posterior.sd, "parameter")
+    out.add("quantiles", posterior.quantiles, "parameter", "quantile")
+    out.add("ess", posterior.effective, "parameter")
+    out.add("r_hat", posterior.r_hat, "parameter")
+    out.add("field", posterior.fields, "parameter")
 
 
 def read_posterior(file: h5py.File) -> PosteriorDraws:
@@ -116,8 +116,8 @@ def read_posterior(file: h5py.File) -> PosteriorDraws:
 
 def _grouped(names: Sequence[str], fields: Sequence[str]) -> dict[str, Ints]:
     """Names of variables, which must not be those of axes, to the numbers of their parameters."""
-    found: dict[str, list[int]] = {}
+    groups: dict[str, list[int]] = {}
     for i, (name, of_field) in enumerate(zip(names, fields, strict=True)):
         variable = of_field or name
-        found.setdefault(f"{variable}_" if variable in _AXES else variable, []).append(i)
-    return {name: np.array(numbers, dtype=np.int64) for name, numbers in found.items()}
+        groups.setdefault(f"{variable}_" if variable in _AXES else variable, []).append(i)
+    return {name: np.array(numbers, dtype=np.int64) for name, numbers in groups.items()}

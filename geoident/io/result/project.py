@@ -56,9 +56,9 @@ def read_project_result(path: str | Path) -> ProjectResult:
             damaged.
     """
     with hdf5_input(path) as file:
-        found = file.attrs.get("format")
-        if found != PROJECT_FORMAT:
-            message = f"format {found!r} is not known; expected {PROJECT_FORMAT!r}"
+        stored = file.attrs.get("format")
+        if stored != PROJECT_FORMAT:
+            message = f"format {stored!r} is not known; expected {PROJECT_FORMAT!r}"
             hint = "read it with the version of geoident that wrote it, or run the command again"
             raise refusal(path, "unknown-format", message, hint)
         return read_record(file, ProjectResult)

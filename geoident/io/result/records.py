@@ -101,7 +101,7 @@ def _is_dataset(slot: Slot) -> bool:
 def _arrays(entries: Iterable[tuple[Slot, Any]]) -> dict[str, tuple[Slot, Any]]:
     """Name of a dataset to its array (...); the fields that stand in one are put together."""
     parts: dict[str, list[Any]] = {}
-    found: dict[str, tuple[Slot, Any]] = {}
+    arrays: dict[str, tuple[Slot, Any]] = {}
     for slot, value in entries:
         kind = slot.column.kind
         if kind == "text":
@@ -109,11 +109,11 @@ def _arrays(entries: Iterable[tuple[Slot, Any]]) -> dict[str, tuple[Slot, Any]]:
         else:
             array = np.asarray(value, dtype=_DTYPES[kind])
         parts.setdefault(slot.name, []).append(array)
-        found[slot.name] = slot, array
+        arrays[slot.name] = slot, array
         if slot.column.part is not None:
             stacked = np.stack(parts[slot.name], axis=min(1, len(slot.axes)))
-            found[slot.name] = slot, stacked
-    return found
+            arrays[slot.name] = slot, stacked
+    return arrays
 
 
 def _labels(axis: str, slot: Slot, labels: Labels, sizes: Mapping[str, int]) -> Any:

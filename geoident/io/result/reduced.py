@@ -21,36 +21,36 @@ _ABSENT = -1
 _OF_PARAMETERS = ("reference", "lower", "upper")
 
 
-def write_reduced(file: h5py.File, found: KeptReducedModel) -> None:
+def write_reduced(file: h5py.File, kept: KeptReducedModel) -> None:
     """Writes ``/reduced``.
 
     Args:
         file: the result.
-        found: the model.
+        kept: the model.
     """
-    blocks = found.blocks
+    blocks = kept.blocks
     axes: dict[str, Any] = {
-        "parameter": found.names,
-        "march": np.arange(1, 1 + len(found.analyses)),
-        "material": found.materials,
-        "gauge": found.channels,
-        "state": np.arange(len(found.readable)),
-        "reading": np.arange(len(found.rows)),
+        "parameter": kept.names,
+        "march": np.arange(1, 1 + len(kept.analyses)),
+        "material": kept.materials,
+        "gauge": kept.channels,
+        "state": np.arange(len(kept.readable)),
+        "reading": np.arange(len(kept.rows)),
         "part": ("stage", "zero"),
         "block": tuple(blocks),
         "axis": np.arange(_MOST_AXES),
     }
     out = TableWriter(file, GROUP, axes)
-    out.group.attrs["form"] = plain_text(found.form)
+    out.group.attrs["form"] = plain_text(kept.form)
     for name in _OF_PARAMETERS:
-        out.add(name, getattr(found, name), "parameter")
-    out.add("marches", found.analyses, "march", "parameter")
-    out.add("weights", found.weights, "part", "gauge")
-    out.add("zero", found.zero, "gauge")
-    out.add("readable", found.readable, "state", "gauge")
-    out.group.create_dataset("built_on", data=found.built_on.astype(np.int8))
-    out.add("row", found.rows, "reading")
-    out.add("of_state", found.states, "reading")
+        out.add(name, getattr(kept, name), "parameter")
+    out.add("marches", kept.analyses, "march", "parameter")
+    out.add("weights", kept.weights, "part", "gauge")
+    out.add("zero", kept.zero, "gauge")
+    out.add("readable", kept.readable, "state", "gauge")
+    out.group.create_dataset("built_on", data=kept.built_on.astype(np.int8))
+    out.add("row", kept.rows, "reading")
+    out.add("of_state", kept.states, "reading")
     shapes = np.full((len(blocks), _MOST_AXES), _ABSENT, dtype=np.int64)
     for shape, block in zip(shapes, blocks.values(), strict=True):
         shape[: block.ndim] = block.shape
@@ -66,7 +66,7 @@ def read_reduced(file: h5py.File) -> KeptReducedModel:
     n, c = len(names), len(channels)
     analyses, states = (len(group.array(axis, "iu")) for axis in ("march", "state"))
     readings = len(group.array("reading", "iu"))
-    found: dict[str, Any] = {name: group.floats(name, n) for name in _OF_PARAMETERS}
+    columns: dict[str, Any] = {name: group.floats(name, n) for name in _OF_PARAMETERS}
     return KeptReducedModel(
         form=group.attribute("form", str),
         names=names,
@@ -80,7 +80,7 @@ def read_reduced(file: h5py.File) -> KeptReducedModel:
         rows=group.ints("row", readings),
         states=group.ints("of_state", readings),
         blocks=_blocks(group),
-        **found,
+        **columns,
     )
 
 

@@ -37,55 +37,55 @@ class StructureLines:
     present: Bools
 
 
-def structure_lines(found: MemberForces, state: int) -> StructureLines:
+def structure_lines(forces: MemberForces, state: int) -> StructureLines:
     """The pieces with their forces in N and N m at a state; NaN for what there is not.
 
     Args:
-        found: forces at all stages.
+        forces: forces at all stages.
         state: 0 is the virgin state, in which nothing stands.
     """
 
-    def at(forces: Floats) -> Floats:
-        return forces[..., state - 1] if state else np.full(forces.shape[:-1], np.nan)
+    def at(values: Floats) -> Floats:
+        return values[..., state - 1] if state else np.full(values.shape[:-1], np.nan)
 
-    moment = at(found.moment)
-    names = list(dict.fromkeys(found.structures))
+    moment = at(forces.moment)
+    names = list(dict.fromkeys(forces.structures))
     at_points: dict[str, npt.NDArray[Any]] = {
-        "N": np.repeat(at(found.axial), 2),
+        "N": np.repeat(at(forces.axial), 2),
         "M": moment.ravel(),
-        "Q": np.repeat(at(found.shear), 2),
-        "right": np.repeat(_right(found), 2, axis=0),
+        "Q": np.repeat(at(forces.shear), 2),
+        "right": np.repeat(_right(forces), 2, axis=0),
     }
     of_cells: dict[str, npt.NDArray[Any]] = {
-        "structure": np.array([names.index(name) for name in found.structures], dtype=np.int64),
-        "number": np.asarray(found.numbers, dtype=np.int64),
-        "per_metre": found.per_metre.astype(np.int8),
-        "N_hoop": at(found.hoop),
-        "stressed_to": at(found.prestress),
+        "structure": np.array([names.index(name) for name in forces.structures], dtype=np.int64),
+        "number": np.asarray(forces.numbers, dtype=np.int64),
+        "per_metre": forces.per_metre.astype(np.int8),
+        "N_hoop": at(forces.hoop),
+        "stressed_to": at(forces.prestress),
     }
-    points = with_z(found.ends).reshape(-1, 3)
-    return StructureLines(points, at_points, of_cells, np.isfinite(at(found.axial)))
+    points = with_z(forces.ends).reshape(-1, 3)
+    return StructureLines(points, at_points, of_cells, np.isfinite(at(forces.axial)))
 
 
-def _right(found: MemberForces) -> Floats:
+def _right(forces: MemberForces) -> Floats:
     """(n, 3) unit vectors to the right of walls and linings in the plane; zero for others."""
-    right = np.zeros((len(found.ends), 3))
-    if found.ends.shape[2] == 2:
-        along = found.ends[:, 1] - found.ends[:, 0]
+    right = np.zeros((len(forces.ends), 3))
+    if forces.ends.shape[2] == 2:
+        along = forces.ends[:, 1] - forces.ends[:, 0]
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
         right[:, 0], right[:, 1] = along[:, 1], -along[:, 0]
-        right[~found.per_metre] = 0.0
+        right[~forces.per_metre] = 0.0
     return right
 
 
-def write_structures_vtkhdf(found: MemberForces, path: str | Path) -> None:
+def write_structures_vtkhdf(forces: MemberForces, path: str | Path) -> None:
     """Writes all states into one VTKHDF file; what does not stand at a state is hidden.
 
     Args:
-        found: forces at all stages.
+        forces: forces at all stages.
         path: the file.
     """
-    states = [structure_lines(found, state) for state in range(len(found.stages) + 1)]
+    states = [structure_lines(forces, state) for state in range(len(forces.stages) + 1)]
     first = states[0]
     static = ("structure", "number", "per_metre")
     cells = {name: first.of_cells[name] for name in static}
@@ -102,7 +102,7 @@ def write_structures_vtkhdf(found: MemberForces, path: str | Path) -> None:
     points = {name: np.stack([each.at_points[name] for each in states]) for name in first.at_points}
     with hdf5_output(str(path)) as file:
         group = write_lines(file, first.points, points_data=points, cells=series, static=cells)
-        names = texts(tuple(dict.fromkeys(found.structures)))
+        names = texts(tuple(dict.fromkeys(forces.structures)))
         attributes = group["CellData/structure"].attrs
         attributes.create("names", names, dtype=h5py.string_dtype())
         for name, unit in (("N", "N"), ("M", "N m/m"), ("Q", "N/m")):

@@ -179,12 +179,12 @@ def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, 
         n_elements: of the mesh.
     """
     cells: dict[str, Floats] = {}
-    for found in varied:
-        parts = {"": found.values, ".sd": found.sd, ".reduction": found.reduction}
+    for estimate in varied:
+        parts = {"": estimate.values, ".sd": estimate.sd, ".reduction": estimate.reduction}
         for suffix, values in parts.items():
             array = np.full(n_elements, np.nan)
-            array[found.elements] = values
-            cells[f"{found.name}{suffix}"] = array
+            array[estimate.elements] = values
+            cells[f"{estimate.name}{suffix}"] = array
     return cells
 
 
@@ -200,29 +200,29 @@ def balanced_cells(fields: FieldSeries) -> dict[str, npt.NDArray[np.int8]]:
     """
     if fields.last is None:
         return {}
-    found = np.ones(fields.present.shape, dtype=np.int8)
-    found[fields.last.states] = 0
-    return {BALANCED: found}
+    balanced = np.ones(fields.present.shape, dtype=np.int8)
+    balanced[fields.last.states] = 0
+    return {BALANCED: balanced}
 
 
 def mechanism_arrays(
-    found: Mechanism | None, states: int
+    mechanism: Mechanism | None, states: int
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """The mechanism of a collapse at nodes and in elements, zero at states other than its own.
 
     Args:
-        found: the mechanism; None for no arrays.
+        mechanism: the mechanism; None for no arrays.
         states: how many there are.
 
     Returns:
         ``mechanism``, velocities (n_states, n_nodes, 3), and ``mechanism_shear``, rates of shear
         (n_states, n_elements), both in parts of the largest.
     """
-    if found is None:
+    if mechanism is None:
         return {}, {}
-    velocity = np.zeros((states, *found.velocity.shape))
-    shear = np.zeros((states, len(found.shear)))
-    velocity[found.state], shear[found.state] = found.velocity, found.shear
+    velocity = np.zeros((states, *mechanism.velocity.shape))
+    shear = np.zeros((states, len(mechanism.shear)))
+    velocity[mechanism.state], shear[mechanism.state] = mechanism.velocity, mechanism.shear
     return {"mechanism": with_z(velocity)}, {"mechanism_shear": shear}
 
 

@@ -94,26 +94,26 @@ def write_vtu(
         file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 
-def write_structures_vtu(found: MemberForces, state: int, path: str | Path) -> None:
+def write_structures_vtu(forces: MemberForces, state: int, path: str | Path) -> None:
     """Writes walls, linings and bars that stand at a state as lines with their forces.
 
     Each straight piece has two points of its own, since forces may leap between pieces. Point data
     and cell data are those of `structure_lines`.
 
     Args:
-        found: forces at all stages.
+        forces: forces at all stages.
         state: 0 is the virgin state, in which nothing stands.
         path: the file.
     """
-    lines = structure_lines(found, state)
-    there = lines.present
-    count = int(np.count_nonzero(there))
+    lines = structure_lines(forces, state)
+    present = lines.present
+    count = int(np.count_nonzero(present))
     topology: Arrays = {
         "connectivity": np.arange(2 * count, dtype=np.int64),
         "offsets": 2 * np.arange(1, count + 1, dtype=np.int64),
         "types": np.full(count, LINE, dtype=np.uint8),
     }
-    ends = np.repeat(there, 2)
+    ends = np.repeat(present, 2)
     with Path(path).open("w", encoding="utf-8", newline="\n") as file:
         file.write(_HEAD.format("UnstructuredGrid"))
         file.write("<UnstructuredGrid>\n")
@@ -121,7 +121,7 @@ def write_structures_vtu(found: MemberForces, state: int, path: str | Path) -> N
         file.writelines(_section("Points", {"Points": lines.points[ends]}))
         file.writelines(_section("Cells", topology))
         file.writelines(_section("PointData", {k: v[ends] for k, v in lines.at_points.items()}))
-        file.writelines(_section("CellData", {k: v[there] for k, v in lines.of_cells.items()}))
+        file.writelines(_section("CellData", {k: v[present] for k, v in lines.of_cells.items()}))
         file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 

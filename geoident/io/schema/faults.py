@@ -112,8 +112,8 @@ def _add(
     context: dict[str, Any] = error.get("ctx", {})
     kind = error["type"]
     if kind == SECTION_FAULTS:
-        found: list[SectionFault] = context["found"]
-        for fault in found:
+        section_faults: list[SectionFault] = context["found"]
+        for fault in section_faults:
             faults.add((*path, *fault.path), fault.code, fault.message, fault.hint)
     elif kind == "value_error":
         _add_refused(faults, path, context["error"], is_key=is_key)
@@ -181,10 +181,10 @@ def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str,
         faults.add(path, "missing-key", f"'{name}' is missing", hint, key=True)
 
 
-def _add_not_listed(faults: Faults, path: KeyPath, found: str, expected: str) -> None:
+def _add_not_listed(faults: Faults, path: KeyPath, written: str, expected: str) -> None:
     choices = _QUOTED.findall(expected)
-    message = f"found '{shorten(found)}'; expected {listing(choices)}"
-    hint = faults.did_you_mean(found, choices)
+    message = f"found '{shorten(written)}'; expected {listing(choices)}"
+    hint = faults.did_you_mean(written, choices)
     faults.add(
         path, "not-listed", message, hint if hint.startswith("Did") else "Write one of them."
     )

@@ -106,8 +106,8 @@ class Section(BaseModel):
         for one in self.one_of:
             given = [key for key in one.keys if getattr(self, key) is not None]
             if not one.fits(given):
-                found = _listed(given, "") if given else one.nothing
-                message = f"found {found}; expected is {one.words()}"
+                keys = _listed(given, "") if given else one.nothing
+                message = f"found {keys}; expected is {one.words()}"
                 faults.add((), "wrong-pair", message, one.hint)
         if not faults.found:
             self.check(faults)

@@ -470,14 +470,14 @@ class Exactly:
 
     def _counted(self, value: object) -> object:
         if isinstance(value, list) and len(value) != self.entries:
-            found = f"found {len(value)} {'entry' if len(value) == 1 else 'entries'}"
+            count = f"found {len(value)} {'entry' if len(value) == 1 else 'entries'}"
             hint = f"Write {self.entries} of them, or remove the key if it need not be there."
             meant = _meant(value)
             if len(meant) == self.entries:
                 hint = f"If a number has a decimal comma, write a point: [{', '.join(meant)}]."
                 if len(value) == 1:
                     hint = f"Write [{', '.join(meant)}]."
-            raise Refusal("wrong-kind", f"{found}; {self.entries} entries expected", hint)
+            raise Refusal("wrong-kind", f"{count}; {self.entries} entries expected", hint)
         return value
 
     def __get_pydantic_json_schema__(

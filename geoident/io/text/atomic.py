@@ -144,8 +144,8 @@ def make_folder(folder: Path | str) -> None:
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        said = "it is a file; a folder is expected here"
-        raise OutputError(f"{folder}: cannot be written: {said}\n    {_ELSEWHERE}") from error
+        reason = "it is a file; a folder is expected here"
+        raise OutputError(f"{folder}: cannot be written: {reason}\n    {_ELSEWHERE}") from error
     except OSError as error:
         raise output_error(folder, error) from error
 
@@ -153,11 +153,11 @@ def make_folder(folder: Path | str) -> None:
 def output_error(path: str | Path, error: Exception) -> OutputError:
     """An `OutputError` that names the place, what the system said, and the remedy."""
     number = getattr(error, "errno", None)
-    said = os.strerror(number) if number else str(error)
+    reason = os.strerror(number) if number else str(error)
     if number == errno.ENOENT:
-        said = f"the folder {Path(path).parent} does not exist"
+        reason = f"the folder {Path(path).parent} does not exist"
     remedy = _REMEDIES.get(number or 0, _ELSEWHERE)
-    return OutputError(f"{path}: cannot be written: {said}\n    {remedy}")
+    return OutputError(f"{path}: cannot be written: {reason}\n    {remedy}")
 
 
 def _refuse_unwritable(path: str | Path, final: Path, *, overwrite: bool) -> None:

@@ -22,8 +22,8 @@ def over_all_of(path: Path) -> Path | None:
     """
     with suppress(OSError, ValueError):  # too long or strange for a name
         if path.is_dir():
-            there = any((path / name).is_file() for name in (OVER_ALL, JOURNAL))
-            return path / OVER_ALL if there else None
+            is_campaign = any((path / name).is_file() for name in (OVER_ALL, JOURNAL))
+            return path / OVER_ALL if is_campaign else None
         beside = path.with_name(OVER_ALL)
         if path.name == OVER_ALL or (path.name in (TABLE, JOURNAL) and beside.is_file()):
             return beside

@@ -62,13 +62,13 @@ def read_date(text: str, pattern: str = ISO) -> float:
         if pattern == ISO:
             if not re.match(r"\d{4}-\d{2}-\d{2}", text):
                 raise ValueError
-            found = datetime.fromisoformat(text).replace(tzinfo=None)
+            date = datetime.fromisoformat(text).replace(tzinfo=None)
         else:
             code = _TOKEN.sub(lambda match: _TOKENS[match[0]], pattern)
-            found = datetime.strptime(text, code)
+            date = datetime.strptime(text, code)
     except ValueError:
         raise DateError(f"'{text}' is not a date of the form {pattern}") from None
-    return found.replace(tzinfo=UTC).timestamp()
+    return date.replace(tzinfo=UTC).timestamp()
 
 
 _USUAL = ("YYYY-MM-DD", "DD.MM.YYYY", "DD/MM/YYYY", "MM/DD/YYYY", "DD-MM-YYYY", "YYYY/MM/DD")
@@ -88,8 +88,8 @@ def date_hint(text: str, pattern: str) -> str:
     if re.fullmatch(shape.replace("0", r"\d"), text):
         return "There is no such day in the calendar: correct it."
     others = [day + time for day in _USUAL for time in _TIMES if _is_date(text, day + time)]
-    found = " or ".join(others) or "DD.MM.YYYY hh:mm"
-    return f"Declare how it is written: readings: {{file: ..., date_format: {found}}}."
+    forms = " or ".join(others) or "DD.MM.YYYY hh:mm"
+    return f"Declare how it is written: readings: {{file: ..., date_format: {forms}}}."
 
 
 def _is_date(text: str, pattern: str) -> bool:
@@ -133,5 +133,5 @@ def date_text(seconds: float) -> str:
     >>> date_text(86460.0)
     '1970-01-02 00:01'
     """
-    found = datetime.fromtimestamp(round(seconds), tz=UTC)
-    return found.strftime("%Y-%m-%d %H:%M").removesuffix(" 00:00")
+    date = datetime.fromtimestamp(round(seconds), tz=UTC)
+    return date.strftime("%Y-%m-%d %H:%M").removesuffix(" 00:00")

@@ -164,8 +164,8 @@ def said_once(faults: list[Fault], case: str) -> list[Fault]:
     for group in together.values():
         kind = _kind(group[0]) if _of_rows(group[0], case) else (id(group[0]),)
         kinds.setdefault(kind, []).append(group)
-    said = [pair for kind in kinds.values() for pair in _few(kind)]
-    return [fault for _, fault in sorted(said, key=lambda pair: place_of[id(pair[0])])]
+    pairs = [pair for kind in kinds.values() for pair in _few(kind)]
+    return [fault for _, fault in sorted(pairs, key=lambda pair: place_of[id(pair[0])])]
 
 
 def _of_rows(fault: Fault, case: str) -> bool:

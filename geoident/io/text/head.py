@@ -45,22 +45,22 @@ def refuse_no_case(content: bytes, path: str) -> None:
     if _format_in(content[:_BEGINNING]):
         return
     if content.startswith(_HDF5):
-        found = "an HDF5 file, such as a result"
+        kind = "an HDF5 file, such as a result"
         hint = "A result is for `geoident show`; give the case that it was made of."
     elif content.lstrip().startswith(_GMSH) or suffix in _MESHES:
-        found = "a mesh"
+        kind = "a mesh"
         hint = f"{Term.INIT_FROM} writes a case for it, to be filled in."
     elif suffix in _TABLES:
-        found = "a table"
+        kind = "a table"
         hint = "Readings are named by a case: 'readings: NAME'; give that case."
     else:
         return
-    message = f"this file is {found}; a case is expected"
+    message = f"this file is {kind}; a case is expected"
     raise InputError([Fault("other-kind", message, hint, Location(path))])
 
 
 def _format_in(head: bytes) -> str:
     """The value of the key `format` at the beginning of a text; empty where it has none."""
     lines = head.decode("utf-8", "replace").splitlines()
-    said = [line.partition(":")[2].strip(" '\"") for line in lines if line.startswith("format:")]
-    return said[0] if said else ""
+    formats = [line.partition(":")[2].strip(" '\"") for line in lines if line.startswith("format:")]
+    return formats[0] if formats else ""

@@ -26,13 +26,13 @@ def refuse_other_kind(document: Document, kind: str) -> None:
         InputError: with one fault, at the format.
     """
     data = document.data
-    said = data.get("format") if isinstance(data, dict) else None
-    if not isinstance(said, str) or not said.startswith("geoident-"):
+    format_text = data.get("format") if isinstance(data, dict) else None
+    if not isinstance(format_text, str) or not format_text.startswith("geoident-"):
         return
-    other = said.removeprefix("geoident-").partition("/")[0]
+    other = format_text.removeprefix("geoident-").partition("/")[0]
     if other == kind or other not in _KINDS:
         return
-    found, hint = _KINDS[other]
+    kind_text, hint = _KINDS[other]
     location = Places(document, data).locate(("format",))
-    message = f"this file is {found}; {_KINDS[kind][0]} is expected"
+    message = f"this file is {kind_text}; {_KINDS[kind][0]} is expected"
     raise InputError([Fault("other-kind", message, hint, location, "format")])

@@ -122,10 +122,10 @@ def read_mark(content: bytes, form: str) -> Mark | None:
     """
     before, after = (_PNG_WORD, b"") if form == "png" else _COMMENTS[form]
     start = content.rfind(before + b"Made by geoident of ")
-    found = _WORDS.match(content[start + len(before) :]) if start >= 0 else None
-    if found is None:
+    match = _WORDS.match(content[start + len(before) :]) if start >= 0 else None
+    if match is None:
         return None
-    names, keys, digest, rest = found.groups()
+    names, keys, digest, rest = match.groups()
     if form == "png":
         intact = rest[4:] == _PNG_END
         bare = content[: start - 8] + _PNG_END  # without the chunk's length and name

@@ -33,7 +33,7 @@ def named_files(data: Node, folder: Path) -> tuple[str, ...]:
         data: the case as mappings, lists and texts.
         folder: against which its paths are meant.
     """
-    found: dict[str, None] = {}
+    files: dict[str, None] = {}
     for text in dict.fromkeys(_texts(data)):
         with suppress(OSError, ValueError):  # too long or strange for a name
             path = folder / text
@@ -41,10 +41,10 @@ def named_files(data: Node, folder: Path) -> tuple[str, ...]:
                 continue
             over_all = over_all_of(path)
             if over_all is not None and over_all.is_file():
-                found[str(over_all)] = None
+                files[str(over_all)] = None
             elif path.is_file():
-                found[str(path)] = None
-    return tuple(found)
+                files[str(path)] = None
+    return tuple(files)
 
 
 def _texts(data: Node) -> Iterator[str]:

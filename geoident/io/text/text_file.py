@@ -47,8 +47,8 @@ def require_file(path: str | Path, what: str) -> None:
         return
     if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
         return
-    found = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
-    message = f"the {what} is {found}, not a file"
+    kind = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+    message = f"the {what} is {kind}, not a file"
     hint = "Save what comes out of it as a file, and name that."
     raise InputError([Fault("not-a-file", message, hint, Location(str(path)))])
 

@@ -126,10 +126,10 @@ def _filled_twice(text: str, at: int) -> tuple[str, str] | None:
     if len(lines) < 2:
         return None
     above, here = lines[-2:]
-    found = _KEY_AND_VALUE.fullmatch(above)
-    if not found or len(here) - len(here.lstrip()) <= len(found[1]):
+    match = _KEY_AND_VALUE.fullmatch(above)
+    if not match or len(here) - len(here.lstrip()) <= len(match[1]):
         return None
-    return found[2], found[3]
+    return match[2], match[3]
 
 
 @dataclass

@@ -321,8 +321,8 @@ def explanations(model_error: FittedModelError) -> tuple[str, ...]:
             else "the model error"
         )
         return (
-            f"The readings cannot separate {of_error} from {join(alike, 'or')}: intervals and bands "
-            f"are those of {of}. {_REMEDY}",
+            f"The readings cannot separate {of_error} from {join(alike, 'or')}: intervals and "
+            f"bands are those of {of}. {_REMEDY}",
         )
     return ()
 

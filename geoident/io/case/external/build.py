@@ -72,14 +72,14 @@ def _program(
         source = given.template if isinstance(given, TemplateSection) else given
         path = path if isinstance(given, str) else (*path, "template")
         before = len(faults.found)
-        found = around.find(source, path)
+        template_file = around.find(source, path)
         if len(faults.found) > before:
             continue
         try:
             if in_jinja:
-                template, wrong = _jinja(found, target, around)
+                template, wrong = _jinja(template_file, target, around)
             else:
-                template, wrong = read_template(found, target, around.parameters)
+                template, wrong = read_template(template_file, target, around.parameters)
         except InputError as error:
             faults.extend(error.faults)
             continue
@@ -125,10 +125,10 @@ def _run_by(arguments: Sequence[str], folder: Path) -> Iterator[str]:
     seen_from = [folder, folder / "case.runs" / "run"]
     named = [place for word in words for place in _places(seen_from, word) if place.is_dir()]
     for word in words:
-        found = [place for place in _places(seen_from, word) if place.is_file()]
+        files = [place for place in _places(seen_from, word) if place.is_file()]
         for name in (word, f"{word}.py", f"{word}/__main__.py"):  # cd FOLDER && ./PROGRAM
-            found += [place for place in _places(named, name) if is_program(place)]
-        for place in found:
+            files += [place for place in _places(named, name) if is_program(place)]
+        for place in files:
             yield from (str(place), *imported_files(str(place)))
 
 

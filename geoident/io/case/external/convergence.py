@@ -165,17 +165,17 @@ class _Build:
             message = f"no place of the face at {', '.join(map(repr, missing))}"
             hint = "Add its chainage there; where the face has stopped, the same as before."
             self._faults.add((*_AT, "face"), "missing-stage", message, hint, key=True)
-        found = np.array([given[s].factor if s in given else np.nan for s in stages])
-        known: list[int] = np.flatnonzero(np.isfinite(found)).tolist()
-        way = np.sign(found[known[-1]] - found[known[0]]) if known else 0.0
+        chainages = np.array([given[s].factor if s in given else np.nan for s in stages])
+        known: list[int] = np.flatnonzero(np.isfinite(chainages)).tolist()
+        way = np.sign(chainages[known[-1]] - chainages[known[0]]) if known else 0.0
         for one, other in pairwise(known):
-            if (found[other] - found[one]) * (way or 1.0) < 0.0:
+            if (chainages[other] - chainages[one]) * (way or 1.0) < 0.0:
                 message = f"the face at '{stages[other]}' ({given[stages[other]].text}) is behind "
                 message += f"that at '{stages[one]}' ({given[stages[one]].text})"
                 path: KeyPath = (*_AT, "face", stages[other])
                 hint = "A face advances or stops: correct one of them."
                 self._faults.add(path, "face-order", message, hint)
-        return found
+        return chainages
 
     def _dates(self) -> Floats:
         """(n_stages,) when each was complete, s."""
@@ -228,7 +228,7 @@ class _Build:
 
     def _channels_by_section(self) -> Mapping[str, list[int]]:
         """Numbers of the channels of each section."""
-        found: dict[str, list[int]] = {}
+        by_section: dict[str, list[int]] = {}
         where: dict[str, str] = {}
         sections = self._section.sections
         for name, section in sections.items():
@@ -245,14 +245,14 @@ class _Build:
                     message = f"'{gauge}' is a gauge of section '{where[gauge]}' already"
                     self._faults.add((*path, "gauges", n), "twice", message, "Remove one.")
                 else:
-                    found.setdefault(name, []).append(self._names.index(gauge))
+                    by_section.setdefault(name, []).append(self._names.index(gauge))
         if all(section.gauges is not None for section in sections.values()):
             for gauge in self._names:
                 if gauge not in where:
                     message = f"'{gauge}' belongs to no section of 'model.sections'"
                     hint = "Add it to the 'gauges' of its section, or remove it."
                     self._faults.add(("gauges", gauge), "no-section", message, hint, key=True)
-        return found
+        return by_section
 
 
 def _direction(face: Floats, chainage: float) -> float:

@@ -25,10 +25,10 @@ def function_of(text: str, path: KeyPath, around: ModelContext) -> tuple[str, st
     module, _, name = text.rpartition(":")
     file = module if module.endswith(".py") else f"{module.replace('.', '/')}.py"
     before = len(around.faults.found)
-    found = around.find(file, path)
+    file_path = around.find(file, path)
     if len(around.faults.found) == before:
-        _require_name(found, name, path, around.faults)
-    return found, name
+        _require_name(file_path, name, path, around.faults)
+    return file_path, name
 
 
 def _require_name(file: str, name: str, path: KeyPath, faults: Faults) -> None:

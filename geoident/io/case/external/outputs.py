@@ -43,7 +43,7 @@ def build_outputs(sections: Sequence[OutputSection], around: ModelContext) -> It
     rows = {channel.name: n for n, channel in enumerate(around.channels)}
     columns = {name: n for n, name in enumerate(around.stages)}
     by: dict[tuple[int, int], int] = {}
-    found = set[str]()
+    covered = set[str]()
     for number, section in enumerate(sections):
         path: KeyPath = (*_AT, "outputs", number)
         if section.file is not None:
@@ -52,7 +52,7 @@ def build_outputs(sections: Sequence[OutputSection], around: ModelContext) -> It
         gauges = _named(section.gauges, rows, (*path, "gauges"), "gauge", around.faults)
         stages = _named(section.stages, columns, (*path, "stages"), "stage", around.faults)
         # one that is misspelt may be any of those that nothing finds
-        found.update(rows if section.gauges and len(gauges) < len(section.gauges) else gauges)
+        covered.update(rows if section.gauges and len(gauges) < len(section.gauges) else gauges)
         for gauge in gauges:
             channel = around.channels[rows[gauge]]
             size = _unit(section, channel, path, around.faults)
@@ -72,7 +72,7 @@ def build_outputs(sections: Sequence[OutputSection], around: ModelContext) -> It
                 file = _named_by(section.file or "", gauge, stage, columns[stage] + 1)
                 yield Output(*place, file, finding, size)
     for name in rows:
-        if name not in found:
+        if name not in covered:
             message = f"nothing in 'model.outputs' finds the readings of '{name}'"
             hint = "Add an entry for it, or remove the gauge."
             around.faults.add(("gauges", name), "no-output", message, hint, key=True)
@@ -119,16 +119,16 @@ class _Instructions:
         name = _named_by(self._name, gauge, stage, number).lower()
         if self._wrong:
             return None
-        mine = f"'{gauge}' at '{stage}'"
+        reading = f"'{gauge}' at '{stage}'"
         if name not in self._known:
-            message = f"the instructions have no observation '{shorten(name)}', which is {mine}"
+            message = f"the instructions have no observation '{shorten(name)}', which is {reading}"
             hint = did_you_mean(name, self._known, what="Observations")
             hint += " Say by 'observation' how they are called: {gauge}, {stage}, {number}."
         elif name in self._taken:
-            message = f"the observation '{shorten(name)}' is {self._taken[name]} and {mine}"
+            message = f"the observation '{shorten(name)}' is {self._taken[name]} and {reading}"
             hint = "Tell them apart: 'observation: \"{gauge}_{number}\"'."
         else:
-            self._taken[name] = mine
+            self._taken[name] = reading
             return InstructedValue(self._file, name, self._lines)
         self._faults.add(self._path, "no-observation", message, hint.strip())
         return None
@@ -140,15 +140,15 @@ def _instructions(
     """The instruction file of an entry; what is wrong in it is noted."""
     faults, before = around.faults, len(around.faults.found)
     lines: tuple[InstructionLine, ...] = ()
-    found = around.find(file, (*path, "instructions"))
+    file_path = around.find(file, (*path, "instructions"))
     if len(faults.found) == before:
         try:
-            lines, wrong = read_instructions(found)
+            lines, wrong = read_instructions(file_path)
             faults.extend(wrong)
         except InputError as error:
             faults.extend(error.faults)
     bad, name = len(faults.found) > before, section.observation or "{gauge}"
-    return _Instructions(found, lines, name, path, faults, wrong=bad)
+    return _Instructions(file_path, lines, name, path, faults, wrong=bad)
 
 
 def _named(

@@ -41,13 +41,13 @@ def build_table(section: TableModelSection, around: ModelContext) -> RunTable:
     path = str(over_all or around.folder / section.file)
     table = RunTable(path, section.surface, (), *empty, campaign=over_all is not None)
     asked = {name: p for name, p in around.parameters.items() if name not in around.tied}
-    found = _found(section, table, asked, around)
-    if found is None:
+    content = _found(section, table, asked, around)
+    if content is None:
         return table
-    around.faults.extend(found.faults)
-    if found.named is not None:
-        _check_complete(found.named, asked, around, table)
-    runs = found.runs
+    around.faults.extend(content.faults)
+    if content.named is not None:
+        _check_complete(content.named, asked, around, table)
+    runs = content.runs
     if runs is None:
         return table
     notes = runs.notes
@@ -143,14 +143,14 @@ def within_runs(parameters: Sequence[Parameter], table: RunTable) -> tuple[Param
         parameters: of the case.
         table: of its runs.
     """
-    found = []
+    restricted = []
     for parameter in parameters:
         if parameter.name not in table.names:
-            found.append(parameter)
+            restricted.append(parameter)
             continue
         column = table.values[:, table.names.index(parameter.name)]
         lower = max(parameter.lower, float(column.min()))
         upper = min(parameter.upper, float(column.max()))
         start = min(max(parameter.start, lower), upper)
-        found.append(replace(parameter, lower=lower, upper=upper, start=start))
-    return tuple(found)
+        restricted.append(replace(parameter, lower=lower, upper=upper, start=start))
+    return tuple(restricted)

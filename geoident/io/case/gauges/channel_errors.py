@@ -39,11 +39,11 @@ def described_channels(
         for kind in kinds.keys() - present.keys():
             path = ("fit", "accuracies", kind)
             faults.add_unknown(path, "kind of gauge", kind, list(present), key=True)
-    found = tuple(
+    described = tuple(
         _estimated(c) if isinstance(kinds, str) or (kinds and c.kind in kinds) else c
         for c in channels
     )
-    if section.fit.loss != "squared" and any(c.errors and c.errors.estimated for c in found):
+    if section.fit.loss != "squared" and any(c.errors and c.errors.estimated for c in described):
         message = f"accuracies cannot be estimated with the loss '{section.fit.loss}': it explains "
         message += "large residuals by wrong readings, an estimated accuracy by the gauge"
         hint = "Find the wrong readings first, list them under 'bad', and use 'loss: squared'."
@@ -51,7 +51,7 @@ def described_channels(
     return _one_set_up(
         tuple(
             c if c.errors is None else _complete(c, c.errors, stated=sections[c.name].states_zero)
-            for c in found
+            for c in described
         )
     )
 

@@ -175,10 +175,10 @@ class GaugeBase(Section):
     @model_serializer(mode="wrap")
     def _as_written(self, dump: SerializerFunctionWrapHandler) -> Any:
         """As it is read again: a zero that is not given would change what is read."""
-        found = dump(self)
+        data = dump(self)
         if "zero" not in self.model_fields_set:
-            found.pop("zero", None)
-        return found
+            data.pop("zero", None)
+        return data
 
     @property
     def zero_stage(self) -> str:

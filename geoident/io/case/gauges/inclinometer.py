@@ -139,13 +139,13 @@ class InclinometerSection(GaugeBase):
             place = context.at("interval" if self.depths is None else "depths")
             place.refuse("too-many-depths", message, "Let them be farther apart.")
             return []
-        found: list[Channel] = []
+        channels: list[Channel] = []
         for axis in self.axes:
             across = self._axis(axis, casing, context)
             if across is not None:
-                found += self._along(name, axis, (casing, across), context)
-        found += self._along(name, "S", (casing, casing.tangents), context)
-        return found
+                channels += self._along(name, axis, (casing, across), context)
+        channels += self._along(name, "S", (casing, casing.tangents), context)
+        return channels
 
     def _along(
         self, name: str, axis: str, what: tuple[_Casing, list[Vector]], context: Context
@@ -156,7 +156,7 @@ class InclinometerSection(GaugeBase):
         depths = [ring.factor for ring in self.rings] if axis == "S" else self._read_depths()
         end = casing.length if self.relative_to == "bottom" else 0.0
         read_by = self._of_rings() if axis == "S" else self
-        found = []
+        channels = []
         for n, depth in enumerate(depths):
             place = context.at(key) if key == "interval" else context.at(key, n)
             if not self._within(depth, end, casing, place):
@@ -170,8 +170,8 @@ class InclinometerSection(GaugeBase):
             length = 0.0 if axis == "S" else abs(depth - reference)
             run, probe = f"{name}.{axis}" * cumulated, "rings" * (axis == "S")
             own = {"terms": terms, "run": run, "along": length, "probe": probe}
-            found.append(read_by.make_channel(channel, name, motion, place.path, **own))
-        return found
+            channels.append(read_by.make_channel(channel, name, motion, place.path, **own))
+        return channels
 
     def _reference(self, depth: float, depths: Sequence[float], end: float) -> float:
         """Depth against which a depth is read, m."""
@@ -246,7 +246,7 @@ class InclinometerSection(GaugeBase):
         given = axis_vector(0, context.dim, 1.0)
         if self.A is not None:
             given = context.at("A").vector(self.A, "the direction")
-        found = []
+        directions = []
         for tangent in casing.tangents:
             across = _across(given, tangent)
             if across is None:
@@ -254,8 +254,8 @@ class InclinometerSection(GaugeBase):
                 hint = "Give a direction that is not along the casing."
                 context.at("A").refuse("zero-direction", message, hint, key=self.A is None)
                 return None
-            found.append(across if axis == "A" else cross_product(tangent, across))
-        return found
+            directions.append(across if axis == "A" else cross_product(tangent, across))
+        return directions
 
 
 @dataclass(frozen=True)
@@ -276,10 +276,10 @@ class _Casing:
     @property
     def starts(self) -> list[float]:
         """Depths along the casing of its m + 1 points, m."""
-        found = [0.0]
+        depths = [0.0]
         for a, b in pairwise(self.points):
-            found.append(found[-1] + math.dist(a, b))
-        return found
+            depths.append(depths[-1] + math.dist(a, b))
+        return depths
 
     @property
     def length(self) -> float:

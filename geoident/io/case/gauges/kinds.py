@@ -54,12 +54,12 @@ class ExtensometerSection(GaugeBase):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every anchor."""
         head = context.at("head").vector(self.head)
-        found = []
+        channels = []
         for anchor, given in self.anchors.items():
             place = context.at("anchors", anchor)
             motion = distance(head, place.vector(given), place)
-            found.append(self.make_channel(f"{name}.{anchor}", name, motion, place.path))
-        return found
+            channels.append(self.make_channel(f"{name}.{anchor}", name, motion, place.path))
+        return channels
 
 
 class ConvergenceSection(GaugeBase):

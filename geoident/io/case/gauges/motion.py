@@ -172,12 +172,12 @@ class LevellingSection(GaugeBase):
 
     def sections(self, name: str) -> dict[str, GaugeBase]:
         """Distortions are angles with errors of their own; they share the zero unless they say."""
-        found, pairs = super().sections(name), self.distortions
+        sections, pairs = super().sections(name), self.distortions
         if pairs is not None:
             own_zero = "zero" in pairs.model_fields_set
             own = pairs if own_zero else pairs.model_copy(update={"zero": self.zero})
-            found |= dict.fromkeys((f"{name}.{a}-{b}" for a, b in pairs.pairs), own)
-        return found
+            sections |= dict.fromkeys((f"{name}.{a}-{b}" for a, b in pairs.pairs), own)
+        return sections
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point that is read, then one for every pair."""
@@ -185,19 +185,19 @@ class LevellingSection(GaugeBase):
         points = {key: places[key].vector(given) for key, given in self.points.items()}
         down = axis_vector(context.dim - 1, context.dim, -1.0)
         base = points.get(self.relative_to)
-        found = []
+        channels = []
         for key, point in points.items():
             if key != self.relative_to:
                 refuse_one_point(base, point, places[key])
                 motion = Motion(base, point, down)
-                found.append(self.make_channel(f"{name}.{key}", name, motion, places[key].path))
-        return found + self._distorted(name, points, down, context)
+                channels.append(self.make_channel(f"{name}.{key}", name, motion, places[key].path))
+        return channels + self._distorted(name, points, down, context)
 
     def _distorted(
         self, name: str, points: dict[str, Vector], down: Vector, context: Context
     ) -> list[Channel]:
         """Channels of the angular distortions."""
-        found: list[Channel] = []
+        channels: list[Channel] = []
         section = self.distortions
         for n, (a, b) in enumerate(section.pairs if section else []):
             assert section is not None
@@ -212,10 +212,10 @@ class LevellingSection(GaugeBase):
             motion = Motion(points[a], points[b], down)
             zeroed = section if "zero" in section.model_fields_set else self
             channel = section.make_channel(f"{name}.{a}-{b}", name, motion, place.path, terms=terms)
-            found.append(
+            channels.append(
                 replace(channel, kind=self.kind, zero=zeroed.zero_stage, probe="distortions")
             )
-        return found
+        return channels
 
 
 class LineOfSightSection(GaugeBase):
@@ -268,13 +268,15 @@ class LineOfSightSection(GaugeBase):
             }
         base = point_or_ground(self.relative_to, context.at("relative_to"))
         sign = 1.0 if self.positive == "towards" else -1.0
-        found = []
+        channels = []
         for channel, (written, place) in given.items():
             point = place.vector(written)
             refuse_one_point(base, point, place)
             towards = tuple(sign * x for x in self._towards_sensor(point, context))
-            found.append(self.make_channel(channel, name, Motion(base, point, towards), place.path))
-        return found
+            channels.append(
+                self.make_channel(channel, name, Motion(base, point, towards), place.path)
+            )
+        return channels
 
     def _towards_sensor(self, point: Vector, context: Context) -> Vector:
         """Unit vector (dim,) from a point to the sensor; zeros, with a fault, if there is none."""

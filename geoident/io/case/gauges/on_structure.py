@@ -77,8 +77,8 @@ def on_structures(
                 place.at("bar").refuse("wrong-structure", message, "Remove it.", key=True)
             else:
                 yield channel
-        elif (found := _on_bar(channel, section, structure, place)) is not None:
-            yield found
+        elif (on_bar := _on_bar(channel, section, structure, place)) is not None:
+            yield on_bar
 
 
 def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) -> Channel | None:

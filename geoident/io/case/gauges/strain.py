@@ -147,13 +147,13 @@ class StrainSection(ValueGauge):
         half, stations = self._base / 2, self._stations(length)
         if not self._fits(stations, half, length, context):
             return []
-        found = []
+        channels = []
         for station in stations:
             part = _part_of(line, station - half, station + half)
             motion = Motion(part[0], part[-1], unit_vector(subtract(part[-1], part[0])))
             channel, terms = f"{name}.{station:.6g}", _mean_strain(part)
-            found.append(self.make_channel(channel, name, motion, context.path, terms=terms))
-        return found
+            channels.append(self.make_channel(channel, name, motion, context.path, terms=terms))
+        return channels
 
     def _fits(
         self, stations: Sequence[float], half: float, length: float, context: Context

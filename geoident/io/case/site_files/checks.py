@@ -103,8 +103,8 @@ class ReadingChecks:
                 continue
             gauge, zero = self.owners[channel], self.zeros[channel]
             own = ("distortions",) if section.kind_name == "distortion" else ()
-            mine = [r for r in read.get(channel, ()) if r.value is not None]
-            needed = {zero, *(r.stage or VIRGIN for r in mine if r.time is None)}
+            own_readings = [r for r in read.get(channel, ()) if r.value is not None]
+            needed = {zero, *(r.stage or VIRGIN for r in own_readings if r.time is None)}
             for stage in sorted(needed - self.dates.keys()):
                 path: KeyPath = ("gauges", gauge, *own, "drift")
                 if (path, stage) in refused:
@@ -113,7 +113,7 @@ class ReadingChecks:
                 message = f"'{gauge}' drifts in time, but the stage '{stage}' has no date"
                 hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
                 self.faults.add(path, "missing-dates", message, hint)
-            known = {*self.dates, *needed, *(r.stage for r in mine)}
+            known = {*self.dates, *needed, *(r.stage for r in own_readings)}
             for stage, n in self.order.items():
                 if stage not in known and n > self.order.get(zero, 0):
                     notes.setdefault(gauge, {})[stage] = None

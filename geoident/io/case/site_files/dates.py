@@ -67,11 +67,11 @@ def gaps(
         calendar: stages and dates.
         counting: the readings that are left when several of a stage are made into one.
     """
-    found = _without_readings(by_stage, calendar, counting)
-    found += _between_stages(calendar, counting)
+    notes = _without_readings(by_stage, calendar, counting)
+    notes += _between_stages(calendar, counting)
     for stage in calendar.stages:
-        found += _changing(stage, [row for row in dated if row.stage == stage], calendar)
-    return found
+        notes += _changing(stage, [row for row in dated if row.stage == stage], calendar)
+    return notes
 
 
 def _next(stage: str, calendar: Calendar) -> str | None:
@@ -99,21 +99,21 @@ def _without_readings(
         return []
     last = max((n for n, name in enumerate(calendar.stages) if name in read), default=0)
     started = min((calendar.stages.index(zero) for zero in calendar.zeros.values()), default=0)
-    found = []
+    notes = []
     for n, stage in enumerate(calendar.stages):
         if n <= started or stage in read:
             continue
         if stage in calendar.dates:
             when = date_text(calendar.dates[stage])
-            found.append(f"The stage '{stage}' has no reading since it was complete ({when}).")
+            notes.append(f"The stage '{stage}' has no reading since it was complete ({when}).")
         elif n < last:
-            found.append(f"The stage '{stage}' has no date, so no dated reading counts for it.")
-    return found
+            notes.append(f"The stage '{stage}' has no date, so no dated reading counts for it.")
+    return notes
 
 
 def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str]:
     """Readings that count for a stage, but were taken shortly before the next one was complete."""
-    found = []
+    notes = []
     for stage in calendar.stages:
         times = [
             reading.time
@@ -126,13 +126,13 @@ def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str
             continue
         days = (calendar.dates[after] - max(late)) / DAY
         number = "reading, taken" if len(late) == 1 else "readings, taken"
-        found.append(
+        notes.append(
             f"'{stage}' counts {len(late)} {number} {_period(late)}, between its end "
             f"({date_text(calendar.dates[stage])}) and that of '{after}' "
             f"({date_text(calendar.dates[after])}), the latest {_days(days)} before the latter: "
             f"the last complete stage counts. If they show '{after}', its date is too late."
         )
-    return found
+    return notes
 
 
 def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[str]:

@@ -96,11 +96,11 @@ class _Table:
         """The rows as they would be written in the case."""
         points: list[Node] = [[row[axis] for axis in self.axes] for _, row in rows]
         if not self.measured:
-            found: dict[str, Node] = {**self.given, "points": points}
+            written: dict[str, Node] = {**self.given, "points": points}
             for name in self.columns:
                 if name in rows[0][1]:
-                    found[_MOTIONS.get(name, "values")] = [row[name] for _, row in rows]
-            return found
+                    written[_MOTIONS.get(name, "values")] = [row[name] for _, row in rows]
+            return written
         values: list[Node] = []
         for (line, row), point in zip(rows, points, strict=True):
             entry = {name: text for name, text in row.items() if name not in self.axes}
@@ -123,23 +123,23 @@ class _Table:
             message = f"'{shorten(file.name)}': {first.message}"
             faults.add(self.key, first.code, message, hint)
             return None
-        found: list[Fault] = []
+        wrong: list[Fault] = []
 
         def refuse(line: int, column: int, code: str, message: str, hint: str) -> None:
             place = Location(str(file), line, column)
-            found.append(Fault(code, message, hint, place, format_path(self.key)))
+            wrong.append(Fault(code, message, hint, place, format_path(self.key)))
 
         delimiter = ";" if lines and ";" in lines[0] else ","
         units = self._units(_cells(lines[0], delimiter) if lines else [], refuse)
         rows = []
-        for number, line in enumerate(lines[1:] if not found else (), start=2):
+        for number, line in enumerate(lines[1:] if not wrong else (), start=2):
             cells = _cells(line, delimiter)
             if any(text for text, _ in cells):
                 rows.append((number, self._row(number, cells, units, refuse)))
-        if not found and not rows:
+        if not wrong and not rows:
             refuse(1, 1, "bad-table", "the table has no row", self.header)
-        faults.extend(found)
-        return None if found else rows
+        faults.extend(wrong)
+        return None if wrong else rows
 
     def _units(self, header: list[tuple[str, int]], refuse: _Refuse) -> dict[str, str]:
         """The columns in their order, each with its unit; what is wrong with them is refused."""

@@ -66,8 +66,8 @@ class CalibrationSection(Section):
     def check(self, faults: SectionFaults) -> None:
         """All constants that belong together are given."""
         if (self.factor is None) == (self.polynomial is None):
-            found = "neither" if self.factor is None else "both"
-            message = f"found {found}; either factor or polynomial is expected"
+            which = "neither" if self.factor is None else "both"
+            message = f"found {which}; either factor or polynomial is expected"
             faults.add((), "wrong-pair", message, "Give what the data sheet has.")
         if self.factor is not None:
             for key, hint in (("zero", "zero: 8912"), ("difference", "difference: zero - reading")):
@@ -142,8 +142,8 @@ class TransformationSection(Section):
     def check(self, faults: SectionFaults) -> None:
         """The axes are given once, at right angles."""
         if (self.azimuth is None) == (self.axes is None):
-            found = "neither" if self.azimuth is None else "both"
-            message = f"found {found}; either azimuth or axes is expected"
+            which = "neither" if self.azimuth is None else "both"
+            message = f"found {which}; either azimuth or axes is expected"
             faults.add((), "wrong-pair", message, "Give exactly one of them.")
         self._check_axes(faults)
 

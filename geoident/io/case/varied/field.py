@@ -99,12 +99,12 @@ class PointFileSection(Section):
 
 def _wrong_lengths(number: int, dim: int) -> tuple[str, str]:
     """What is wrong with a number of correlation lengths in a model, and the remedy."""
-    found = "found no length" if number == 0 else f"found {number} lengths"
+    count = "found no length" if number == 0 else f"found {number} lengths"
     if dim == 2:
         hint = "Write one length, or [along the dip, normal to it], such as [20 m, 5 m]."
-        return f"{found}; one, or two for the axes of a plane model, expected", hint
+        return f"{count}; one, or two for the axes of a plane model, expected", hint
     hint = "Write one length, or one for each axis of `along`, such as [30 m, 20 m, 5 m]."
-    return f"{found}; one, two or three expected", hint
+    return f"{count}; one, two or three expected", hint
 
 
 def _entry(value: object) -> str:

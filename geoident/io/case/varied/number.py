@@ -155,15 +155,15 @@ def fields_in(
         surface: index of the yield surface, or None.
         names: key to the constant's name in the model, where it is another one.
     """
-    found = []
+    fields = []
     for name in type(section).model_fields:
         given = getattr(section, name)
         if isinstance(given, CaseNumber) and isinstance(given.varied_by, FieldBase):
             place, constant = context.at(name, "field"), (names or {}).get(name, name)
-            found.append(
+            fields.append(
                 given.varied_by.built(place, material=material, constant=constant, surface=surface)
             )
-    return tuple(found)
+    return tuple(fields)
 
 
 def growths_in(section: Section, context: Context, *, material: str) -> tuple[Growth, ...]:

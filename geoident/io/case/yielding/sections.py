@@ -419,14 +419,14 @@ def _check_strengths(
 ) -> None:
     """Note a strength that is inadmissible as given, or at the start of the parameters."""
     starts = numbers_at_start(section.numbers, parameters)
-    found = None if starts is None else surface.breach(starts)
-    if found is None:
+    violation = None if starts is None else surface.breach(starts)
+    if violation is None:
         return
-    key = section.key_of(found.constant)
+    key = section.key_of(violation.constant)
     given: CaseNumber = getattr(section, key)
-    message, hint = f"'{given.text}': {found.limit}", "Correct the number or its unit."
+    message, hint = f"'{given.text}': {violation.limit}", "Correct the number or its unit."
     if given.parameter is not None:
-        message = f"'{given.text}' is {found.shown} at the start; {found.limit}"
+        message = f"'{given.text}' is {violation.shown} at the start; {violation.limit}"
         hint = f"Change the start of {given.parameter}."
     context.at(key).refuse("out-of-range", message, hint)
 
