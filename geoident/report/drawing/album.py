@@ -71,7 +71,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         fields = (*varied_pictures(scene), *_field_pictures(scene))
         if result.mechanism is not None:
             fields = (mechanism_picture(result.mechanism, scene.axis_names), *fields)
-    found = (
+    parts = (
         model_pictures(result),
         overview_pictures(result, scene),
         (*parameter_pictures(result), *pair_pictures(result), *scan_pictures(result)),
@@ -87,7 +87,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         structure_pictures(result),
         backtest_pictures(result),
     )
-    return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in found))
+    return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in parts))
 
 
 def _field_pictures(scene: Scene) -> tuple[Picture, ...]:

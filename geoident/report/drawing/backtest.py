@@ -32,21 +32,21 @@ _LINEAR = 8.0  # standard deviations up to which the axis of errors is linear
 
 def backtest_pictures(result: Result) -> tuple[Picture, ...]:
     """Parameters against the stages fitted, and the errors of the predictions."""
-    found = result.backtest
-    if found is None or not found.steps:
+    backtest = result.backtest
+    if backtest is None or not backtest.steps:
         return ()
     pictures = []
-    if len(found.steps) > 1:
+    if len(backtest.steps) > 1:
         pictures.append(
             Picture(
                 "backtest-parameters",
                 "Parameters as readings are added",
                 "Estimates with their 95 % intervals from the readings up to each stage; no mark: "
                 "not determined. Where the model is right, an interval holds the later estimates.",
-                lambda: settling_figure(result, found),
+                lambda: settling_figure(result, backtest),
             )
         )
-    if any(np.isfinite(bands_of(found, step).z).any() for step in found.steps):
+    if any(np.isfinite(bands_of(backtest, step).z).any() for step in backtest.steps):
         pictures.append(
             Picture(
                 "backtest-errors",
@@ -54,25 +54,25 @@ def backtest_pictures(result: Result) -> tuple[Picture, ...]:
                 "Errors of predictions in their standard deviations, by predicted stage; grey: the "
                 "95 % band. Filled: the next stage that was read after the fitted ones; hollow: "
                 "stages further ahead.",
-                lambda: error_figure(result, found),
+                lambda: error_figure(result, backtest),
             )
         )
     return tuple(pictures)
 
 
-def settling_figure(result: Result, found: Backtest) -> Figure:
+def settling_figure(result: Result, backtest: Backtest) -> Figure:
     """A panel for each parameter."""
     names = result.parameters.names[:_MOST_PARAMETERS]
     figure, panels = panel_grid(len(names), height=2.3, extra=0.2)
-    stages = tuple(result.gauges.stages[step.last] for step in found.steps)
+    stages = tuple(result.gauges.stages[step.last] for step in backtest.steps)
     logs = logarithmic(result)
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         unit = result.parameters.units[i], result.parameters.dimensions[i]
         values, low, high = (
-            in_unit(1.0, *unit) * np.array([getattr(step, column)[i] for step in found.steps])
+            in_unit(1.0, *unit) * np.array([getattr(step, column)[i] for step in backtest.steps])
             for column in ("values", "lower95", "upper95")
         )
-        known = np.array([step.determined[i] for step in found.steps], dtype=np.bool_)
+        known = np.array([step.determined[i] for step in backtest.steps], dtype=np.bool_)
         _draw_settling(axes, np.where(known, values, np.nan), low, high)
         drawn = np.r_[values, low, high]
         if name in logs and np.isfinite(drawn).any() and np.nanmin(drawn) > 0.0:
@@ -94,7 +94,7 @@ def _draw_settling(axes: Axes, values: Floats, low: Floats, high: Floats) -> Non
         axes.axhline(values[-1], color=FAINT, lw=0.7, zorder=0)
 
 
-def error_figure(result: Result, found: Backtest) -> Figure:
+def error_figure(result: Result, backtest: Backtest) -> Figure:
     """Standardized errors over the predicted stages."""
     figure = Figure(figsize=(7.6, 3.6))
     axes = figure.subplots()
@@ -103,8 +103,8 @@ def error_figure(result: Result, found: Backtest) -> Figure:
     dot: dict[str, Any] = {"marker": "o", "ls": "", "color": MEASURED, "ms": 4}
     keys = key("next stage", **dot), key("further ahead", mfc="white", **dot)
     largest, drawn = NORMAL_95, [False, False]
-    for step in found.steps:
-        bands = bands_of(found, step)
+    for step in backtest.steps:
+        bands = bands_of(backtest, step)
         z, ahead = bands.z, next_read(bands)
         largest = max(largest, float(np.nanmax(np.abs(z), initial=0.0)))
         for k, part in enumerate((ahead, ~ahead)):

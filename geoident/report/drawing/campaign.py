@@ -67,7 +67,7 @@ def campaign_pictures(table: CampaignTable) -> tuple[Picture, ...]:
     """The figures of a campaign; none where fewer than two runs have numbers."""
     runs = [run for run in table.runs if run.finished]
     varied = varied_columns(runs, table.paths)
-    found = parameter_columns(runs, table.parameter_names) if table.command != "simulate" else []
+    columns = parameter_columns(runs, table.parameter_names) if table.command != "simulate" else []
     misfit = np.array([run.objective for run in runs], dtype=np.float64)
     if len(runs) < 2:
         return ()
@@ -81,8 +81,8 @@ def campaign_pictures(table: CampaignTable) -> tuple[Picture, ...]:
         second = "campaign-parameters", "Parameters, and the misfit", words
         return (
             *paged(varied, draw, most=_PANELS, picture=first, label=_label),
-            *paged(found, draw, most=_PANELS, picture=second, label=_label),
-            *_parallel(runs, table.paths, varied, found, misfit),
+            *paged(columns, draw, most=_PANELS, picture=second, label=_label),
+            *_parallel(runs, table.paths, varied, columns, misfit),
         )
     readings = reading_columns(runs)
     if not varied or not readings:
@@ -112,7 +112,7 @@ def _parallel(
     runs: Sequence[RunRecord],
     paths: Sequence[str],
     varied: Sequence[RunColumn],
-    found: Sequence[RunColumn],
+    columns: Sequence[RunColumn],
     misfit: Floats,
 ) -> tuple[Picture, ...]:
     """All that varied and was found, and the misfit: a line a run."""
@@ -123,7 +123,7 @@ def _parallel(
         else word_axis(path, [dict(run.settings).get(path, "") for run in runs])
         for path in paths
     ]
-    axes += [ParallelAxis(column.label, column.values) for column in found]
+    axes += [ParallelAxis(column.label, column.values) for column in columns]
     axes = [axis for axis in axes if np.unique(axis.values[np.isfinite(axis.values)]).size > 1]
     if len(axes) < 2:
         return ()
@@ -151,13 +151,13 @@ def varied_columns(runs: Sequence[RunRecord], paths: Sequence[str]) -> list[RunC
     none = np.full(len(runs), np.nan)
     for path in paths:
         texts = [dict(run.settings).get(path, "") for run in runs]
-        found = [_NUMBER.fullmatch(text.strip()) for text in texts]
-        units = {match[2] or "" for match in found if match}
+        matches = [_NUMBER.fullmatch(text.strip()) for text in texts]
+        units = {match[2] or "" for match in matches if match}
         if len(units) != 1 or not all(
-            match or not text for match, text in zip(found, texts, strict=True)
+            match or not text for match, text in zip(matches, texts, strict=True)
         ):
             continue
-        values = np.array([float(match[1]) if match else math.nan for match in found])
+        values = np.array([float(match[1]) if match else math.nan for match in matches])
         columns.append(RunColumn(labelled(path, units.pop()), values, none, none))
     return columns
 

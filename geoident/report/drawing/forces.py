@@ -53,13 +53,13 @@ _POSITIVE = (
 
 def structure_pictures(result: Result) -> tuple[Picture, ...]:
     """Forces along each wall or lining, and in bars along them and from stage to stage."""
-    found = result.members
-    if found is None:
+    forces = result.members
+    if forces is None:
         return ()
-    names = np.array(found.structures)
-    beams = [str(n) for n in dict.fromkeys(names[found.per_metre])]
-    bars = [str(n) for n in dict.fromkeys(names[~found.per_metre])]
-    pictures = [_beam_picture(found, name, count) for count, name in enumerate(beams, start=1)]
+    names = np.array(forces.structures)
+    beams = [str(n) for n in dict.fromkeys(names[forces.per_metre])]
+    bars = [str(n) for n in dict.fromkeys(names[~forces.per_metre])]
+    pictures = [_beam_picture(forces, name, count) for count, name in enumerate(beams, start=1)]
     if bars:
         pictures.append(
             Picture(
@@ -67,18 +67,18 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
                 "Forces in struts, anchors and bolts",
                 "Axial force of each bar, tension positive. A ring is the force that a jack gave, "
                 "at which the bar was locked off.",
-                partial(_bar_figure, found, bars),
+                partial(_bar_figure, forces, bars),
             )
         )
-        if found.ends.shape[2] == 2:
+        if forces.ends.shape[2] == 2:
             pictures.append(
                 Picture(
                     "bars-along",
                     "Bars and their forces where they stand",
                     "Axial force of one bar, kN, tension positive. Wide: a large force; solid: "
                     "tension, dashed: compression. Faint: walls and linings. "
-                    f"{_some_stages(_present(found, ~found.per_metre), _MOST_DRAWN)}",
-                    partial(_bars_along_figure, found),
+                    f"{_some_stages(_present(forces, ~forces.per_metre), _MOST_DRAWN)}",
+                    partial(_bars_along_figure, forces),
                 )
             )
     return tuple(pictures)
@@ -95,15 +95,15 @@ def _some_stages(stages: Ints, most: int) -> str:
     return f"Drawn are {most} of the {n} stages with forces." if n > most else ""
 
 
-def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
-    line = _line(found, name)
-    stages = _present(found, line.members)
-    if line.upright or found.ends.shape[2] != 2:
+def _beam_picture(forces: MemberForces, name: str, count: int) -> Picture:
+    line = _line(forces, name)
+    stages = _present(forces, line.members)
+    if line.upright or forces.ends.shape[2] != 2:
         words = (
             f"{_POSITIVE.replace(' (the ring)', '')} One line a stage. "
             f"{_some_stages(stages, _MOST_STAGES)}"
         )
-        draw = partial(_beam_figure, found, line)
+        draw = partial(_beam_figure, forces, line)
     else:
         words = (
             f"{_POSITIVE} A moment is drawn on the side in tension, other forces on the right "
@@ -111,7 +111,7 @@ def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
             "table has those at their ends. Numbers: the extremes. "
             f"{_some_stages(stages, _MOST_DRAWN)}"
         )
-        draw = partial(_along_figure, found, line)
+        draw = partial(_along_figure, forces, line)
     return Picture(f"forces-{count}", f"Forces in {name}", words, draw)
 
 
@@ -167,35 +167,35 @@ class _Line:
         return np.asarray(self.at_ends(forces, stage).mean(axis=1))
 
 
-def _line(found: MemberForces, name: str) -> _Line:
-    members = np.flatnonzero(np.array(found.structures) == name)
-    order, turned, label, along = _chain(found.ends[members])
-    ends = found.ends[members[order]]
+def _line(forces: MemberForces, name: str) -> _Line:
+    members = np.flatnonzero(np.array(forces.structures) == name)
+    order, turned, label, along = _chain(forces.ends[members])
+    ends = forces.ends[members[order]]
     ends = np.where(turned[:, None, None], ends[:, ::-1], ends)
     return _Line(name, members[order], turned, label, along, ends)
 
 
-def _present(found: MemberForces, members: Ints | Bools) -> Ints:
+def _present(forces: MemberForces, members: Ints | Bools) -> Ints:
     """Stages at which any of some members stands."""
-    return np.flatnonzero(np.asarray(np.isfinite(found.axial[members]).any(axis=0)))
+    return np.flatnonzero(np.asarray(np.isfinite(forces.axial[members]).any(axis=0)))
 
 
 def _spread(stages: Ints, most: int) -> Ints:
     return stages[evenly(len(stages), most)]
 
 
-def _quantities(found: MemberForces, members: Ints) -> list[tuple[str, Floats]]:
-    panels = [("M (kNm/m)", found.moment), ("N (kN/m)", found.axial), ("Q (kN/m)", found.shear)]
-    if np.isfinite(found.hoop[members]).any():
-        panels.append(("hoop N (kN/m)", found.hoop))
+def _quantities(forces: MemberForces, members: Ints) -> list[tuple[str, Floats]]:
+    panels = [("M (kNm/m)", forces.moment), ("N (kN/m)", forces.axial), ("Q (kN/m)", forces.shear)]
+    if np.isfinite(forces.hoop[members]).any():
+        panels.append(("hoop N (kN/m)", forces.hoop))
     return panels
 
 
-def _beam_figure(found: MemberForces, line: _Line) -> Figure:
+def _beam_figure(members: MemberForces, line: _Line) -> Figure:
     """Forces against the coordinate of a line, a line for each stage."""
-    stages = _spread(_present(found, line.members), _MOST_STAGES)
+    stages = _spread(_present(members, line.members), _MOST_STAGES)
     styles = [{"color": colour(k), "ls": _LINE_STYLES[k % 4]} for k in range(len(stages))]
-    panels = _quantities(found, line.members)
+    panels = _quantities(members, line.members)
     figure = Figure(figsize=(10.0, 3.6))
     for axes, (title, forces) in zip(
         np.atleast_1d(figure.subplots(1, len(panels), sharey=True)), panels, strict=True
@@ -209,20 +209,20 @@ def _beam_figure(found: MemberForces, line: _Line) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(4))
     figure.axes[0].set_ylabel(line.label)
     pairs = zip(styles, stages, strict=True)
-    handles = [key(short(found.stages[stage], 24), **style) for style, stage in pairs]
+    handles = [key(short(members.stages[stage], 24), **style) for style, stage in pairs]
     figure.legend(handles=handles, loc="outside right upper")
     return figure
 
 
-def _along_figure(found: MemberForces, line: _Line) -> Figure:
+def _along_figure(members: MemberForces, line: _Line) -> Figure:
     """Forces on the line itself, each quantity on one scale: stages across, or quantities if more.
 
     Args:
-        found: forces of all structures.
+        members: forces of all structures.
         line: of one of them.
     """
-    stages = _spread(_present(found, line.members), _MOST_DRAWN)
-    panels = _quantities(found, line.members)
+    stages = _spread(_present(members, line.members), _MOST_DRAWN)
+    panels = _quantities(members, line.members)
     reach = _REACH * float(np.linalg.norm(np.ptp(line.ends.reshape(-1, 2), axis=0)))
     low, high = (end(line.ends.reshape(-1, 2), axis=0) for end in (np.min, np.max))
     low, high = low - 1.3 * reach, high + 1.3 * reach
@@ -237,7 +237,7 @@ def _along_figure(found: MemberForces, line: _Line) -> Figure:
         largest = max(float(np.nanmax(np.abs(each))) for each in drawn) or 1.0
         for axes, stage, values in zip(row, stages, drawn, strict=True):
             _draw_on_line(axes, line, values, reach / largest)
-            axes.set_title(f"{title}, {short(found.stages[stage], 18)}", fontsize=SMALL)
+            axes.set_title(f"{title}, {short(members.stages[stage], 18)}", fontsize=SMALL)
             axes.set_aspect("equal")
             axes.set_xlim(low[0], high[0])
             axes.set_ylim(low[1], high[1])
@@ -275,13 +275,13 @@ def _right(ends: Floats) -> Floats:
     return np.stack([along[:, 1], -along[:, 0]], axis=1)
 
 
-def _bars_along_figure(found: MemberForces) -> Figure:
+def _bars_along_figure(members: MemberForces) -> Figure:
     """Bars where they stand, as wide as their force is large, a panel a stage."""
-    bars = ~found.per_metre
-    stages = _spread(_present(found, bars), _MOST_DRAWN)
-    forces = found.axial[bars] / _KILO
+    bars = ~members.per_metre
+    stages = _spread(_present(members, bars), _MOST_DRAWN)
+    forces = members.axial[bars] / _KILO
     largest = float(np.nanmax(np.abs(forces[:, stages]))) or 1.0
-    spread = found.ends[bars].reshape(-1, 2)
+    spread = members.ends[bars].reshape(-1, 2)
     margin = 0.12 * max(float(np.ptp(spread, axis=0).max()), 1e-9)
     low, high = spread.min(axis=0) - margin, spread.max(axis=0) + margin
     columns = max(2, len(stages))
@@ -290,10 +290,10 @@ def _bars_along_figure(found: MemberForces) -> Figure:
     figure = Figure(figsize=(width * columns, width * aspect + 0.7))
     panels = list(figure.subplots(1, columns, squeeze=False, sharey=True).ravel())
     for axes, stage in zip(panels, stages, strict=False):
-        for piece in found.ends[found.per_metre & np.isfinite(found.axial[:, stage])]:
+        for piece in members.ends[members.per_metre & np.isfinite(members.axial[:, stage])]:
             axes.plot(*piece.T, color=FAINT, lw=1.5)
-        _draw_bar_forces(axes, found.ends[bars], forces[:, stage], largest)
-        axes.set_title(short(found.stages[stage], 24))
+        _draw_bar_forces(axes, members.ends[bars], forces[:, stage], largest)
+        axes.set_title(short(members.stages[stage], 24))
         axes.set_aspect("equal")
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
@@ -305,17 +305,17 @@ def _bars_along_figure(found: MemberForces) -> Figure:
 
 def _draw_bar_forces(axes: Axes, ends: Floats, forces: Floats, largest: float) -> None:
     """Bars (n, 2, 2) with their forces (n,), NaN where they do not stand."""
-    there = np.flatnonzero(np.isfinite(forces))
-    for k in there:
+    known = np.flatnonzero(np.isfinite(forces))
+    for k in known:
         width = 0.8 + 4.2 * abs(float(forces[k])) / largest
         style: Any = "-" if forces[k] >= 0.0 else (0, (2.2, 0.8))
         axes.plot(*ends[k].T, color=COMPUTED, lw=width, ls=style, alpha=0.75)
-    named = there[np.argsort(-np.abs(forces[there]), kind="stable")][:_MOST_NAMED]
+    named = known[np.argsort(-np.abs(forces[known]), kind="stable")][:_MOST_NAMED]
     place_labels(
         axes,
         [ends[k].mean(axis=0) for k in named],
         [number(float(forces[k]), 3) for k in named],
-        avoid=[ends[k] for k in there],
+        avoid=[ends[k] for k in known],
     )
 
 
@@ -355,30 +355,30 @@ def _chain(ends: Floats) -> tuple[Ints, Bools, str, Floats]:
     return chosen, back, "along the line (m)", np.stack([end - length, end], axis=1)
 
 
-def _bar_figure(found: MemberForces, names: list[str]) -> Figure:
+def _bar_figure(forces: MemberForces, names: list[str]) -> Figure:
     rows = -(-len(names) // _PER_ROW)
     figure = Figure(figsize=(10.0, 1.0 + 2.6 * rows))
     grid = figure.subplots(rows, min(len(names), _PER_ROW), squeeze=False)
     panels = list(grid.ravel())
-    every = np.array(found.structures)
+    every = np.array(forces.structures)
     for axes, name in zip(panels, names, strict=False):
-        _draw_bars(axes, found, np.flatnonzero(every == name))
+        _draw_bars(axes, forces, np.flatnonzero(every == name))
         axes.set_title(short(name, 24))
     hide_unused(panels, len(names))
     return figure
 
 
-def _draw_bars(axes: Axes, found: MemberForces, members: Ints) -> None:
-    places = np.arange(len(found.stages))
+def _draw_bars(axes: Axes, forces: MemberForces, members: Ints) -> None:
+    places = np.arange(len(forces.stages))
     for k, member in enumerate(members[:7]):
-        axes.plot(places, found.axial[member] / _KILO, "-o", ms=3, lw=1.2, color=colour(k),
-                  label=f"bar {found.numbers[member]}")  # fmt: skip
-        axes.plot(places, found.prestress[member] / _KILO, ls="", marker="o", ms=8, mfc="none",
+        axes.plot(places, forces.axial[member] / _KILO, "-o", ms=3, lw=1.2, color=colour(k),
+                  label=f"bar {forces.numbers[member]}")  # fmt: skip
+        axes.plot(places, forces.prestress[member] / _KILO, ls="", marker="o", ms=8, mfc="none",
                   color=colour(k))  # fmt: skip
     for member in members[7:]:
-        axes.plot(places, found.axial[member] / _KILO, "-", lw=0.6, color=FAINT)
+        axes.plot(places, forces.axial[member] / _KILO, "-", lw=0.6, color=FAINT)
     axes.axhline(0.0, color=FAINT, lw=0.6)
-    axes.set_xticks(places, [short(s, 12) for s in found.stages], rotation=45, ha="right")
+    axes.set_xticks(places, [short(s, 12) for s in forces.stages], rotation=45, ha="right")
     axes.set_xlim(-0.5, len(places) - 0.5)
     axes.set_ylabel("N (kN)")
     axes.grid(visible=True, axis="y")

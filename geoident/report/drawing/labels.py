@@ -165,10 +165,10 @@ def _extent(wish: _Wish, renderer: Any) -> tuple[float, float]:
 
 def _put(wish: _Wish, box: Floats, anchors: Floats, shrunk: float) -> None:
     """Put a label into its box (4,), points, with a leader where that stands off its anchor."""
-    there = bool(np.isfinite(box).all())
-    wish.text.set_visible(there)
+    placed = bool(np.isfinite(box).all())
+    wish.text.set_visible(placed)
     wish.leader.set_visible(False)
-    if not there:
+    if not placed:
         return
     wish.text.set_fontsize(wish.size * shrunk)
     wish.text.set_position(tuple((box[:2] + box[2:]) / 2 / _INCH))
@@ -253,14 +253,14 @@ def _arrange(
     for sweep in range(_SWEEPS + 1):
         for k in range(n):
             others = np.flatnonzero(np.isfinite(boxes[:, 0]) & (np.arange(n) != k))
-            given = boxes[others], leaders[others]
-            found = _best(choice(k, _NEAR), *given)
-            if found is None or found[2] > _RINGS[_FAR[0]]:
-                further = _best(choice(k, _FAR), *given)
-                found = min((f for f in (found, further) if f), key=itemgetter(2), default=None)
-            if found is None and sweep == _SWEEPS:
-                found = _best(anywhere(k), *given)
-            boxes[k], leaders[k] = (np.nan, np.nan) if found is None else found[:2]
+            obstacles = boxes[others], leaders[others]
+            best = _best(choice(k, _NEAR), *obstacles)
+            if best is None or best[2] > _RINGS[_FAR[0]]:
+                further = _best(choice(k, _FAR), *obstacles)
+                best = min((f for f in (best, further) if f), key=itemgetter(2), default=None)
+            if best is None and sweep == _SWEEPS:
+                best = _best(anywhere(k), *obstacles)
+            boxes[k], leaders[k] = (np.nan, np.nan) if best is None else best[:2]
     return boxes
 
 
@@ -332,32 +332,32 @@ def _best(choice: _Choice, others: Floats, leaders: Floats) -> tuple[Floats, Flo
     free = np.flatnonzero(~_overlap(choice.boxes, others).any(axis=1))
     if not len(free):
         return None
-    boxes, mine = choice.boxes[free], choice.leaders[free]
+    boxes, own_leaders = choice.boxes[free], choice.leaders[free]
     leaders = leaders[np.isfinite(leaders[:, 0, 0])]
     total = choice.cost[free] + _LEADER_ON_LABEL * _cut(leaders, boxes).sum(axis=1)
-    led = np.flatnonzero(np.isfinite(mine[:, 0, 0]))
-    total[led] += _LEADER_ON_LABEL * _cut(mine[led], others).sum(axis=0)
-    total[led] += _LEADERS_CROSS * _cross(mine[led], leaders).sum(axis=1)
+    led = np.flatnonzero(np.isfinite(own_leaders[:, 0, 0]))
+    total[led] += _LEADER_ON_LABEL * _cut(own_leaders[led], others).sum(axis=0)
+    total[led] += _LEADERS_CROSS * _cross(own_leaders[led], leaders).sum(axis=1)
     best = int(total.argmin())
-    return boxes[best], mine[best], float(total[best])
+    return boxes[best], own_leaders[best], float(total[best])
 
 
 def _overlap(boxes: Floats, others: Floats) -> Bools:
     """(c, m) which boxes (c, 4) touch which others (m, 4), with the room kept between letters."""
-    found = np.ones((len(boxes), len(others)), dtype=bool)
+    overlaps = np.ones((len(boxes), len(others)), dtype=bool)
     for k in (0, 1):  # by columns: reductions over the last, short axis take three times as long
-        found &= boxes[:, None, k] - 2 * _PAD < others[None, :, k + 2]
-        found &= boxes[:, None, k + 2] + 2 * _PAD > others[None, :, k]
-    return found
+        overlaps &= boxes[:, None, k] - 2 * _PAD < others[None, :, k + 2]
+        overlaps &= boxes[:, None, k + 2] + 2 * _PAD > others[None, :, k]
+    return overlaps
 
 
 def _holds(boxes: Floats, points: Floats) -> Bools:
     """(c, p) which boxes (c, 4) have which points (p, 2) inside."""
-    found = np.ones((len(boxes), len(points)), dtype=bool)
+    inside = np.ones((len(boxes), len(points)), dtype=bool)
     for k in (0, 1):
-        found &= points[None, :, k] > boxes[:, None, k]
-        found &= points[None, :, k] < boxes[:, None, k + 2]
-    return found
+        inside &= points[None, :, k] > boxes[:, None, k]
+        inside &= points[None, :, k] < boxes[:, None, k + 2]
+    return inside
 
 
 def _leaders(boxes: Floats, anchors: Floats) -> tuple[Floats, Floats]:

@@ -79,16 +79,16 @@ class Polygons:
         following = np.minimum(following, k - 1)
         after = np.take_along_axis(self.points, following[:, :, None], axis=1)
         here = (self.points[:, :, column] - bound) * (1.0 if above else -1.0)
-        there = (after[:, :, column] - bound) * (1.0 if above else -1.0)
-        crossing = ((here >= 0) != (there >= 0)) & self.filled
-        part = np.where(crossing, here / np.where(crossing, here - there, 1.0), 0.0)
+        next_distance = (after[:, :, column] - bound) * (1.0 if above else -1.0)
+        crossing = ((here >= 0) != (next_distance >= 0)) & self.filled
+        part = np.where(crossing, here / np.where(crossing, here - next_distance, 1.0), 0.0)
         meeting = self.points + part[:, :, None] * (after - self.points)
         points = np.stack([self.points, meeting], axis=2).reshape(n, 2 * k, d)
         kept = np.stack([(here >= 0) & self.filled, crossing], axis=2).reshape(n, 2 * k)
         order = np.argsort(~kept, axis=1, kind="stable")[:, : int(kept.sum(axis=1).max())]
         count = kept.sum(axis=1)
-        found = Polygons(np.take_along_axis(points, order[:, :, None], axis=1), count)
-        return found.some(count >= 3)
+        polygons = Polygons(np.take_along_axis(points, order[:, :, None], axis=1), count)
+        return polygons.some(count >= 3)
 
     @classmethod
     def joined(cls, parts: list[Polygons]) -> Polygons:

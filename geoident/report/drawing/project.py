@@ -47,14 +47,14 @@ _READINGS = 40
 
 def law_pictures(result: ProjectResult) -> tuple[Picture, ...]:
     """Each law over each of its covariates, with the sections."""
-    found: list[Picture] = []
+    pictures: list[Picture] = []
     for law in result.laws:
         names = dict.fromkeys(p.covariate for p in result.points if p.parameter == law.parameter)
         for name in names:
             others = "" if len(names) < 2 else " Other covariates of the law at their medians."
-            found.append(
+            pictures.append(
                 Picture(
-                    f"law-{len(found) + 1}",
+                    f"law-{len(pictures) + 1}",
                     f"{law.parameter} over {name}: {law.formula}",
                     "Line and dark band: the law and its 95 % interval; light band: where 95 % of "
                     "sections are expected. Hollow: a section by its own fit; full: with all "
@@ -62,7 +62,7 @@ def law_pictures(result: ProjectResult) -> tuple[Picture, ...]:
                     partial(law_figure, result, law, name),
                 )
             )
-    return tuple(found)
+    return tuple(pictures)
 
 
 def law_figure(result: ProjectResult, law: LawEstimate, name: str) -> Figure:
@@ -143,16 +143,16 @@ def _value_axis(axis: Any, values: Floats, *, log: bool) -> None:
 
 def estimate_pictures(result: ProjectResult) -> tuple[Picture, ...]:
     """Parameters of all sections: by the law, by themselves, and with all others."""
-    found: list[Picture] = []
+    pictures: list[Picture] = []
     for name in dict.fromkeys(row.parameter for row in result.parameters if row.kind == LAW):
         rows = [row for row in result.parameters if row.parameter == name]
         law = next(law for law in result.laws if law.parameter == name)
-        found += paged(
+        pictures += paged(
             rows,
             partial(estimate_figure, result, law),
             most=_SECTIONS,
             picture=(
-                f"sections-{len(found) + 1}",
+                f"sections-{len(pictures) + 1}",
                 f"{name} of the sections",
                 "Tick: the law at the section with its 95 % interval; hollow: the section "
                 "by its own fit; full: with all others. How far the full dot is from the hollow "
@@ -160,7 +160,7 @@ def estimate_pictures(result: ProjectResult) -> tuple[Picture, ...]:
             ),
             label=lambda row: row.section,
         )
-    return tuple(found)
+    return tuple(pictures)
 
 
 def estimate_figure(

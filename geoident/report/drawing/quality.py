@@ -37,19 +37,19 @@ _MOST_NAMES = 30
 
 def quality_pictures(result: Result) -> tuple[Picture, ...]:
     """1:1 plot, residuals, history and correlation, as far as there is something to show."""
-    found = []
+    pictures = []
     if np.isfinite(standardized(result)).any():
         words = "All readings; on the line, computed and measured are equal."
         draw = partial(one_to_one_figure, result)
-        found.append(Picture("one-to-one", "Computed against measured", words, draw))
+        pictures.append(Picture("one-to-one", "Computed against measured", words, draw))
         words, draw = _residual_words(result), partial(residual_figure, result)
-        found.append(Picture("residuals", "Standardized residuals", words, draw))
+        pictures.append(Picture("residuals", "Standardized residuals", words, draw))
     if len(result.history) > 1:
         words = (
             "Left: misfit (weighted squares, priors included) at each trial. Right: parameters "
             "that are determined, divided by their final values."
         )
-        found.append(
+        pictures.append(
             Picture("history", "Course of the search", words, partial(history_figure, result))
         )
     if np.count_nonzero(result.parameters.determined) > 1:
@@ -58,8 +58,8 @@ def quality_pictures(result: Result) -> tuple[Picture, ...]:
             "either. A dash: not determined."
         )
         draw = partial(correlation_figure, result.parameters)
-        found.append(Picture("correlation", "Correlation of the parameters", words, draw))
-    return tuple(found)
+        pictures.append(Picture("correlation", "Correlation of the parameters", words, draw))
+    return tuple(pictures)
 
 
 def one_to_one_figure(result: Result) -> Figure:

@@ -171,11 +171,11 @@ class Scene:
 
     def history(self, state: int) -> tuple[int, ...]:
         """The stages that lead to a state, in their order."""
-        found = []
+        states = []
         while state > 0:
-            found.append(state)
+            states.append(state)
             state = self.base(state)
-        return tuple(reversed(found))
+        return tuple(reversed(states))
 
     def displacement(self, state: int, *, since: int = 0) -> Floats:
         """(n_nodes, dim) since another state, m; of what was placed later since then."""
@@ -403,11 +403,11 @@ def planes_through(points: Floats, box: tuple[Floats, Floats]) -> tuple[Plane, .
     """
     if not len(points):
         points = np.mean(box, axis=0)[None]
-    found = []
+    planes = []
     for axis in range(3):
         values, counts = np.unique(points[:, axis].round(3), return_counts=True)
-        found.append((int(counts.max()), axis, float(values[np.argmax(counts)])))
-    best = sorted(found, key=lambda each: (-each[0], each[1]))[:2]
+        planes.append((int(counts.max()), axis, float(values[np.argmax(counts)])))
+    best = sorted(planes, key=lambda each: (-each[0], each[1]))[:2]
     axes = [axis for _, axis, _ in best]
     inset = 1e-6 * (box[1] - box[0])
     inside = np.clip([value for *_, value in best], (box[0] + inset)[axes], (box[1] - inset)[axes])

@@ -123,14 +123,14 @@ class _View:
 
     def _visible_cuts(self) -> list[Sheet]:
         """Cuts along the sides of the box that are turned to the eye and lie in the ground."""
-        found = []
+        sections = []
         size = self.scene.box[1] - self.scene.box[0]
         for axis in range(3):
             value = self.box[1 if towards(self.angles)[axis] > 0 else 0][axis]
             room = min(value - self.scene.box[0][axis], self.scene.box[1][axis] - value)
             if room > 1e-7 * size[axis]:
-                found.append(self.scene.section(Plane(axis, float(value))))
-        return found
+                sections.append(self.scene.section(Plane(axis, float(value))))
+        return sections
 
     def polygons(self, state: int) -> Polygons:
         """The surface in a state, with its motion and the size of that."""
@@ -144,13 +144,13 @@ class _View:
             values = sheet.of_nodes(table)
             values[:, _VALUE] = MM * np.linalg.norm(values[:, _MOTION], axis=1)
             parts.append(values[shown])
-        found = Polygons.of([part for part in parts if len(part)])
+        polygons = Polygons.of([part for part in parts if len(part)])
         size = float((self.scene.box[1] - self.scene.box[0]).max())
         for axis in range(3):
             for bound, above in ((self.box[0][axis], True), (self.box[1][axis], False)):
                 rim = -1e-9 * size if above else 1e-9 * size
-                found = found.clipped(axis, float(bound) + rim, above=above)
-        return found
+                polygons = polygons.clipped(axis, float(bound) + rim, above=above)
+        return polygons
 
     def _faces(self, state: int, table: Floats) -> list[Floats]:
         """Outer faces of the ground, kind by kind."""

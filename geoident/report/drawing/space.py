@@ -85,9 +85,9 @@ def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
     across = np.cross(towards, v)
     volume = np.einsum("ij,ij->i", u, across)
     met = np.flatnonzero(np.abs(volume) > 1e-200)  # others are seen from their edge
-    found = np.zeros(len(points), dtype=bool)
+    covered = np.zeros(len(points), dtype=bool)
     if not len(met):
-        return found
+        return covered
     a, u, v, over = triangles[met, 0], u[met], v[met], 1.0 / volume[met, None]
     first, second, depth = across[met] * over, np.cross(u, towards) * over, np.cross(u, v) * over
     origin = a.mean(axis=0)  # near all, for the sake of rounding
@@ -106,5 +106,5 @@ def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
     through = np.flatnonzero((s >= 0) & (t >= 0) & (s + t <= 1))
     point, triangle, here = point[through], triangle[through], here[through]
     ahead = np.einsum("ij,ij->i", depth[triangle], here - a[triangle])
-    found[point[ahead > _AHEAD * size]] = True
-    return found
+    covered[point[ahead > _AHEAD * size]] = True
+    return covered

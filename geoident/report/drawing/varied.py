@@ -37,30 +37,30 @@ def varied_pictures(scene: Scene) -> tuple[Picture, ...]:
     """One figure for each field and sheet of a scene."""
     return tuple(
         Picture(
-            f"field-{found.name.replace('.', '-')}{f'-section-{n}' if scene.solid else ''}",
-            f"Field {found.name}{view.where}",
-            _OF_FIELD if found.modes else _OF_GROWTH,
-            partial(varied_figure, view, found),
+            f"field-{field.name.replace('.', '-')}{f'-section-{n}' if scene.solid else ''}",
+            f"Field {field.name}{view.where}",
+            _OF_FIELD if field.modes else _OF_GROWTH,
+            partial(varied_figure, view, field),
         )
-        for found in scene.result.varied
+        for field in scene.result.varied
         for n, view in enumerate(scene.views, start=1)
-        if np.isin(view.sheet.element, found.elements).any()
+        if np.isin(view.sheet.element, field.elements).any()
     )
 
 
-def varied_figure(view: SheetView, found: FieldEstimate) -> Figure:
+def varied_figure(view: SheetView, field: FieldEstimate) -> Figure:
     """Value, deviation and variance reduction of a field side by side, in the initial state."""
-    factor = in_unit(1.0, found.unit, found.dimension)
-    name = labelled(found.constant, shown_unit(found.unit, found.dimension))
+    factor = in_unit(1.0, field.unit, field.dimension)
+    name = labelled(field.constant, shown_unit(field.unit, field.dimension))
     every = (
-        (name, factor * found.values, _VALUES),
-        ("standard deviation (%)", 100 * found.sd, _DEVIATIONS),
-        ("variance reduction (%)", 100 * found.reduction, _SEEN),
+        (name, factor * field.values, _VALUES),
+        ("standard deviation (%)", 100 * field.sd, _DEVIATIONS),
+        ("variance reduction (%)", 100 * field.reduction, _SEEN),
     )
-    shown = every if found.modes else every[:2]  # what grows by a law has no variance to reduce
+    shown = every if field.modes else every[:2]  # what grows by a law has no variance to reduce
     figure, panels = panel_figure(view, len(shown))
     for axes, (label, values, colours) in zip(panels, shown, strict=True):
-        shading = _shade(axes, view, found, values, colours)
+        shading = _shade(axes, view, field, values, colours)
         draw_lines(axes, view, 0)
         draw_gauge_lines(axes, view)
         finish(axes, view, 0)
@@ -70,11 +70,11 @@ def varied_figure(view: SheetView, found: FieldEstimate) -> Figure:
     return figure
 
 
-def _shade(axes: Any, view: SheetView, found: FieldEstimate, values: Floats, colours: str) -> Any:
+def _shade(axes: Any, view: SheetView, field: FieldEstimate, values: Floats, colours: str) -> Any:
     """The elements of the field in the colours of their values; None where nothing is known."""
     fields, sheet = view.scene.fields, view.sheet
     every = np.full(fields.mesh.n_elements, np.nan)
-    every[found.elements] = values
+    every[field.elements] = values
     here = fields.present[0] if fields.present[0].any() else np.ones_like(every, bool)
     kept = here[sheet.element] & np.isfinite(every[sheet.element])
     if not kept.any():

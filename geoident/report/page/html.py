@@ -22,14 +22,14 @@ def tag(name: str, /, *children: str, **attributes: str) -> Html:
     >>> tag("p", "1 < 2 ", tag("b", "yes"), class_="x")
     '<p class="x">1 &lt; 2 <b>yes</b></p>'
     """
-    given = "".join(
+    attribute_text = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"'
         for key, value in attributes.items()
         if value
     )
     if name in _VOID:
-        return Html(f"<{name}{given}>")
-    return Html(f"<{name}{given}>{joined(children)}</{name}>")
+        return Html(f"<{name}{attribute_text}>")
+    return Html(f"<{name}{attribute_text}>{joined(children)}</{name}>")
 
 
 def joined(parts: Iterable[str], separator: str = "") -> Html:

@@ -152,13 +152,13 @@ def _left_out(result: ProjectResult) -> list[Figures | TitledTable]:
 
 
 def _project_origin(result: ProjectResult) -> TextTable:
-    found = result.provenance
+    provenance = result.provenance
     rows = [
-        ["project", found.case_file],
+        ["project", provenance.case_file],
         *([one.name, one.case_file] for one in result.sections),
         ["cost", f"{result.counts.evaluations} evaluations, {result.counts.factorizations} "
          "factorizations"],
-        ["identity", found.identity],
-        *([name, text] for name, text in found.versions.items()),
+        ["identity", provenance.identity],
+        *([name, text] for name, text in provenance.versions.items()),
     ]  # fmt: skip
     return TextTable(["", ""], rows)

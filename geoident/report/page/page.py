@@ -38,7 +38,7 @@ from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import few_of, read_or_predicted, reading_table, unit_title
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
-from geoident.report.text.inputs.numbers import SaidNumbers, entries
+from geoident.report.text.inputs.numbers import ShownNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
@@ -103,13 +103,13 @@ def _run(number: int, label: str, result: Result, *, few: bool) -> PagePart:
     title = case_title(result)
     every = album(result, prefix=f"{number}-").all if few else ()
     kept = tuple(p for p in every if p.name.endswith(("-overview", "-residuals")))
-    found = section(
+    body = section(
         f"{label}: {title}" if title else label,
         tag("p", " ".join(outcome_sentences(result))),
         _warnings(result),
         Figures(kept),
     )
-    return replace(found, name=f"result-{number}")
+    return replace(body, name=f"result-{number}")
 
 
 def _provenances(results: Labelled) -> tuple[PagePart, ...]:
@@ -205,14 +205,14 @@ def _model(result: Result, pictures: Album) -> PagePart:
     Tables go before figures, since they fill what is left of a printed page.
     """
     case = case_entries(result.case_resolved)
-    numbers = SaidNumbers(entries(case, "parameters"), result.parameters)
-    said = [tag("p", text) for text in ground_sentences(case, numbers)]
+    numbers = ShownNumbers(entries(case, "parameters"), result.parameters)
+    sentences = [tag("p", text) for text in ground_sentences(case, numbers)]
     return section(
         "Model",
         TitledTable(
             "Materials, identified constants with 95 % intervals", materials_table(case, numbers)
         ),
-        joined(said),
+        joined(sentences),
         TitledTable("Construction", construction_table(case, numbers)),
         TitledTable("Structures", structures_table(case, numbers)),
         TitledTable("Supports", supports_table(case, numbers)),
@@ -229,74 +229,78 @@ def _surface(result: Result) -> tuple[Block, ...]:
     """The leave-one-out error of the runs, and its table."""
     if result.surface is None:
         return ()
-    said = tag("p", surface.surface_words(result.surface))
-    return said, TitledTable(surface.TITLE, surface.surface_table(result.surface))
+    words = tag("p", surface.surface_words(result.surface))
+    return words, TitledTable(surface.TITLE, surface.surface_table(result.surface))
 
 
 def _posterior(result: Result) -> tuple[Block, ...]:
     """How reliable the draws are, and their table."""
     if result.posterior is None:
         return ()
-    said = tag("p", posterior.cost_sentence(result.posterior))
-    return said, TitledTable("Posterior", posterior.posterior_table(result))
+    cost = tag("p", posterior.cost_sentence(result.posterior))
+    return cost, TitledTable("Posterior", posterior.posterior_table(result))
 
 
 def _models(result: Result) -> tuple[Block, ...]:
-    found = result.comparison
-    if found is None:
+    compared = result.comparison
+    if compared is None:
         return ()
-    said = tag("ul", *(tag("li", text) for text in found.sentences))
-    models = TitledTable(rivals.MODELS_TITLE, rivals.models_table(found))
-    return models, said, tag("p", rivals.MODELS_LEGEND)
+    remarks = tag("ul", *(tag("li", text) for text in compared.sentences))
+    models = TitledTable(rivals.MODELS_TITLE, rivals.models_table(compared))
+    return models, remarks, tag("p", rivals.MODELS_LEGEND)
 
 
 def _warnings(result: Result) -> Html:
-    said = warnings(result)
-    return tag("div", *(tag("p", text) for text in said), class_="warn") if said else Html("")
+    sentences = warnings(result)
+    return (
+        tag("div", *(tag("p", text) for text in sentences), class_="warn")
+        if sentences
+        else Html("")
+    )
 
 
 def _outliers(result: Result) -> Html:
     """The readings that stand out, in words."""
-    found = outliers(result)
-    if not found:
+    readings = outliers(result)
+    if not readings:
         return tag("p", f"No residual exceeds {OUTLIER:g} standard deviations.")
     items = [
         f"{o.channel}, {o.stage}: {o.residual:+.1f} standard deviations"
         f"{'' if o.used else ' (not used)'}"
-        for o in found[:_MOST_OUTLIERS]
+        for o in readings[:_MOST_OUTLIERS]
     ]
-    if len(found) > _MOST_OUTLIERS:
-        items.append(f"and {len(found) - _MOST_OUTLIERS} more, see the table of readings")
+    if len(readings) > _MOST_OUTLIERS:
+        items.append(f"and {len(readings) - _MOST_OUTLIERS} more, see the table of readings")
     words = f"Residuals (measured minus computed) beyond {OUTLIER:g} standard deviations:"
     return joined([tag("p", words), tag("ul", *(tag("li", item) for item in items))])
 
 
 def _influence(result: Result) -> tuple[Block, ...]:
     """The most influential readings."""
-    found = influence_table(result)
-    if not found.rows:
+    influence = influence_table(result)
+    if not influence.rows:
         return ()
     note = (
         "Leverage: share of its own fitted value that the reading decides, 0 to 1. Changes most, "
         "by sd: the parameter that the reading moves most, in standard deviations of the parameter."
     )
     title = influence_title(result.diagnostics).replace("\n", ". ")
-    return TitledTable(title, found), tag("p", note, class_="note")
+    return TitledTable(title, influence), tag("p", note, class_="note")
 
 
 def _yield_planes(result: Result) -> tuple[Block, ...]:
     """What kind of answer identified yield limits are, and what their planes do."""
-    found = result.certificate
-    if found is None:
+    certificate = result.certificate
+    if certificate is None:
         return ()
-    said = tag("p", " ".join(yielding.certificate_sentences(found)))
-    return said, TitledTable(yielding.TITLE, yielding.plane_table(found))
+    words = tag("p", " ".join(yielding.certificate_sentences(certificate)))
+    return words, TitledTable(yielding.TITLE, yielding.plane_table(certificate))
 
 
 def _backtest(result: Result) -> tuple[Block, ...]:
     """How predictions of stages that were read came true, in tables."""
-    found = result.backtest
-    if found is None or not found.steps:
+    predictions = result.backtest
+    if predictions is None or not predictions.steps:
         return ()
     if result.kind != "backtest":
         words = "The last fitted stage, predicted from the readings of those before it."
@@ -304,7 +308,7 @@ def _backtest(result: Result) -> tuple[Block, ...]:
     ahead = f"{backtest.ERRORS_TITLE}: further ahead, last fitted > predicted stage"
     return (
         TitledTable("Fits of the readings up to each stage", backtest.fits_table(result)),
-        TitledTable("Predictions against later readings", backtest.scores_table(found)),
+        TitledTable("Predictions against later readings", backtest.scores_table(predictions)),
         TitledTable(f"{backtest.ERRORS_TITLE}: next stage", backtest.errors_table(result)),
         TitledTable(ahead, backtest.errors_table(result, ahead=False)),
     )

@@ -26,7 +26,7 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
     """
     root = ElementTree.fromstring(svg)
     values = [value for element in root.iter() for value in element.attrib.values()]
-    needed = {found[2] for value in values for found in _REFERENCE.finditer(value)}
+    needed = {match[2] for value in values for match in _REFERENCE.finditer(value)}
     for element in root.iter():
         for child in list(element):
             if _local(child.tag) in ("title", "metadata", "style"):
@@ -51,7 +51,7 @@ def _local(name: str) -> str:
 
 def _prefixed(value: str, name: str) -> str:
     """The value of an attribute with the prefix in its references."""
-    return _REFERENCE.sub(lambda found: f"{found[1]}{name}-{found[2]}", value)
+    return _REFERENCE.sub(lambda match: f"{match[1]}{name}-{match[2]}", value)
 
 
 def figure_element(svg: bytes, *, name: str, title: str, caption: str) -> Html:

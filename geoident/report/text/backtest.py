@@ -30,8 +30,8 @@ _MOST_ROWS = 40
 
 def backtest_text(result: Result) -> str:
     """All of a backtest that fits a terminal; empty if there is none."""
-    found = result.backtest
-    if found is None or not found.steps:
+    backtest = result.backtest
+    if backtest is None or not backtest.steps:
         return ""
     if result.kind != "backtest":
         return section(
@@ -40,26 +40,26 @@ def backtest_text(result: Result) -> str:
         )
     return sections(
         section("Fits of the first stages", fits_table(result).folded()),
-        section("Predictions that came true", scores_table(found).folded()),
+        section("Predictions that came true", scores_table(backtest).folded()),
         section(ERRORS_TITLE, errors_table(result).folded()),
     )
 
 
 def fits_table(result: Result) -> TextTable:
     """One row for each fit: the parameters, and the readings of the next stage that are inside."""
-    found, table = result.backtest, result.parameters
-    if found is None:
+    backtest, table = result.backtest, result.parameters
+    if backtest is None:
         return TextTable((), ())
     units = [shown_unit(*pair) for pair in zip(table.units, table.dimensions, strict=True)]
     named = [
         f"{name} ({unit})" if unit else name for name, unit in zip(table.names, units, strict=True)
     ]
     rows = []
-    for step in found.steps:
+    for step in backtest.steps:
         cells = [_interval(result, step, i) for i in range(len(named))]
-        ahead = _ahead(found, step)
+        ahead = _ahead(backtest, step)
         stage = result.gauges.stages[step.last]
-        rows.append([stage, str(step.readings), *cells, ahead, _width(found, step), step.status])
+        rows.append([stage, str(step.readings), *cells, ahead, _width(backtest, step), step.status])
     header = ("up to", "readings", *named, "next stage inside", "band by rms", "status")
     return TextTable(header, rows, right="lr" + "r" * len(named) + "rrl")
 
@@ -74,8 +74,8 @@ def _interval(result: Result, step: BacktestStep, i: int) -> str:
     return value if low == "-" else f"{value} [{low}, {high}]"
 
 
-def _ahead(found: Backtest, step: BacktestStep) -> str:
-    bands = bands_of(found, step)
+def _ahead(backtest: Backtest, step: BacktestStep) -> str:
+    bands = bands_of(backtest, step)
     ahead = bands.only(next_read(bands))
     count, loose = np.count_nonzero(ahead.scored), np.count_nonzero(ahead.open)
     if not count:
@@ -83,9 +83,9 @@ def _ahead(found: Backtest, step: BacktestStep) -> str:
     return f"{np.count_nonzero(ahead.inside)} of {count}"
 
 
-def _width(found: Backtest, step: BacktestStep) -> str:
+def _width(backtest: Backtest, step: BacktestStep) -> str:
     """Mean width of the bands of the next stage by the root mean square of its readings."""
-    bands = bands_of(found, step)
+    bands = bands_of(backtest, step)
     at = next_read(bands) & bands.scored
     if not at.any():
         return "-"
@@ -93,27 +93,27 @@ def _width(found: Backtest, step: BacktestStep) -> str:
     return decimals(float(np.mean((bands.upper95 - bands.lower95)[at])) / size, 2)
 
 
-def scores_table(found: Backtest) -> TextTable:
+def scores_table(backtest: Backtest) -> TextTable:
     """The scores of the next stage and of those further ahead."""
     header = (
         "stages", "readings", "inside 95 %", "coverage", "rms error (sd)", "band by rms",
         "log score",
     )  # fmt: skip
-    rows = [_score_row("next", found.next), _score_row("further", found.further)]
+    rows = [_score_row("next", backtest.next), _score_row("further", backtest.further)]
     return TextTable(header, [row for row in rows if row], right="lrrrrrr")
 
 
-def _score_row(name: str, found: Scores) -> list[str]:
-    if not found.readings:
+def _score_row(name: str, scores: Scores) -> list[str]:
+    if not scores.readings:
         return []
     return [
         name,
-        str(found.readings),
-        str(found.inside),
-        f"{100 * found.coverage:.0f} %",
-        decimals(found.rms, 2),
-        decimals(found.sharpness, 2),
-        decimals(found.log_score, 2),
+        str(scores.readings),
+        str(scores.inside),
+        f"{100 * scores.coverage:.0f} %",
+        decimals(scores.rms, 2),
+        decimals(scores.sharpness, 2),
+        decimals(scores.log_score, 2),
     ]
 
 
@@ -130,12 +130,12 @@ def errors_table(result: Result, *, ahead: bool = True) -> TextTable:
         ahead: those of the next stage that was read, a column for each stage; else all later ones,
             a column for each pair of the last fitted and the predicted stage.
     """
-    found, gauges = result.backtest, result.gauges
-    if found is None:
+    backtest, gauges = result.backtest, result.gauges
+    if backtest is None:
         return TextTable((), ())
     columns: list[tuple[str, Floats]] = []
-    for step in found.steps:
-        bands = bands_of(found, step)
+    for step in backtest.steps:
+        bands = bands_of(backtest, step)
         part = next_read(bands)
         z = np.where(part == ahead, bands.z, np.nan)
         for j in np.flatnonzero(np.isfinite(z).any(axis=0)).tolist():
@@ -156,8 +156,8 @@ def _error(z: float) -> str:
 
 def prediction_table(result: Result) -> TextTable:
     """Every reading that was predicted and read, with its band; those farthest off if many."""
-    found, gauges = result.backtest, result.gauges
-    if found is None:
+    backtest, gauges = result.backtest, result.gauges
+    if backtest is None:
         return TextTable((), ())
     ranked = sorted(predictions(result), key=lambda one: -abs(one.z if one.z == one.z else 0.0))
     kept = {id(one) for one in ranked[:_MOST_ROWS]}
@@ -214,11 +214,11 @@ class Predicted:
 
 def predictions(result: Result) -> Iterator[Predicted]:
     """All predictions of readings, fit by fit and stage by stage."""
-    found = result.backtest
-    if found is None:
+    backtest = result.backtest
+    if backtest is None:
         return
-    for step in found.steps:
-        bands = bands_of(found, step)
+    for step in backtest.steps:
+        bands = bands_of(backtest, step)
         ahead, z = next_read(bands), bands.z
         for i, j in by_stage(np.isfinite(bands.mean) & np.isfinite(bands.measured)):
             yield Predicted(
@@ -238,14 +238,14 @@ def predictions(result: Result) -> Iterator[Predicted]:
 
 def backtest_object(result: Result) -> dict[str, Any]:
     """A backtest for other programs, SI."""
-    found, gauges, table = result.backtest, result.gauges, result.parameters
-    if found is None:
+    backtest, gauges, table = result.backtest, result.gauges, result.parameters
+    if backtest is None:
         return {}
     return {
-        "next": _scores_object(found.next),
-        "further": _scores_object(found.further),
-        "chance_of_so_few_inside": found.few,
-        "chance_of_so_large_errors": found.far,
+        "next": _scores_object(backtest.next),
+        "further": _scores_object(backtest.further),
+        "chance_of_so_few_inside": backtest.few,
+        "chance_of_so_large_errors": backtest.far,
         "fits": [
             {
                 "up_to": gauges.stages[step.last],
@@ -265,9 +265,9 @@ def backtest_object(result: Result) -> dict[str, Any]:
                 },
                 "counts": asdict(step.counts),
             }
-            for step in found.steps
+            for step in backtest.steps
         ],
-        "skipped": [asdict(one) for one in found.skipped],
+        "skipped": [asdict(one) for one in backtest.skipped],
         "predictions": [
             {
                 "up_to": gauges.stages[one.last],
@@ -288,8 +288,8 @@ def backtest_object(result: Result) -> dict[str, Any]:
     }
 
 
-def _scores_object(found: Scores) -> dict[str, Any]:
-    return {**asdict(found), "coverage": found.coverage}
+def _scores_object(scores: Scores) -> dict[str, Any]:
+    return {**asdict(scores), "coverage": scores.coverage}
 
 
 BacktestRows = list[tuple[str | int | float | bool, ...]]
@@ -336,7 +336,7 @@ def csv_fit_rows(result: Result) -> tuple[tuple[str, ...], BacktestRows]:
         "unit",
         "status",
     )
-    found, table = result.backtest, result.parameters
+    backtest, table = result.backtest, result.parameters
     rows: BacktestRows = [
         (
             result.gauges.stages[step.last],
@@ -351,7 +351,7 @@ def csv_fit_rows(result: Result) -> tuple[tuple[str, ...], BacktestRows]:
             shown_unit(table.units[i], table.dimensions[i]),
             step.status,
         )
-        for step in (() if found is None else found.steps)
+        for step in (() if backtest is None else backtest.steps)
         for i, name in enumerate(table.names)
     ]
     return header, rows

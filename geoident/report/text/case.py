@@ -17,7 +17,7 @@ from geoident.report.text.errors import surface
 from geoident.report.text.gauges import moment_text
 from geoident.report.text.inputs.construction import load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
-from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries
+from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import (
     TextTable,
@@ -63,23 +63,23 @@ def stage_dates(result: Result) -> Floats:
     Returns:
         (n_stages,) seconds since 1970; NaN where nobody says.
     """
-    table, given = result.gauges.readings, case_mapping(result, "dates")
-    found = np.full(len(result.gauges.stages), np.nan)
+    table, dates = result.gauges.readings, case_mapping(result, "dates")
+    seconds = np.full(len(result.gauges.stages), np.nan)
     names = np.array(table.stage)
     for k, stage in enumerate(result.gauges.stages):
         read = table.time[names == stage] if len(table) else np.empty(0)
         try:
-            found[k] = read_date(str(given[stage]))
+            seconds[k] = read_date(str(dates[stage]))
         except (KeyError, DateError):
-            found[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
-    return found
+            seconds[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
+    return seconds
 
 
 def gauge_entry(result: Result, gauge: str) -> Mapping[str, Any]:
     """What the case says of a gauge, as texts; empty where that cannot be read."""
     gauges = _case(result.case_resolved).get("gauges")
-    found = gauges.get(gauge) if isinstance(gauges, dict) else None
-    return found if isinstance(found, dict) else {}
+    entry = gauges.get(gauge) if isinstance(gauges, dict) else None
+    return entry if isinstance(entry, dict) else {}
 
 
 def gauge_quantity(result: Result, gauge: str, dimension: str | None = None) -> str:
@@ -90,18 +90,18 @@ def gauge_quantity(result: Result, gauge: str, dimension: str | None = None) -> 
         gauge: its name.
         dimension: of which of its channels, where they have several; None for the first.
     """
-    given = gauge_entry(result, gauge)
+    entry = gauge_entry(result, gauge)
     unit, of = _unit_of_gauge(result.gauges, gauge, dimension)
-    component = given.get("component")
+    component = entry.get("component")
     along = f" {component}" if isinstance(component, str) else ""
     other = f"displacement{along}" if of == "length" else of
-    name, direction = _QUANTITIES.get((str(given.get("kind", "")), of), (other, ""))
-    if given.get("positive") == "away":
+    name, direction = _QUANTITIES.get((str(entry.get("kind", "")), of), (other, ""))
+    if entry.get("positive") == "away":
         direction = "away from the sensor"
-    if given.get("kind") in _OF_FORCE:
+    if entry.get("kind") in _OF_FORCE:
         structure = _mapping(_mapping(_case(result.case_resolved), "structures"),
-                             str(given.get("structure", "")))  # fmt: skip
-        name, direction = _force_quantity(given, structure)
+                             str(entry.get("structure", "")))  # fmt: skip
+        name, direction = _force_quantity(entry, structure)
     what = ", ".join(word for word in (unit, direction) if word)
     return f"{name} ({what})" if what else name
 
@@ -131,35 +131,37 @@ _OF_FORCE = {
 _FORCES = {"N": "axial force", "M": "bending moment", "Q": "shear force"}
 
 
-def _force_quantity(given: Mapping[str, Any], structure: Mapping[str, Any]) -> tuple[str, str]:
+def _force_quantity(entry: Mapping[str, Any], structure: Mapping[str, Any]) -> tuple[str, str]:
     """What a gauge of stresses or forces measures, and which sign is positive."""
-    kind = given["kind"]
+    kind = entry["kind"]
     name, direction = _OF_FORCE[kind], ""
     if kind == "load-cell":
-        quantity = given.get("quantity", "N")
+        quantity = entry.get("quantity", "N")
         name = _FORCES.get(quantity, name)
         strut = structure.get("kind") == "strut"
-        counts = given.get("sign", "compression" if strut else "tension")
+        counts = entry.get("sign", "compression" if strut else "tension")
         direction = {"N": counts, "M": "tension inside"}.get(quantity, "")
     elif kind == "stress":
-        direction = given.get("positive", "tension")
+        direction = entry.get("positive", "tension")
     elif kind != "piezometer":
         direction = "elongation" if kind == "strain" else "compression"
-    since = "change of " if "zero" in given and kind != "strain" else ""
+    since = "change of " if "zero" in entry and kind != "strain" else ""
     return since + name, str(direction)
 
 
-def _mapping(given: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def _mapping(entry: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     """What a key of a case holds, if it is a mapping; else an empty one."""
-    found = given.get(key)
-    return found if isinstance(found, dict) else {}
+    value = entry.get(key)
+    return value if isinstance(value, dict) else {}
 
 
 def _unit_of_gauge(gauges: GaugeTable, gauge: str, dimension: str | None) -> tuple[str, str]:
     """Unit and dimension of the channels of a gauge."""
-    for name, unit, found in zip(gauges.gauges, gauges.shown_units, gauges.dimensions, strict=True):
-        if name == gauge and dimension in (None, found):
-            return unit, found
+    for name, unit, own_dimension in zip(
+        gauges.gauges, gauges.shown_units, gauges.dimensions, strict=True
+    ):
+        if name == gauge and dimension in (None, own_dimension):
+            return unit, own_dimension
     return "mm", "length"
 
 
@@ -230,22 +232,22 @@ _LABELS = {"groups": "groups ", "from stage": "from stage "}
 """Columns whose cells do not say by themselves what they are."""
 
 
-def _inputs(summary: CaseSummary, table: Callable[[CaseTexts, SaidNumbers], TextTable]) -> str:
+def _inputs(summary: CaseSummary, table: Callable[[CaseTexts, ShownNumbers], TextTable]) -> str:
     """A table of what the case says, an entry a line: its cells are too long for columns."""
     case = _case(summary.resolved)
-    found = table(case, SaidNumbers(entries(case, "parameters")))
+    inputs = table(case, ShownNumbers(entries(case, "parameters")))
     lines = []
-    for first, *rest in found.rows:
-        named = zip(found.header[1:], rest, strict=True)
-        said = [f"{_LABELS.get(name, '')}{cell}" for name, cell in named if cell]
-        lines.append(f"{first}: {'; '.join(said)}")
+    for first, *rest in inputs.rows:
+        named = zip(inputs.header[1:], rest, strict=True)
+        cells = [f"{_LABELS.get(name, '')}{cell}" for name, cell in named if cell]
+        lines.append(f"{first}: {'; '.join(cells)}")
     return bullets(lines)
 
 
 def _begin(summary: CaseSummary) -> tuple[str, ...]:
     """What acts before the first stage."""
     case = _case(summary.resolved)
-    numbers = SaidNumbers(entries(case, "parameters"))
+    numbers = ShownNumbers(entries(case, "parameters"))
     loads = [f"Load {text}." for text in load_texts(entries(case, "loads"), numbers)]
     return (*ground_sentences(case, numbers), *loads)
 
@@ -339,8 +341,8 @@ def _when_read(summary: CaseSummary) -> str:
 
 
 def _date(seconds: float | None) -> str:
-    found = None if seconds is None else moment_text(seconds)
-    return "-" if found is None else found.replace("T", " ")[:16].removesuffix(" 00:00")
+    text = None if seconds is None else moment_text(seconds)
+    return "-" if text is None else text.replace("T", " ")[:16].removesuffix(" 00:00")
 
 
 def _together(channels: Sequence[str]) -> str:

@@ -100,20 +100,20 @@ def parameters_sheet(result: Result, *, si: bool = False) -> CsvTable:
         si: SI units in place of those of the case.
     """
     table = result.parameters
-    found = sheet(table, "parameter", quantities=result.quantities, si=si)
+    columns = sheet(table, "parameter", quantities=result.quantities, si=si)
     kinds = zip(table.units, table.dimensions, strict=True)
     priors = [
         prior_in_unit(prior, "" if si else unit, dimension)
         for prior, (unit, dimension) in zip(table.priors, kinds, strict=True)
     ]
-    rows = tuple((*row, prior) for row, prior in zip(found.rows, priors, strict=True))
-    return CsvTable((*found.header, "prior"), rows)
+    rows = tuple((*row, prior) for row, prior in zip(columns.rows, priors, strict=True))
+    return CsvTable((*columns.header, "prior"), rows)
 
 
 def _accuracies(result: Result) -> CsvTable:
-    found = accuracies_list(result.accuracies) if result.accuracies is not None else []
+    entries = accuracies_list(result.accuracies) if result.accuracies is not None else []
     header = ("errors", "sd", "factor", "lower95", "upper95", "unit", "determined")
-    rows = [tuple(_number(entry.get(name)) for name in header) for entry in found]
+    rows = [tuple(_number(entry.get(name)) for name in header) for entry in entries]
     return CsvTable(header, tuple(rows))
 
 
@@ -184,28 +184,28 @@ def _readings(result: Result) -> CsvTable:
 def _diagnostics(result: Result) -> CsvTable:
     """How each used reading acts on the answer, the most influential first."""
     header = ("gauge", "stage", "standardized", "studentized", "weight", "leverage", "distance")
-    found = wide_diagnostics(result)
-    if found is None:
+    diagnostics = wide_diagnostics(result)
+    if diagnostics is None:
         return CsvTable(header, ())
     names = result.parameters.names
     rows: list[CsvRow] = [
         (
             result.gauges.channels[i],
             result.gauges.stages[j],
-            *(float(getattr(found, name)[i, j]) for name in header[2:]),
-            *(float(change) for change in found.influence[i, j]),
+            *(float(getattr(diagnostics, name)[i, j]) for name in header[2:]),
+            *(float(change) for change in diagnostics.influence[i, j]),
         )
-        for i, j in by_distance(found)
+        for i, j in by_distance(diagnostics)
     ]
     return CsvTable((*header, *(f"influence_{name}" for name in names)), tuple(rows))
 
 
 def _prediction(result: Result) -> CsvTable:
-    found, gauges = result.prediction, result.gauges
-    if found is None:
+    prediction, gauges = result.prediction, result.gauges
+    if prediction is None:
         return NOTHING
-    places = by_stage(np.isfinite(found.mean))
-    table = sheet(found, "gauge", "stage", rows=places, quantities=result.quantities)
+    places = by_stage(np.isfinite(prediction.mean))
+    table = sheet(prediction, "gauge", "stage", rows=places, quantities=result.quantities)
     measured = gauges.in_units(gauges.measured)
     rows: list[CsvRow] = [
         (gauges.channels[i], gauges.stages[j], *row, float(measured[i, j]), gauges.shown_units[i])
@@ -267,10 +267,10 @@ def _per_unit(reading: str, unit: str) -> str:
 
 def _structures(result: Result) -> CsvTable:
     """Forces in kN and kNm, of walls and linings per metre, of bars each; where the pieces end."""
-    found = result.members
-    if found is None:
+    forces = result.members
+    if forces is None:
         return NOTHING
-    return sheet(found, "stage", "member", rows=np.argwhere(np.isfinite(found.axial.T)).tolist())
+    return sheet(forces, "stage", "member", rows=np.argwhere(np.isfinite(forces.axial.T)).tolist())
 
 
 def _grid(result: Result) -> CsvTable:
@@ -294,23 +294,23 @@ def _grid_rows(grid: Grid, table: ParameterTable, positions: Sequence[int]) -> I
 
 
 def _posterior(result: Result) -> CsvTable:
-    found, table = result.posterior, result.parameters
+    posterior, table = result.posterior, result.parameters
     levels = tuple(f"q{100 * level:g}" for level in LEVELS)
     header = ("parameter", "mean", "sd", *levels, "unit", "effective_size", "r_hat")
-    if found is None:
+    if posterior is None:
         return CsvTable(header, ())
     rows: list[CsvRow] = [
         (
             name,
             *(
                 _shown(table, i, float(value))
-                for value in (found.mean[i], found.sd[i], *found.quantiles[i])
+                for value in (posterior.mean[i], posterior.sd[i], *posterior.quantiles[i])
             ),
             _unit(table, i),
-            float(found.effective[i]),
-            float(found.r_hat[i]),
+            float(posterior.effective[i]),
+            float(posterior.r_hat[i]),
         )
-        for i, name in enumerate(found.names)
+        for i, name in enumerate(posterior.names)
     ]
     return CsvTable(header, tuple(rows))
 
@@ -328,21 +328,25 @@ def _fields(result: Result) -> CsvTable:
     """Constants that vary from place to place, by elements; deviations are of the logarithm."""
     header = ("field", "x", "y", "z", "value", "unit", "sd_log", "prior_sd_log", "reduction")
     rows = []
-    for found in result.varied:
-        unit = shown_unit(found.unit, found.dimension)
-        columns = (found.values, found.sd, found.prior_sd, found.reduction)
-        for centre, *numbers in zip(found.centres.tolist(), *columns, strict=True):
+    for field in result.varied:
+        unit = shown_unit(field.unit, field.dimension)
+        columns = (field.values, field.sd, field.prior_sd, field.reduction)
+        for centre, *numbers in zip(field.centres.tolist(), *columns, strict=True):
             value, sd, before, reduction = map(float, numbers)
             place = (*centre, *(math.nan,) * (3 - len(centre)))
-            shown = in_unit(value, found.unit, found.dimension)
-            rows.append((found.name, *place, shown, unit, sd, before, reduction))
+            shown = in_unit(value, field.unit, field.dimension)
+            rows.append((field.name, *place, shown, unit, sd, before, reduction))
     return CsvTable(header, tuple(rows))
 
 
 def _reactions(result: Result) -> CsvTable:
     """Resultants of supports on the ground, kN."""
-    found = result.reactions
-    return NOTHING if found is None else sheet(found, "support", "state", rows=found.holding)
+    reactions = result.reactions
+    return (
+        NOTHING
+        if reactions is None
+        else sheet(reactions, "support", "state", rows=reactions.holding)
+    )
 
 
 def _yielded(result: Result) -> CsvTable:
@@ -352,11 +356,11 @@ def _yielded(result: Result) -> CsvTable:
 
 def _opening(result: Result) -> CsvTable:
     """The stages of a closed form; compression and motions inwards are positive."""
-    found = result.reaction
-    if found is None:
+    reaction = result.reaction
+    if reaction is None:
         return NOTHING
-    table = sheet(found, "stage")
-    rows = tuple((row[0], found.radius, *row[1:]) for row in table.rows)
+    table = sheet(reaction, "stage")
+    rows = tuple((row[0], reaction.radius, *row[1:]) for row in table.rows)
     return CsvTable((table.header[0], "radius (m)", *table.header[1:]), rows)
 
 
@@ -368,8 +372,8 @@ def _ground_reaction(result: Result) -> CsvTable:
 def _opening_stresses(result: Result) -> CsvTable:
     """Stresses around the opening, positive in compression."""
     fields = ("stages", "radii", "radial", "hoop")
-    found = result.reaction
-    return NOTHING if found is None else sheet(found, "stage", "radii", only=fields)
+    reaction = result.reaction
+    return NOTHING if reaction is None else sheet(reaction, "stage", "radii", only=fields)
 
 
 def _face(result: Result) -> CsvTable:

@@ -120,8 +120,8 @@ def unit_title(title: str, gauges: GaugeTable, *more: str) -> str:
         gauges: whose readings it has.
         more: what else stands in brackets.
     """
-    said = "; ".join(word for word in (gauges.common_unit, *more) if word)
-    return f"{title} ({said})" if said else title
+    unit = "; ".join(word for word in (gauges.common_unit, *more) if word)
+    return f"{title} ({unit})" if unit else title
 
 
 def _unit_cell(gauges: GaugeTable, row: int) -> list[str]:
@@ -220,8 +220,8 @@ def _use(gauges: GaugeTable, i: int, j: int) -> str:
 def prediction_title(result: Result) -> str:
     """What the table of predictions shows."""
     few = few_of(int(np.count_nonzero(has_prediction(result))))
-    said = (result.gauges.common_unit, "95 % band")
-    title = f"Predictions ({', '.join(text for text in said if text)})"
+    words = (result.gauges.common_unit, "95 % band")
+    title = f"Predictions ({', '.join(text for text in words if text)})"
     return f"{title}: {few}" if few else title
 
 
@@ -277,19 +277,19 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float, *, predicted: boo
     gauges, prediction = result.gauges, result.prediction
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     state, band, determined = "used" if gauges.used[i, j] else "not used", "-", True
-    said = reading_text(gauges, i, computed)
+    shown = reading_text(gauges, i, computed)
     if prediction is not None and predicted:
         state, determined = "predicted", bool(np.isfinite(prediction.sd[i, j]))
         if determined:
             of = (prediction.mean, prediction.lower95, prediction.upper95)
-            said, low, high = predicted_texts(gauges, i, *(float(table[i, j]) for table in of))
+            shown, low, high = predicted_texts(gauges, i, *(float(table[i, j]) for table in of))
             computed, band = float(prediction.mean[i, j]), f"{low} to {high}"
     return [
         gauges.channels[i],
         gauges.stages[j],
         *_unit_cell(gauges, i),
         reading_text(gauges, i, measured),
-        said if determined else NOT_DETERMINED,
+        shown if determined else NOT_DETERMINED,
         band,
         reading_text(gauges, i, measured - computed) if determined else "-",
         decimals(in_sd, 1),

@@ -118,34 +118,34 @@ def result_object(
     }
 
 
-def opening_object(found: GroundReaction) -> dict[str, Any]:
+def opening_object(reaction: GroundReaction) -> dict[str, Any]:
     """The closed form of an opening, SI; compression and motions inwards are positive.
 
     Args:
-        found: its ground reaction curve, and its stages on their way along it.
+        reaction: its ground reaction curve, and its stages on their way along it.
     """
     curve = ("pressure", "displacement", "plastic_radius")
     return {
-        **attributes(found),
-        "centre": found.centre,
-        "in_situ": dict(zip(found.components, found.in_situ, strict=True)),
-        "curve": {name: getattr(found, name) for name in curve},
-        "stages": objects(found, "stage"),
+        **attributes(reaction),
+        "centre": reaction.centre,
+        "in_situ": dict(zip(reaction.components, reaction.in_situ, strict=True)),
+        "curve": {name: getattr(reaction, name) for name in curve},
+        "stages": objects(reaction, "stage"),
         "stresses": {
-            "distance": found.radii,
-            "radial": dict(zip(found.stages, found.radial, strict=True)),
-            "hoop": dict(zip(found.stages, found.hoop, strict=True)),
+            "distance": reaction.radii,
+            "radial": dict(zip(reaction.stages, reaction.radial, strict=True)),
+            "hoop": dict(zip(reaction.stages, reaction.hoop, strict=True)),
         },
     }
 
 
-def face_object(found: FaceAdvance) -> dict[str, Any]:
+def face_object(advance: FaceAdvance) -> dict[str, Any]:
     """An advancing tunnel face, SI: its profile, and what distances to it say of the stages."""
     return {
-        **attributes(found),
-        "curve": {"distance": found.distance, "share": found.share},
-        "stages": objects(found, "stage"),
-        "lost": found.lost,
+        **attributes(advance),
+        "curve": {"distance": advance.distance, "share": advance.share},
+        "stages": objects(advance, "stage"),
+        "lost": advance.lost,
     }
 
 
@@ -210,20 +210,22 @@ def readings_list(result: Result) -> list[dict[str, Any]]:
 
 def predictions_list(result: Result) -> list[dict[str, Any]]:
     """One object for every predicted reading, stage by stage; sd null where not determined."""
-    found, gauges = result.prediction, result.gauges
-    if found is None:
+    prediction, gauges = result.prediction, result.gauges
+    if prediction is None:
         return []
-    places = by_stage(np.isfinite(found.mean))
+    places = by_stage(np.isfinite(prediction.mean))
     return [
         {
             "gauge": gauges.channels[i],
             "stage": gauges.stages[j],
             **row,
             "measured": gauges.measured[i, j],
-            "determined": bool(found.known[i, j]),
+            "determined": bool(prediction.known[i, j]),
             "unit": si_unit(gauges.dimensions[i]),
         }
-        for (i, j), row in zip(places, objects(found, "gauge", "stage", rows=places), strict=True)
+        for (i, j), row in zip(
+            places, objects(prediction, "gauge", "stage", rows=places), strict=True
+        )
     ]
 
 
@@ -319,11 +321,11 @@ def summary_object(summary: CaseSummary) -> dict[str, Any]:
         for stage in summary.when_read
     ]
     own: dict[str, Any] = {"unused": dict(summary.unused), "when_read": when_read}
-    found = asdict(summary)
-    del found["resolved"], found["surface"]
+    fields = asdict(summary)
+    del fields["resolved"], fields["surface"]
     if summary.surface is not None:
         own["surface"] = surface_object(summary.surface)
-    return {"status": "valid", "exit_code": 0, **found, **own}
+    return {"status": "valid", "exit_code": 0, **fields, **own}
 
 
 def _moment(seconds: float | None) -> str | None:

@@ -50,13 +50,13 @@ def _further(parameters: ParameterTable) -> dict[str, list[str]]:
     """The columns that are declared with a heading, in the units of the user."""
     quantities = {"parameter": list(zip(parameters.units, parameters.dimensions, strict=True))}
     labels = {one.field: one.label for one in columns(ParameterTable) if one.label}
-    found = {
+    cells = {
         label: sheet(parameters, "parameter", quantities=quantities, only=(name,)).rows
         for name, label in labels.items()
     }
     return {
         label: [number(row[0]) if isinstance(row[0], float) else str(row[0]) for row in rows]
-        for label, rows in found.items()
+        for label, rows in cells.items()
         if rows and rows[0]
     }
 

@@ -27,93 +27,98 @@ def posterior_table(result: Result) -> TextTable:
     quantiles = [f"{100 * level:g} %" for level in _SHOWN]
     chains = result.posterior is not None and math.isfinite(result.posterior.largest_r_hat)
     header = ["name", "mean", "sd", *quantiles, "unit", "ESS", *(["R-hat"] if chains else []), ""]
-    found = result.posterior
-    rows = [] if found is None else [_row(result, i, chains) for i in range(len(found.names))]
+    posterior = result.posterior
+    rows = (
+        [] if posterior is None else [_row(result, i, chains) for i in range(len(posterior.names))]
+    )
     right = "l" + "r" * (2 + len(_SHOWN)) + "lr" + ("r" if chains else "")
     return TextTable(header, rows, right=right)
 
 
 def _row(result: Result, i: int, chains: bool) -> list[str]:
-    found = result.posterior
-    assert found is not None
-    unit = unit_of(result.parameters, found.names[i])
+    posterior = result.posterior
+    assert posterior is not None
+    unit = unit_of(result.parameters, posterior.names[i])
     places = [LEVELS.index(level) for level in _SHOWN]
     mean, sd, *levels = (
-        in_unit(float(x), *unit) for x in (found.mean[i], found.sd[i], *found.quantiles[i, places])
+        in_unit(float(x), *unit)
+        for x in (posterior.mean[i], posterior.sd[i], *posterior.quantiles[i, places])
     )
     shown = [with_interval(x, levels[0], levels[-1])[0] for x in (mean, *levels)]
     known = bool(result.parameters.determined[i])
     alone = AS_PRIOR if result.parameters.priors[i] else AS_BOUNDS
     return [
-        found.names[i],
+        posterior.names[i],
         shown[0],
         number(sd, 2),
         *shown[1:],
         shown_unit(*unit),
-        decimals(float(found.effective[i]), 0),
-        *([decimals(float(found.r_hat[i]), 3)] if chains else []),
+        decimals(float(posterior.effective[i]), 0),
+        *([decimals(float(posterior.r_hat[i]), 3)] if chains else []),
         "" if known else alone,
     ]
 
 
-def cost_sentence(found: PosteriorDraws) -> str:
+def cost_sentence(posterior: PosteriorDraws) -> str:
     """How the draws were made, and what they have cost."""
-    chains, length = found.log_density.shape
-    drawn = f"{found.n_draws} draws"
+    chains, length = posterior.log_density.shape
+    drawn = f"{posterior.n_draws} draws"
     drawn += f" in {chains} chains of {length}" if chains > 1 else ""
-    if math.isfinite(found.pareto_k):
-        judged = f"Pareto k {found.pareto_k:.2f} (reliable up to 0.7)"
-        share = f"{100 * found.acceptance:.0f} % of the evaluations count"
+    if math.isfinite(posterior.pareto_k):
+        judged = f"Pareto k {posterior.pareto_k:.2f} (reliable up to 0.7)"
+        share = f"{100 * posterior.acceptance:.0f} % of the evaluations count"
     else:
-        judged = f"largest R-hat {found.largest_r_hat:.3f} (reliable up to 1.01)"
-        share = f"{100 * found.acceptance:.0f} % of the steps were accepted"
+        judged = f"largest R-hat {posterior.largest_r_hat:.3f} (reliable up to 1.01)"
+        share = f"{100 * posterior.acceptance:.0f} % of the steps were accepted"
     return (
-        f"{drawn} by {found.sampler} sampling, worth {found.least_effective:.0f} independent ones;"
-        f" {judged}; {found.evaluations} evaluations of the model, {share}."
+        f"{drawn} by {posterior.sampler} sampling, worth {posterior.least_effective:.0f} "
+        f"independent ones; {judged}; {posterior.evaluations} evaluations of the model, {share}."
     )
 
 
 def posterior_object(result: Result) -> dict[str, Any]:
     """Draws in numbers, SI; the draws themselves stand in the file."""
-    found = result.posterior
-    assert found is not None
+    posterior = result.posterior
+    assert posterior is not None
     parameters = {
         name: {
-            "mean": found.mean[i],
-            "sd": found.sd[i],
-            "quantiles": {f"{level:g}": found.quantiles[i, k] for k, level in enumerate(LEVELS)},
+            "mean": posterior.mean[i],
+            "sd": posterior.sd[i],
+            "quantiles": {
+                f"{level:g}": posterior.quantiles[i, k] for k, level in enumerate(LEVELS)
+            },
             "unit": si_unit(result.parameters.dimensions[i]),
-            "effective_size": found.effective[i],
-            "r_hat": found.r_hat[i],
+            "effective_size": posterior.effective[i],
+            "r_hat": posterior.r_hat[i],
         }
-        for i, name in enumerate(found.names)
+        for i, name in enumerate(posterior.names)
     }
     return {
-        "sampler": found.sampler,
-        "draws": found.n_draws,
-        "chains": found.log_density.shape[0],
-        "effective_size": found.least_effective,
-        "pareto_k": found.pareto_k,
-        "r_hat": found.largest_r_hat,
-        "acceptance": found.acceptance,
-        "evaluations": found.evaluations,
+        "sampler": posterior.sampler,
+        "draws": posterior.n_draws,
+        "chains": posterior.log_density.shape[0],
+        "effective_size": posterior.least_effective,
+        "pareto_k": posterior.pareto_k,
+        "r_hat": posterior.largest_r_hat,
+        "acceptance": posterior.acceptance,
+        "evaluations": posterior.evaluations,
         "parameters": parameters,
     }
 
 
 def draw_rows(result: Result) -> tuple[tuple[str, ...], list[tuple[float, ...]]]:
     """Header and rows of all draws in the user's units: chain, draw, parameters, log density."""
-    found, table = result.posterior, result.parameters
+    posterior, table = result.posterior, result.parameters
     units = [(table.units[i], table.dimensions[i]) for i in range(len(table.names))]
     words = [shown_unit(*unit) for unit in units]
     names = [
         f"{name} [{word}]" if word else name for name, word in zip(table.names, words, strict=True)
     ]
     header = ("chain", "draw", *names, "log_density")
-    if found is None:
+    if posterior is None:
         return header, []
     size = np.array([in_unit(1.0, *unit) for unit in units])
-    chains, length = found.log_density.shape
+    chains, length = posterior.log_density.shape
     number_of = np.indices((chains, length)).reshape(2, -1)
-    columns = np.column_stack([*number_of, found.flat * size, found.log_density.ravel()])
+    columns = np.column_stack([*number_of, posterior.flat * size, posterior.log_density.ravel()])
     return header, [tuple(row) for row in columns.tolist()]

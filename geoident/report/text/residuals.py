@@ -72,11 +72,11 @@ def standardized(result: Result) -> Floats:
     known = np.isfinite(sd) & (sd > 0)
     residual = table.measured - computed
     with np.errstate(over="ignore"):  # by a standard deviation of a damaged result
-        found = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+        ratio = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
     if _errors_shared(result) and result.diagnostics is not None:
         wide = result.diagnostics.wide(table).standardized
-        found = np.where(np.isfinite(wide), wide, found)
-    return np.asarray(found)
+        ratio = np.where(np.isfinite(wide), wide, ratio)
+    return np.asarray(ratio)
 
 
 def compared_with(result: Result) -> tuple[Floats, Floats]:
@@ -146,11 +146,11 @@ class Outlier:
 def outliers(result: Result) -> tuple[Outlier, ...]:
     """Readings beyond `OUTLIER`, the farthest first, without those known to be wrong."""
     residual, table = standardized(result), result.gauges
-    found = [
+    readings = [
         Outlier(table.channels[i], table.stages[j], float(residual[i, j]), bool(table.used[i, j]))
         for i, j in np.argwhere((np.abs(np.nan_to_num(residual)) > OUTLIER) & ~table.bad)
     ]
-    return tuple(sorted(found, key=lambda each: -abs(each.residual)))
+    return tuple(sorted(readings, key=lambda each: -abs(each.residual)))
 
 
 def rms(result: Result) -> float:
@@ -175,38 +175,38 @@ def scored(result: Result) -> tuple[int, int]:
     return int(inside.sum()), int(known.sum())
 
 
-def influence_title(found: Diagnostics | None) -> str:
+def influence_title(diagnostics: Diagnostics | None) -> str:
     """What the table shows; with a robust loss also the plain weighted squares."""
-    if found is None:
+    if diagnostics is None:
         return ""
-    scale = number(found.scale, 2)
+    scale = number(diagnostics.scale, 2)
     title = f"Most influential readings (residuals: {scale} standard deviations of all errors)"
-    if found.loss != "squared":
-        title += f"\nLoss {found.loss}; plain weighted squares {number(found.squares)}"
+    if diagnostics.loss != "squared":
+        title += f"\nLoss {diagnostics.loss}; plain weighted squares {number(diagnostics.squares)}"
     return title
 
 
 def influence_table(result: Result) -> TextTable:
     """The readings whose removal would change the answer most, and how far off they are."""
     header = ("gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd")
-    found = wide_diagnostics(result)
-    if found is None:
+    diagnostics = wide_diagnostics(result)
+    if diagnostics is None:
         return TextTable(header, ())
-    worst = by_distance(found)[:MOST_INFLUENTIAL].tolist()
+    worst = by_distance(diagnostics)[:MOST_INFLUENTIAL].tolist()
     return TextTable(
-        header, [_influence_row(result, found, *each) for each in worst], right="llrrrlr"
+        header, [_influence_row(result, diagnostics, *each) for each in worst], right="llrrrlr"
     )
 
 
-def _influence_row(result: Result, found: Diagnostics, i: int, j: int) -> list[str]:
-    change = found.influence[i, j]
+def _influence_row(result: Result, diagnostics: Diagnostics, i: int, j: int) -> list[str]:
+    change = diagnostics.influence[i, j]
     k = int(np.argmax(np.abs(change))) if change.size else -1
     return [
         result.gauges.channels[i],
         result.gauges.stages[j],
-        decimals(float(found.standardized[i, j]), 1),
-        decimals(float(found.leverage[i, j]), 2),
-        decimals(float(found.weight[i, j]), 2),
+        decimals(float(diagnostics.standardized[i, j]), 1),
+        decimals(float(diagnostics.leverage[i, j]), 2),
+        decimals(float(diagnostics.weight[i, j]), 2),
         result.parameters.names[k] if change.size else "",
         ("all" if np.isinf(change[k]) else f"{change[k]:+.2f}") if change.size else "",
     ]
@@ -214,26 +214,28 @@ def _influence_row(result: Result, found: Diagnostics, i: int, j: int) -> list[s
 
 def diagnostics_object(result: Result) -> dict[str, Any]:
     """The loss, the plain weighted squares, and one object for every used reading, worst first."""
-    found = wide_diagnostics(result)
-    if found is None:
+    diagnostics = wide_diagnostics(result)
+    if diagnostics is None:
         return {}
     names = ("standardized", "studentized", "weight", "leverage", "distance")
     readings = [
         {
             "gauge": result.gauges.channels[i],
             "stage": result.gauges.stages[j],
-            **{name: getattr(found, name)[i, j] for name in names},
-            "influence": dict(zip(result.parameters.names, found.influence[i, j], strict=True)),
+            **{name: getattr(diagnostics, name)[i, j] for name in names},
+            "influence": dict(
+                zip(result.parameters.names, diagnostics.influence[i, j], strict=True)
+            ),
         }
-        for i, j in by_distance(found)
+        for i, j in by_distance(diagnostics)
     ]
     return {
-        "loss": found.loss,
-        "weighted_squares": found.squares,
-        "scale": found.scale,
-        "misfit": found.misfit,
-        "above": found.above,
-        "below": found.below,
+        "loss": diagnostics.loss,
+        "weighted_squares": diagnostics.squares,
+        "scale": diagnostics.scale,
+        "misfit": diagnostics.misfit,
+        "above": diagnostics.above,
+        "below": diagnostics.below,
         "readings": readings,
     }
 
@@ -243,8 +245,8 @@ def wide_diagnostics(result: Result) -> Diagnostics | None:
     return None if result.diagnostics is None else result.diagnostics.wide(result.gauges)
 
 
-def by_distance(found: Diagnostics) -> Ints:
+def by_distance(diagnostics: Diagnostics) -> Ints:
     """(m, 2) channel and stage of the used readings, the most influential first."""
-    places = np.argwhere(np.isfinite(found.standardized))
-    distance = found.distance[places[:, 0], places[:, 1]]
+    places = np.argwhere(np.isfinite(diagnostics.standardized))
+    distance = diagnostics.distance[places[:, 0], places[:, 1]]
     return np.asarray(places[np.argsort(-distance, kind="stable")], dtype=np.int64)

@@ -118,8 +118,8 @@ def summary_text(result: Result) -> str:
 
 def _model_error(result: Result) -> str:
     """How well the model describes the ground, unless a finding says it."""
-    found = result.model_error
-    return "" if found is None or found.sentence in result.findings else found.sentence
+    error = result.model_error
+    return "" if error is None or error.sentence in result.findings else error.sentence
 
 
 def _fit_parts(result: Result) -> tuple[str, ...]:
@@ -137,10 +137,10 @@ def _parameters_in_words(result: Result) -> str:
 
 def _parameters(result: Result) -> str:
     """The parameters under a heading, and how reliable draws of them are."""
-    said = _parameters_in_words(result)
+    estimates = _parameters_in_words(result)
     if result.posterior is None:
-        return section("Parameters", said)
-    return section(posterior.TITLE, said, sentence(posterior.cost_sentence(result.posterior)))
+        return section("Parameters", estimates)
+    return section(posterior.TITLE, estimates, sentence(posterior.cost_sentence(result.posterior)))
 
 
 _ALONE = (
@@ -205,12 +205,12 @@ def _values(result: Result) -> list[str]:
     parameters = result.parameters
     known = np.flatnonzero(parameters.determined)
     unknown = [parameters.names[i] for i in np.flatnonzero(~parameters.determined)]
-    said = (
+    sentences = (
         ["; ".join(value_sentence(parameters, int(i)) for i in known) + "."] if len(known) else []
     )
     if unknown:
-        said.append(f"The readings do not determine {', '.join(unknown)}.")
-    return said
+        sentences.append(f"The readings do not determine {', '.join(unknown)}.")
+    return sentences
 
 
 def _fit(result: Result) -> list[str]:
@@ -251,14 +251,14 @@ def _predicted(result: Result) -> list[str]:
 
 def warnings(result: Result) -> list[str]:
     """What an engineer must not overlook: how it ended, and what is not determined."""
-    said = list(result.findings)
+    sentences = list(result.findings)
     if result.status in _UNHAPPY:
-        said.insert(0, result.reason)
+        sentences.insert(0, result.reason)
     for i in np.flatnonzero(result.parameters.at_bound).tolist():
         name = result.parameters.names[i]
-        if not any(name in finding and "bound" in finding for finding in said):
-            said.append(f"{name} lies on its {nearer_bound(result.parameters, i)} bound.")
-    return [text for text in said if text]
+        if not any(name in finding and "bound" in finding for finding in sentences):
+            sentences.append(f"{name} lies on its {nearer_bound(result.parameters, i)} bound.")
+    return [text for text in sentences if text]
 
 
 def compared_outcomes(results: Labelled) -> TextTable:

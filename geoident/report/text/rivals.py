@@ -72,17 +72,17 @@ def rivals_list(result: Result) -> list[dict[str, Any]]:
     ]
 
 
-def models_table(found: ModelComparison | None) -> TextTable:
+def models_table(comparison: ModelComparison | None) -> TextTable:
     """One row a model, from the simplest on; the chosen one has a star."""
     header = (
         "model", "parameters", "status", "misfit", "log evidence", "probability", "backtest",
     )  # fmt: skip
-    if found is None:
+    if comparison is None:
         return TextTable(header, [])
-    best = max(model.log_evidence for model in found.models)
+    best = max(model.log_evidence for model in comparison.models)
     rows = [
         [
-            f"{model.name}{' *' if k == found.chosen else ''}",
+            f"{model.name}{' *' if k == comparison.chosen else ''}",
             _unknowns(model),
             model.status,
             number(model.objective),
@@ -90,7 +90,9 @@ def models_table(found: ModelComparison | None) -> TextTable:
             _percent(part),
             decimals(model.backtest, 2),
         ]
-        for k, (model, part) in enumerate(zip(found.models, found.probabilities, strict=True))
+        for k, (model, part) in enumerate(
+            zip(comparison.models, comparison.probabilities, strict=True)
+        )
     ]
     return TextTable(header, rows, right="lrlrrrr")
 
@@ -118,29 +120,30 @@ MODELS_LEGEND = (
 )
 
 
-def models_parts(found: ModelComparison | None) -> tuple[str, ...]:
+def models_parts(comparison: ModelComparison | None) -> tuple[str, ...]:
     """The table, what it says in words, and what its columns are; nothing where there is none."""
-    if found is None:
+    if comparison is None:
         return ()
-    return models_table(found).text, bullets(found.sentences), sentence(MODELS_LEGEND)
+    return models_table(comparison).text, bullets(comparison.sentences), sentence(MODELS_LEGEND)
 
 
-def models_text(found: ModelComparison) -> str:
+def models_text(comparison: ModelComparison) -> str:
     """The comparison for a terminal."""
     return sections(
-        f"{len(found.models)} models of {found.readings} readings", *models_parts(found)
+        f"{len(comparison.models)} models of {comparison.readings} readings",
+        *models_parts(comparison),
     )
 
 
-def models_object(found: ModelComparison) -> dict[str, Any]:
+def models_object(comparison: ModelComparison) -> dict[str, Any]:
     """The comparison for other programs."""
     return {
-        "readings": found.readings,
-        "chosen": found.models[found.chosen].name,
-        "decided": found.decided,
-        "sentences": found.sentences,
+        "readings": comparison.readings,
+        "chosen": comparison.models[comparison.chosen].name,
+        "decided": comparison.decided,
+        "sentences": comparison.sentences,
         "models": [
             {**asdict(model), "probability": part}
-            for model, part in zip(found.models, found.probabilities, strict=True)
+            for model, part in zip(comparison.models, comparison.probabilities, strict=True)
         ],
     }

@@ -96,14 +96,14 @@ def objects(
         only: fields that are asked for; all if empty.
     """
     places = _places(record, axes, rows)
-    found: list[dict[str, Any]] = [{} for _ in places]
+    entries: list[dict[str, Any]] = [{} for _ in places]
     for one in _chosen(record, axes, only, "json"):
         values, _ = _values(record, one, axes, places, quantities, si=True)
         if one.kind == "float":
             values = np.where(np.isfinite(values), values, None)
-        for entry, value in zip(found, values.tolist(), strict=True):
+        for entry, value in zip(entries, values.tolist(), strict=True):
             entry[one.title] = value
-    return found
+    return entries
 
 
 def attributes(record: Any) -> dict[str, Any]:
@@ -134,8 +134,8 @@ def _chosen(record: Any, axes: Sequence[str], only: Sequence[str], view: str) ->
     for one in columns(type(record)):
         along = {*one.axes} - LABELS.keys()
         asked = view not in one.hidden and (not only or one.field in only)
-        there = one.of is None and getattr(record, one.field) is not None
-        if asked and there and along and along <= {*axes}:
+        present = one.of is None and getattr(record, one.field) is not None
+        if asked and present and along and along <= {*axes}:
             yield one
 
 

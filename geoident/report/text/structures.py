@@ -20,15 +20,16 @@ _ROUNDING = 1e-10
 """Part of the largest reaction that is rounding of the forces around."""
 
 
-def reaction_table(found: SupportReactions | None) -> TextTable:
+def reaction_table(reactions: SupportReactions | None) -> TextTable:
     """The resultant of each support at each state at which it holds."""
-    if found is None:
+    if reactions is None:
         return TextTable(("support", "stage"), [])
-    axes = "xyz"[: found.force.shape[2]]
-    rounding = _ROUNDING * np.abs(np.nan_to_num(found.force)).max(initial=0.0)
-    force = np.where(np.abs(found.force) <= rounding, 0.0, found.force)  # of NaN: as it is
+    axes = "xyz"[: reactions.force.shape[2]]
+    rounding = _ROUNDING * np.abs(np.nan_to_num(reactions.force)).max(initial=0.0)
+    force = np.where(np.abs(reactions.force) <= rounding, 0.0, reactions.force)  # of NaN: as it is
     rows = [
-        [found.supports[i], found.states[j], *map(_force, force[i, j])] for i, j in found.holding
+        [reactions.supports[i], reactions.states[j], *map(_force, force[i, j])]
+        for i, j in reactions.holding
     ]
     header = ("support", "stage", *(f"R_{axis}" for axis in axes))
     return TextTable(header, rows, right="ll" + "r" * len(axes))
@@ -38,7 +39,7 @@ def _force(force: float) -> str:
     return number(float(force) / _KILO) if np.isfinite(force) else "-"
 
 
-def force_table(found: MemberForces | None) -> TextTable:
+def force_table(forces: MemberForces | None) -> TextTable:
     """The extremes of the forces of each structure at each stage at which it stands.
 
     Hoop forces are shown if there are shells, and the force to which bars were stressed at a stage
@@ -46,13 +47,13 @@ def force_table(found: MemberForces | None) -> TextTable:
     """
     header = ["structure", "stage", "N from", "N to", "|M| up to", "|Q| up to"]
     rows: list[list[str]] = []
-    if found is not None:
-        shells, stressed = (np.isfinite(x).any() for x in (found.hoop, found.prestress))
+    if forces is not None:
+        shells, stressed = (np.isfinite(x).any() for x in (forces.hoop, forces.prestress))
         header += ["hoop N from", "hoop N to"] * bool(shells) + ["stressed to"] * bool(stressed)
-        for name, members, stage in _present(found):
-            row = _row(found, name, members, stage)
-            row += _range(found.hoop[members, stage]) if shells else []
-            row += _range(found.prestress[members, stage])[:1] if stressed else []
+        for name, members, stage in _present(forces):
+            row = _row(forces, name, members, stage)
+            row += _range(forces.hoop[members, stage]) if shells else []
+            row += _range(forces.prestress[members, stage])[:1] if stressed else []
             rows.append(row)
     return TextTable(tuple(header), rows, right="ll" + "r" * (len(header) - 2))
 
@@ -64,35 +65,35 @@ def _range(forces: Floats) -> list[str]:
     return [number(float(force) / _KILO) for force in (forces.min(), forces.max())]
 
 
-def _row(found: MemberForces, name: str, members: Ints, stage: int) -> list[str]:
-    axial = found.axial[members, stage]
+def _row(forces: MemberForces, name: str, members: Ints, stage: int) -> list[str]:
+    axial = forces.axial[members, stage]
     extremes = [float(axial.min()), float(axial.max())]
-    if found.per_metre[members[0]]:
+    if forces.per_metre[members[0]]:
         extremes += [
-            _largest(found.moment[members, :, stage]),
-            _largest(found.shear[members, stage]),
+            _largest(forces.moment[members, :, stage]),
+            _largest(forces.shear[members, stage]),
         ]
     cells = [number(force / _KILO) for force in extremes]
-    return [name, found.stages[stage], *cells, *["-"] * (4 - len(cells))]
+    return [name, forces.stages[stage], *cells, *["-"] * (4 - len(cells))]
 
 
 def _largest(forces: Floats) -> float:
     return float(np.abs(forces).max())
 
 
-def structures_list(found: MemberForces | None) -> list[dict[str, Any]]:
+def structures_list(forces: MemberForces | None) -> list[dict[str, Any]]:
     """One object for each piece of a lining, each bar, and stage at which it stands; SI."""
-    if found is None:
+    if forces is None:
         return []
-    rows = [(int(i), stage) for _, members, stage in _present(found) for i in members]
-    listed = objects(found, "member", "stage", rows=rows)
+    rows = [(int(i), stage) for _, members, stage in _present(forces) for i in members]
+    listed = objects(forces, "member", "stage", rows=rows)
     return [{**row, "M": row["M"] if row["per_metre"] else None} for row in listed]
 
 
-def _present(found: MemberForces) -> Iterator[tuple[str, Ints, int]]:
+def _present(forces: MemberForces) -> Iterator[tuple[str, Ints, int]]:
     """Every structure with its members (indices) and each stage at which it stands."""
-    names = np.array(found.structures)
-    for name in dict.fromkeys(found.structures):
+    names = np.array(forces.structures)
+    for name in dict.fromkeys(forces.structures):
         members = np.flatnonzero(names == name)
-        for stage in np.flatnonzero(np.isfinite(found.axial[members[0]])).tolist():
+        for stage in np.flatnonzero(np.isfinite(forces.axial[members[0]])).tolist():
             yield name, members, stage

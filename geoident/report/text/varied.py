@@ -23,32 +23,32 @@ def varied_table(estimates: Sequence[FieldEstimate]) -> TextTable:
     Args:
         estimates: the fields.
     """
-    rows = [_row(found) for found in estimates]
+    rows = [_row(field) for field in estimates]
     header = ["field", "unit", "median", "least", "largest", "modes", "best seen", "there", "seen"]
     return TextTable(header, rows) if rows else TextTable([], [])
 
 
-def _row(found: FieldEstimate) -> list[str]:
-    shown = [number(in_unit(float(x), found.unit, found.dimension)) for x in _values(found)]
-    if not found.modes:  # it grows by a law: there is nothing that readings see here or there
-        return [found.name, shown_unit(found.unit, found.dimension), *shown, "0", "-", "-", "-"]
-    best = int(np.argmax(found.reduction))
-    where = f"({', '.join(f'{x:.3g}' for x in found.centres[best])}) m"
-    seen = int(np.count_nonzero(found.reduction >= SEEN))
+def _row(field: FieldEstimate) -> list[str]:
+    shown = [number(in_unit(float(x), field.unit, field.dimension)) for x in _values(field)]
+    if not field.modes:  # it grows by a law: there is nothing that readings see here or there
+        return [field.name, shown_unit(field.unit, field.dimension), *shown, "0", "-", "-", "-"]
+    best = int(np.argmax(field.reduction))
+    where = f"({', '.join(f'{x:.3g}' for x in field.centres[best])}) m"
+    seen = int(np.count_nonzero(field.reduction >= SEEN))
     return [
-        found.name,
-        shown_unit(found.unit, found.dimension),
+        field.name,
+        shown_unit(field.unit, field.dimension),
         *shown,
-        str(found.modes),
-        where if found.reduction[best] > 0 else "nowhere",
-        f"{100 * found.reduction[best]:.0f} %",
-        f"{seen} of {len(found.values)}",
+        str(field.modes),
+        where if field.reduction[best] > 0 else "nowhere",
+        f"{100 * field.reduction[best]:.0f} %",
+        f"{seen} of {len(field.values)}",
     ]
 
 
-def _values(found: FieldEstimate) -> tuple[float, float, float]:
+def _values(field: FieldEstimate) -> tuple[float, float, float]:
     """Median, least and largest value of the elements, SI."""
-    values = found.values
+    values = field.values
     return float(np.median(values)), float(values.min()), float(values.max())
 
 
@@ -60,33 +60,33 @@ def varied_text(estimates: Sequence[FieldEstimate]) -> str:
         "median, least and largest of the elements' values; best seen: where the readings reduce "
         "the variance most, and by how much there; seen: elements where they take half of it away"
     )
-    if not all(found.modes for found in estimates):
+    if not all(field.modes for field in estimates):
         note += "; without modes: it grows by a law, and its numbers are parameters"
     return f"{varied_table(estimates).text}\n{sentence(note)}"
 
 
 def varied_list(estimates: Sequence[FieldEstimate]) -> list[dict[str, Any]]:
     """The fields for programs, SI; ``sd`` and ``prior_sd`` are of the logarithm."""
-    return [_object(found) for found in estimates]
+    return [_object(field) for field in estimates]
 
 
-def _object(found: FieldEstimate) -> dict[str, Any]:
-    median, least, largest = _values(found)
-    best = int(np.argmax(found.reduction))
+def _object(field: FieldEstimate) -> dict[str, Any]:
+    median, least, largest = _values(field)
+    best = int(np.argmax(field.reduction))
     return {
-        "name": found.name,
-        "material": found.material,
-        "constant": found.constant,
-        "unit": si_unit(found.dimension),
+        "name": field.name,
+        "material": field.material,
+        "constant": field.constant,
+        "unit": si_unit(field.dimension),
         "median": median,
         "least": least,
         "largest": largest,
-        "modes": found.modes,
-        "explained": found.explained,
-        "measured": found.tests,
+        "modes": field.modes,
+        "explained": field.explained,
+        "measured": field.tests,
         "best_seen": None
-        if not found.modes
-        else {"at": found.centres[best], "reduction": float(found.reduction[best])},
-        "elements": len(found.values),
-        "seen": int(np.count_nonzero(found.reduction >= SEEN)),
+        if not field.modes
+        else {"at": field.centres[best], "reduction": float(field.reduction[best])},
+        "elements": len(field.values),
+        "seen": int(np.count_nonzero(field.reduction >= SEEN)),
     }

@@ -25,34 +25,38 @@ _KINDS = {
 _PA_PER_MPA = 1e6
 
 
-def certificate_text(found: Certificate | None) -> str:
+def certificate_text(certificate: Certificate | None) -> str:
     """Kind, gradient and bound in sentences, then one line for each plane."""
-    if found is None:
+    if certificate is None:
         return ""
-    return "\n".join([bullets(certificate_sentences(found)), plane_table(found).text])
+    return "\n".join([bullets(certificate_sentences(certificate)), plane_table(certificate).text])
 
 
-def certificate_sentences(found: Certificate) -> list[str]:
+def certificate_sentences(certificate: Certificate) -> list[str]:
     """What kind of answer it is."""
-    kind = found.kind[:1].upper() + found.kind[1:]
-    said = [f"{kind}: {_KINDS.get(found.kind, found.kind)} (gradient {number(found.gradient, 2)})."]
-    if math.isfinite(found.bound) and math.isfinite(found.gap):
-        said.append(
-            f"Proven: no misfit is below {number(found.bound)} (gap {100 * found.gap:.2g} %)."
+    kind = certificate.kind[:1].upper() + certificate.kind[1:]
+    sentences = [
+        f"{kind}: {_KINDS.get(certificate.kind, certificate.kind)} "
+        f"(gradient {number(certificate.gradient, 2)})."
+    ]
+    if math.isfinite(certificate.bound) and math.isfinite(certificate.gap):
+        sentences.append(
+            f"Proven: no misfit is below {number(certificate.bound)} "
+            f"(gap {100 * certificate.gap:.2g} %)."
         )
-    return [*said, *found.remarks]
+    return [*sentences, *certificate.remarks]
 
 
-def plane_table(found: Certificate) -> TextTable:
+def plane_table(certificate: Certificate) -> TextTable:
     """One row for each plane; for those never reached what is known of their distance."""
-    activity = found.activity
+    activity = certificate.activity
     rows = [
         [
             name,
-            number(float(activity.distances[r]) / _PA_PER_MPA) if _reached(found, r) else "-",
+            number(float(activity.distances[r]) / _PA_PER_MPA) if _reached(certificate, r) else "-",
             *map(str, activity.points[r].tolist()),
             str(int(activity.biactive[r].sum())),
-            "" if _reached(found, r) else _from_below(float(activity.reached[r])),
+            "" if _reached(certificate, r) else _from_below(float(activity.reached[r])),
         ]
         for r, name in enumerate(activity.planes)
     ]
@@ -60,8 +64,8 @@ def plane_table(found: Certificate) -> TextTable:
     return TextTable(header, rows, right="l" + "r" * (len(header) - 2) + "l")
 
 
-def _reached(found: Certificate, r: int) -> bool:
-    activity = found.activity
+def _reached(certificate: Certificate, r: int) -> bool:
+    activity = certificate.activity
     return bool(activity.points[r].any() or activity.biactive[r].any())
 
 
@@ -73,35 +77,35 @@ def _from_below(reached: float) -> str:
     return f"never reached: k >= {number(reached / _PA_PER_MPA)} MPa"
 
 
-def least_text(found: Certificate | None, parameters: ParameterTable, i: int) -> str:
+def least_text(certificate: Certificate | None, parameters: ParameterTable, i: int) -> str:
     """What is known of a parameter whose planes are never reached, in its unit; else nothing.
 
     Args:
-        found: the certificate, or None.
+        certificate: the certificate, or None.
         parameters: with names, units and dimensions.
         i: which of them.
     """
-    value = None if found is None else found.lower_bounds.get(parameters.names[i])
+    value = None if certificate is None else certificate.lower_bounds.get(parameters.names[i])
     if value is None:
         return ""
     unit = parameters.units[i], parameters.dimensions[i]
     return f"at least {number(in_unit(value, *unit))} {shown_unit(*unit)}".rstrip()
 
 
-def certificate_object(found: Certificate) -> dict[str, Any]:
+def certificate_object(certificate: Certificate) -> dict[str, Any]:
     """The certificate for other programs, SI."""
-    activity = found.activity
+    activity = certificate.activity
     return {
-        "kind": found.kind,
-        "gradient": found.gradient,
-        "bound": found.bound,
-        "gap": found.gap,
-        "remarks": found.remarks,
-        "at_least": found.lower_bounds,
+        "kind": certificate.kind,
+        "gradient": certificate.gradient,
+        "bound": certificate.bound,
+        "gap": certificate.gap,
+        "remarks": certificate.remarks,
+        "at_least": certificate.lower_bounds,
         "planes": [
             {
                 "plane": name,
-                "distance": activity.distances[r] if _reached(found, r) else None,
+                "distance": activity.distances[r] if _reached(certificate, r) else None,
                 "reached": activity.reached[r],
                 "points": dict(zip(activity.stages, activity.points[r], strict=True)),
                 "biactive": dict(zip(activity.stages, activity.biactive[r], strict=True)),

@@ -7,7 +7,7 @@ import pytest
 
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
-from geoident.report.text.inputs.numbers import SaidNumbers, ranged
+from geoident.report.text.inputs.numbers import ShownNumbers, ranged
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from tests.support.results import example_result
 
@@ -38,13 +38,13 @@ CASE = {
          "remove": ["house"], "prestress": {"struts": "350 kN"}, "water": {"table": "-2 m"}},
     ],
 }  # fmt: skip
-BEFORE = SaidNumbers(CASE["parameters"])
+BEFORE = ShownNumbers(CASE["parameters"])
 
 
 @pytest.fixture
 def after():
     """12.34 GPa between 11.6 and 13.1 for E_rock; sigma_v as its prior."""
-    return SaidNumbers(CASE["parameters"], example_result().parameters)
+    return ShownNumbers(CASE["parameters"], example_result().parameters)
 
 
 def test_materials_have_law_constants_and_groups_of_all_stages():
@@ -67,9 +67,11 @@ def test_identified_constants_have_their_values_and_intervals(after):
 
 def test_a_value_that_nothing_determines_is_no_number(after):
     table = replace(
-        after.found, determined=np.zeros(3, dtype=bool), priors=(None,) * len(after.found.names)
+        after.identified,
+        determined=np.zeros(3, dtype=bool),
+        priors=(None,) * len(after.identified.names),
     )
-    assert SaidNumbers({}, table).text("$E_rock") == "E_rock (not determined)"
+    assert ShownNumbers({}, table).text("$E_rock") == "E_rock (not determined)"
 
 
 def test_construction_says_all_that_happens_and_leaves_out_what_never_does():
@@ -97,9 +99,9 @@ def test_structures_have_section_stiffness_and_their_time():
 
 
 def test_supports_are_held_along_the_axes_that_there_are():
-    said = supports_table(CASE, SaidNumbers({})).rows
+    said = supports_table(CASE, ShownNumbers({})).rows
     assert said == [["bottom", "", "held along x, y"], ["side", "", "held along x"]]
-    solid = supports_table({**CASE, "analysis": "solid"}, SaidNumbers({})).rows
+    solid = supports_table({**CASE, "analysis": "solid"}, ShownNumbers({})).rows
     assert solid[0] == ["bottom", "", "held along x, y, z"]
 
 
@@ -113,7 +115,7 @@ def test_supports_that_move_say_by_how_much_and_from_when():
             {"name": "on", "supports": {"top": {"measured": {"file": "m.csv", "factor": "2"}}}},
         ],
     }
-    numbers = SaidNumbers(moving["parameters"])
+    numbers = ShownNumbers(moving["parameters"])
     assert supports_table(moving, numbers).rows == [
         ["wall", "", "contracted by V (start 1.2 %) of the area within"],
         ["probe", "", "moved by 1 mm along y, at (3 m, 4 m)"],

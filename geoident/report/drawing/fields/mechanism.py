@@ -26,49 +26,51 @@ _COLOURS = "YlOrRd"
 _FEWEST_COLOURS = 0.02
 
 
-def mechanism_picture(found: Mechanism, axis_names: tuple[str, ...]) -> Picture:
+def mechanism_picture(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Picture:
     """The picture of a mechanism.
 
     Args:
-        found: the mechanism.
+        mechanism: the mechanism.
         axis_names: names of the axes.
     """
     carried = ""
-    if np.isfinite(found.fraction):
-        carried = f" {100.0 * found.fraction:.3g} % of the change of load of the stage is carried."
+    if np.isfinite(mechanism.fraction):
+        carried = (
+            f" {100.0 * mechanism.fraction:.3g} % of the change of load of the stage is carried."
+        )
     words = (
         "The ground cannot carry the loads of this stage. Arrows: velocities with which it moves "
         "then, in proportion to each other. Colours: rate of shear in parts of the largest; bands "
         f"of it part what slides from what stays.{carried}"
     )
-    draw = partial(mechanism_figure, found, axis_names)
-    return Picture("mechanism", f"Mechanism of collapse at stage {found.stage}", words, draw)
+    draw = partial(mechanism_figure, mechanism, axis_names)
+    return Picture("mechanism", f"Mechanism of collapse at stage {mechanism.stage}", words, draw)
 
 
-def mechanism_figure(found: Mechanism, axis_names: tuple[str, ...]) -> Figure:
+def mechanism_figure(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Figure:
     """Rates of shear in colours and velocities as arrows, where the ground moves.
 
     Of a solid the cut through the place of the strongest shear that shows most of the motion.
 
     Args:
-        found: the mechanism.
+        mechanism: the mechanism.
         axis_names: names of the axes.
     """
-    sheet = _sheet(found)
+    sheet = _sheet(mechanism)
     xy, across = sheet.xy, list(sheet.axes)
-    here = found.present[sheet.element]
-    moved = sheet.of_nodes(found.velocity)[:, across]
+    here = mechanism.present[sheet.element]
+    moved = sheet.of_nodes(mechanism.velocity)[:, across]
     low, high = _window(xy, moved, sheet.triangles[here])
     width, height = high - low
     figure = Figure(figsize=(_WIDTH, max(2.6, 0.85 * _WIDTH * height / width) + 0.9),
                     layout="compressed")  # fmt: skip
     axes = figure.subplots()
     shown = Triangulation(xy[:, 0], xy[:, 1], sheet.triangles[here])
-    rate = np.maximum(found.shear[sheet.element[here]], _FEWEST_COLOURS)
+    rate = np.maximum(mechanism.shear[sheet.element[here]], _FEWEST_COLOURS)
     shading = axes.tripcolor(
         shown, facecolors=rate, cmap=_COLOURS, vmin=0.0, vmax=1.0, rasterized=True, zorder=0
     )
-    outline = sheet.outline(found.present).at(found.mesh.points)[:, :, across]
+    outline = sheet.outline(mechanism.present).at(mechanism.mesh.points)[:, :, across]
     axes.add_collection(LineCollection(list(outline), colors="black", linewidths=0.8))
     _arrows(axes, xy, moved, np.unique(sheet.triangles[here]), (low, high))
     axes.set_xlim(low[0], high[0])
@@ -77,25 +79,25 @@ def mechanism_figure(found: Mechanism, axis_names: tuple[str, ...]) -> Figure:
     axes.set_xlabel(f"{axis_names[across[0]]} (m)")
     axes.set_ylabel(f"{axis_names[across[1]]} (m)")
     where = "" if sheet.plane is None else f", section {sheet.plane}"
-    axes.set_title(f"Collapse at stage {short(found.stage, 24)}{where}{_carried(found)}")
+    axes.set_title(f"Collapse at stage {short(mechanism.stage, 24)}{where}{_carried(mechanism)}")
     bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.6, aspect=45)
     bar.set_label("rate of shear, of the largest")
     return figure
 
 
-def _carried(found: Mechanism) -> str:
+def _carried(mechanism: Mechanism) -> str:
     """What is carried, for a title; empty where that is not known."""
-    known = np.isfinite(found.fraction)
-    return f": {100.0 * found.fraction:.3g} % of its load is carried" if known else ""
+    known = np.isfinite(mechanism.fraction)
+    return f": {100.0 * mechanism.fraction:.3g} % of its load is carried" if known else ""
 
 
-def _sheet(found: Mechanism) -> Sheet:
+def _sheet(mechanism: Mechanism) -> Sheet:
     """The plane of the mesh; of a solid a cut, upright, through the place of the largest shear."""
-    maker = SheetMaker(found.mesh)
-    if found.mesh.dim == 2:
+    maker = SheetMaker(mechanism.mesh)
+    if mechanism.mesh.dim == 2:
         return maker.flat()
-    place = element_centres(found.mesh)[int(np.argmax(found.shear))]
-    size = np.abs(found.velocity[:, :2]).sum(axis=0)
+    place = element_centres(mechanism.mesh)[int(np.argmax(mechanism.shear))]
+    size = np.abs(mechanism.velocity[:, :2]).sum(axis=0)
     axis = int(np.argmin(size))  # across the direction in which less moves
     return maker.cut(Plane(axis, float(place[axis])))
 

@@ -37,7 +37,7 @@ _ZONE = "#7a1f00"
 
 def strength_pictures(view: SheetView) -> tuple[Picture, ...]:
     """Utilisation where strengths are known, and yielded zones where anything yields."""
-    scene, found = view.scene, []
+    scene, pictures = view.scene, []
     if scene.case is not None and any(m.yields for m in scene.case.materials.values()):
         words = (
             "Shear stress by the shear strength at the same mean stress, with the strengths that "
@@ -45,7 +45,7 @@ def strength_pictures(view: SheetView) -> tuple[Picture, ...]:
         )
         title = f"Utilisation of the strength{view.where}"
         draw = partial(utilisation_figure, view)
-        found.append(Picture(f"{view.tag}utilisation", title, words, draw))
+        pictures.append(Picture(f"{view.tag}utilisation", title, words, draw))
     if scene.fields.yielded.any():
         words = "Line: the zone that has yielded up to this stage."
         if _has_strain(scene):
@@ -54,8 +54,8 @@ def strength_pictures(view: SheetView) -> tuple[Picture, ...]:
                 "plastic strains; total strains without the elastic ones."
             )
         title, draw = f"Yielded zones{view.where}", partial(yielded_figure, view)
-        found.append(Picture(f"{view.tag}yielded", title, words, draw))
-    return tuple(found)
+        pictures.append(Picture(f"{view.tag}yielded", title, words, draw))
+    return tuple(pictures)
 
 
 def utilisation_figure(view: SheetView) -> Figure:
@@ -72,15 +72,15 @@ def utilisation_figure(view: SheetView) -> Figure:
 def utilisation(scene: Scene, state: int) -> Floats:
     """(n_elements,) share of the shear strength at the mean stress; NaN where there is none."""
     case = scene.case
-    found = np.full(scene.fields.mesh.n_elements, np.nan)
+    shares = np.full(scene.fields.mesh.n_elements, np.nan)
     if case is None:
-        return found
+        return shares
     point = ParameterPoint(values_of(case.parameters, scene.result.parameters), ())
     stress = scene.fields.stress[state]
     for material, elements in _materials_at(scene, case, state):
         if material.yields:
-            found[elements] = _share(material, point, stress[elements], scene.solid)
-    return np.asarray(np.clip(found, 0.0, _MOST))
+            shares[elements] = _share(material, point, stress[elements], scene.solid)
+    return np.asarray(np.clip(shares, 0.0, _MOST))
 
 
 def _share(material: Material, point: ParameterPoint, stress: Floats, solid: bool) -> Floats:
@@ -150,7 +150,7 @@ def plastic_strain(scene: Scene) -> Floats | None:
     steady = made.placed == 0
     for group in changed:
         steady[fields.mesh.groups[group]] = False
-    found = np.full((scene.n_states, n_elements), np.nan)
+    strains = np.full((scene.n_states, n_elements), np.nan)
     for state in (0, *scene.reached.tolist()):
         strain = points.strain(scene.displacement(state).ravel())
         total = np.array([np.bincount(points.element, e * points.volume, minlength=n_elements)
@@ -163,8 +163,8 @@ def plastic_strain(scene: Scene) -> Floats | None:
                 elastic = np.linalg.solve(stiffness[:s, :s], change[:, here])
                 plastic = total[:, here] - elastic
                 squares = (plastic[:3] ** 2).sum(axis=0) + 0.5 * (plastic[3:] ** 2).sum(axis=0)
-                found[state, here] = np.sqrt(2.0 / 3.0 * squares)
-    return found
+                strains[state, here] = np.sqrt(2.0 / 3.0 * squares)
+    return strains
 
 
 def yielded_figure(view: SheetView) -> Figure:

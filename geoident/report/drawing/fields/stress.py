@@ -30,7 +30,7 @@ def stress_pictures(view: SheetView) -> tuple[Picture, ...]:
     if not np.isfinite(view.scene.fields.stress[1:]).any():
         return ()
     unit, size = _unit(view)
-    found = []
+    pictures = []
     for which, name, words in (
         (0, "minimum", "the largest compression"),
         (2, "maximum", "the smallest compression, or tension"),
@@ -39,14 +39,14 @@ def stress_pictures(view: SheetView) -> tuple[Picture, ...]:
         quantity = ColouredField(label, partial(_stress, which, size), STRESSES)
         text = f"The {name} principal stress is {words}. {_TENSION}"
         title = f"{name.capitalize()} principal stress"
-        found.append(contours(view, f"stress-{name}", title, text, quantity))
+        pictures.append(contours(view, f"stress-{name}", title, text, quantity))
     crosses = Picture(
         f"{view.tag}stress-crosses",
         f"Principal stresses{view.where}",
         "Crosses along the principal directions in the picture, as long as the stresses are large.",
         partial(cross_figure, view),
     )
-    return (*found, crosses)
+    return (*pictures, crosses)
 
 
 def _stress(which: int, size: float, view: SheetView, state: int) -> Floats:

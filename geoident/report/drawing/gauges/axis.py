@@ -69,17 +69,17 @@ def _round_days(low: float, high: float) -> list[float]:
     for months in (60, 24, 12, 6, 3, 2, 1):
         count = int((high - low) / 30.0 / months) + 2
         begin = (first.year * 12 + first.month - 1) // months * months
-        found = []
+        days = []
         for k in range(count + 1):
             year, month = divmod(begin + k * months, 12)
             day = datetime(year, month + 1, 1, tzinfo=UTC).timestamp() / _DAY
-            found += [day] if low <= day <= high else []
-        if len(found) >= 2:
-            return found[:: -(-len(found) // _MOST_DATES)]
+            days += [day] if low <= day <= high else []
+        if len(days) >= 2:
+            return days[:: -(-len(days) // _MOST_DATES)]
     for step in (7.0, 2.0, 1.0):
-        found = np.arange(np.ceil(low), high + 1e-9, step).tolist()
-        if len(found) >= 2:
-            return found[:: -(-len(found) // _MOST_DATES)]
+        days = np.arange(np.ceil(low), high + 1e-9, step).tolist()
+        if len(days) >= 2:
+            return days[:: -(-len(days) // _MOST_DATES)]
     return [low, high]
 
 
@@ -162,8 +162,10 @@ def computed_of(result: Result) -> Floats:
     gauges, prediction = result.gauges, result.prediction
     if prediction is None:
         return gauges.computed
-    found = np.where(np.isfinite(prediction.mean) & ~gauges.used, prediction.mean, gauges.computed)
-    return np.where(unknown(result), np.nan, found)
+    computed = np.where(
+        np.isfinite(prediction.mean) & ~gauges.used, prediction.mean, gauges.computed
+    )
+    return np.where(unknown(result), np.nan, computed)
 
 
 def bands_of(result: Result) -> tuple[Floats, Floats]:

@@ -149,20 +149,20 @@ def _legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
     gauges, rows = result.gauges, [row for one in shown for row in one.rows]
     read, used = np.isfinite(gauges.measured[rows]), gauges.used[rows]
     dot = {"color": MEASURED, "marker": "o", "ls": "", "ms": 4}
-    found: list[object] = []
+    handles: list[object] = []
     if (read & used).any():
-        found.append(key("measured", **dot))
+        handles.append(key("measured", **dot))
     if (read & ~used).any():
-        found.append(key("measured, not used", mfc="white", **dot))
+        handles.append(key("measured, not used", mfc="white", **dot))
     later = np.arange(len(gauges.stages)) > max(last_fitted(result), 0)
     predicted = np.isfinite(computed_of(result)[rows]) & later
     if (np.isfinite(gauges.computed[rows]) & ~predicted).any():
-        found.append(key("computed", color=COMPUTED))
+        handles.append(key("computed", color=COMPUTED))
     if predicted.any():
-        found.append(key("predicted", color=COMPUTED, ls="--"))
+        handles.append(key("predicted", color=COMPUTED, ls="--"))
     if np.isfinite(bands_of(result)[0])[rows].any():
-        found.append(Patch(color=COMPUTED, alpha=_BAND, lw=0, label="95 % band"))
-    return found
+        handles.append(Patch(color=COMPUTED, alpha=_BAND, lw=0, label="95 % band"))
+    return handles
 
 
 def _draw_instrument(axes: Axes, result: Result, one: Instrument, axis: StageAxis) -> None:
@@ -244,10 +244,10 @@ def _each_reading(
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Place, value, deviation and use of every reading that counts of a channel, in units."""
     table, gauges = result.gauges.readings, result.gauges
-    found = [(j, k) for (i, j), rows in gauges.rows.items() if i == row for k in rows.tolist()]
-    found.sort(key=lambda pair: pair[1])
-    rows = np.array([k for _, k in found], dtype=np.int64)
-    x = np.array([axis.of_reading(j, float(table.time[k])) for j, k in found])
+    places = [(j, k) for (i, j), rows in gauges.rows.items() if i == row for k in rows.tolist()]
+    places.sort(key=lambda pair: pair[1])
+    rows = np.array([k for _, k in places], dtype=np.int64)
+    x = np.array([axis.of_reading(j, float(table.time[k])) for j, k in places])
     unit = gauges.in_units(np.ones((len(gauges.channels), 1)))[row, 0]
     return x, unit * table.value[rows], unit * table.sd[rows], table.used[rows]
 

@@ -74,27 +74,29 @@ def _instrument(
     if axis == "S":
         quantity = quantity.replace(ACROSS, ALONG)
     name = f"{gauge}.{axis}" if axis else gauge
-    found = Instrument(name, tuple(rows), labels, quantity, kind)
+    instrument = Instrument(name, tuple(rows), labels, quantity, kind)
     if axis:
         depths = np.array([float(label) for label in labels])
-        return _on_line(found, CASING, depths, "depth along the casing (m)")
+        return _on_line(instrument, CASING, depths, "depth along the casing (m)")
     if len(rows) == 1:
-        return found
+        return instrument
     if dimension == "length" and kind in {"", "extensometer"}:
         apart = np.linalg.norm(table.second[rows] - table.first[rows], axis=1)
-        return replace(_on_line(found, EXTENSOMETER, apart, "depth from the head (m)"), fixed=0.0)
+        return replace(
+            _on_line(instrument, EXTENSOMETER, apart, "depth from the head (m)"), fixed=0.0
+        )
     if (kind, dimension) == ("levelling", "length"):
-        return _on_line(found, TROUGH, *_along(table.second[rows]))
+        return _on_line(instrument, TROUGH, *_along(table.second[rows]))
     if (kind, dimension) == ("strain", "strain"):
-        return _on_line(found, FIBRE, *_along(table.second[rows]))
-    return found
+        return _on_line(instrument, FIBRE, *_along(table.second[rows]))
+    return instrument
 
 
-def _on_line(found: Instrument, line: str, places: Floats, along: str) -> Instrument:
+def _on_line(instrument: Instrument, line: str, places: Floats, along: str) -> Instrument:
     """An instrument with its length; as it was where it has none."""
     if not np.isfinite(places).all() or np.ptp(places) == 0.0:
-        return found
-    return replace(found, line=line, places=tuple(map(float, places)), along=along)
+        return instrument
+    return replace(instrument, line=line, places=tuple(map(float, places)), along=along)
 
 
 def _along(points: Floats) -> tuple[Floats, str]:
@@ -129,13 +131,13 @@ def _grouped(
     for one in single:
         for place in line_of(table, one):
             groups.setdefault(place, []).append(one)
-    found, taken = [], set[int]()
+    grouped, taken = [], set[int]()
     for own in sorted(groups.values(), key=len, reverse=True):
         left = [one for one in own if one.rows[0] not in taken]
         if len(left) >= _LEAST_ON_LINE:
             taken |= {one.rows[0] for one in left}
-            found.append(_line_of_gauges(table, left, line))
-    return sorted(found, key=lambda one: one.rows)
+            grouped.append(_line_of_gauges(table, left, line))
+    return sorted(grouped, key=lambda one: one.rows)
 
 
 def _line_of_gauges(table: GaugeTable, own: Sequence[Instrument], line: str) -> Instrument:

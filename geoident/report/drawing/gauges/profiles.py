@@ -82,17 +82,17 @@ _UPRIGHT = {CASING, PLUMB}
 def profile_pictures(result: Result) -> tuple[Picture, ...]:
     """Every instrument with a length along it, the kinds apart."""
     every = lines(result)
-    found: list[Picture] = []
+    pictures: list[Picture] = []
     for line, (name, title, caption, most) in _KINDS.items():
         own = tuple(one for one in every if one.line == line and _stages(result, [one]))
-        found += paged(
+        pictures += paged(
             own,
             partial(profiles_figure, result, kind=own),
             most=most,
             picture=(name, title, f"{caption} {_HOW}"),
             label=lambda one: one.name,
         )
-    return tuple(found)
+    return tuple(pictures)
 
 
 def profiles_figure(

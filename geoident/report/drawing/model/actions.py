@@ -271,7 +271,7 @@ def water_levels(case: Case, mesh: Mesh, values: Values) -> dict[str, Floats]:
         mesh: with the nodes of a water table that is a group.
         values: of the parameters, which a level may be.
     """
-    found: dict[str, Floats] = {}
+    levels: dict[str, Floats] = {}
     states: list[tuple[int, Water]] = [(0, case.water)] if case.water is not None else []
     states += [(n, s.water) for n, s in enumerate(case.stages, start=1) if s.water is not None]
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
@@ -279,10 +279,10 @@ def water_levels(case: Case, mesh: Mesh, values: Values) -> dict[str, Floats]:
         when = f" (stage {n})" if n else ""
         if isinstance(water.table, str):
             points = mesh.points[group_nodes(mesh, water.table)]
-            found[f"water table{when}"] = points[np.argsort(points[:, 0], kind="stable")]
+            levels[f"water table{when}"] = points[np.argsort(points[:, 0], kind="stable")]
         else:
             level = water.table.value(values)
             ends = np.array([low, high])
             ends[:, -1] = level
-            found[f"water table {number(level)} m{when}"] = ends
-    return found
+            levels[f"water table {number(level)} m{when}"] = ends
+    return levels

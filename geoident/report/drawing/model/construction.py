@@ -33,12 +33,12 @@ _MOST_PLACES = 24
 
 def material_colours(case: Case) -> dict[str, Colour]:
     """The colour of every material of a case: the same in all its pictures."""
-    found = {}
+    colours = {}
     for k, name in enumerate(case.materials):
         text, round_ = _PALETTE[k % len(_PALETTE)], k // len(_PALETTE)
         red, green, blue = (int(text[i : i + 2], 16) / 255 * 0.82**round_ for i in (1, 3, 5))
-        found[name] = (red, green, blue)
-    return found
+        colours[name] = (red, green, blue)
+    return colours
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,9 @@ def construction_of(case: Case, mesh: Mesh) -> Construction:
     for group, name in case.groups.items():
         if name is not None:
             material[mesh.groups[group]] = names.index(name)
-    there = [material >= 0]
+    present = [material >= 0]
     for n, stage in enumerate(case.stages, start=1):
-        now = there[-1].copy()
+        now = present[-1].copy()
         for group in stage.excavate:
             dug[mesh.groups[group]], placed[mesh.groups[group]] = n, 0
             now[mesh.groups[group]] = False
@@ -85,8 +85,8 @@ def construction_of(case: Case, mesh: Mesh) -> Construction:
             elements = mesh.groups[group]
             material[elements], placed[elements], dug[elements] = names.index(name), n, 0
             now[elements] = True
-        there.append(now)
-    return Construction(names, material, dug, placed, np.array(there))
+        present.append(now)
+    return Construction(names, material, dug, placed, np.array(present))
 
 
 def marked_places(mesh: Mesh, made: Construction) -> Iterator[tuple[str, Floats]]:
@@ -120,32 +120,34 @@ def _connected(mesh: Mesh, members: Ints) -> list[Ints]:
 
 
 def material_label(
-    material: Material, parameters: tuple[Parameter, ...], found: ParameterTable | None
+    material: Material, parameters: tuple[Parameter, ...], identified: ParameterTable | None
 ) -> str:
     """A material with the constants that are identified, and its stiffness.
 
     Args:
         material: of the case.
         parameters: of the case.
-        found: their values; None where they are to be identified.
+        identified: their values; None where they are to be identified.
     """
     units = {p.name: (p.unit, p.dimension) for p in parameters}
-    said = []
+    parts = []
     grown = {growth.constant for growth in material.growths}
     for name, scalar in constants(material):
         if name in grown:
             continue
         if scalar.parameter is not None and scalar.parameter in units:
-            said.append(f"{name} = {_identified(scalar, found, *units[scalar.parameter])}")
+            parts.append(f"{name} = {_identified(scalar, identified, *units[scalar.parameter])}")
         elif isinstance(scalar, RockMassModulus):
-            said.append(f"{name} = {stress_text(scalar.value(values_of(parameters, found)))}")
+            parts.append(f"{name} = {stress_text(scalar.value(values_of(parameters, identified)))}")
         elif name.startswith("E") and scalar.parameter is None:
-            said.append(f"{name} = {stress_text(scalar.value({}))}")
-    said += [f"{name} grows" for name in sorted(grown)]
+            parts.append(f"{name} = {stress_text(scalar.value({}))}")
+    parts += [f"{name} grows" for name in sorted(grown)]
     varies = [field.constant for field in material.fields]
-    said += [f"{name} varies" for name in varies if not any(s.startswith(f"{name} ") for s in said)]
-    said = list(dict.fromkeys(said))  # GSI may be that of strength and stiffness
-    shown = ", ".join(said[:4]) + (", ..." if len(said) > 4 else "")
+    parts += [
+        f"{name} varies" for name in varies if not any(s.startswith(f"{name} ") for s in parts)
+    ]
+    parts = list(dict.fromkeys(parts))  # GSI may be that of strength and stiffness
+    shown = ", ".join(parts[:4]) + (", ..." if len(parts) > 4 else "")
     return f"{material.name}: {shown}" if shown else material.name
 
 
@@ -163,19 +165,21 @@ def constants(record: Any) -> Iterator[tuple[str, Scalar]]:
                 yield from constants(part)
 
 
-def _identified(scalar: Scalar, found: ParameterTable | None, unit: str, dimension: str) -> str:
+def _identified(
+    scalar: Scalar, identified: ParameterTable | None, unit: str, dimension: str
+) -> str:
     """The value of a constant that is tied to a parameter."""
     assert scalar.parameter is not None
     tie = "" if scalar.factor == 1.0 else f"{number(scalar.factor)} x "
-    if found is None or scalar.parameter not in found.names:
+    if identified is None or scalar.parameter not in identified.names:
         return f"{tie}{scalar.parameter}"
-    k = found.names.index(scalar.parameter)
-    ends = (found.values[k], found.lower95[k], found.upper95[k])
+    k = identified.names.index(scalar.parameter)
+    ends = (identified.values[k], identified.lower95[k], identified.upper95[k])
     low, high = sorted(in_unit(scalar.factor * end, unit, dimension) for end in ends[1:])
     value = in_unit(scalar.factor * ends[0], unit, dimension)
     text = with_interval(value, low, high)[0]
     shown = f"{text} {shown_unit(unit, dimension)}".rstrip()
-    return shown if found.determined[k] else f"{shown} (not determined)"
+    return shown if identified.determined[k] else f"{shown} (not determined)"
 
 
 def stress_text(value: float) -> str:
@@ -190,9 +194,9 @@ def stress_text(value: float) -> str:
     return f"{number(value / 1e3, 3)} kPa"
 
 
-def values_of(parameters: tuple[Parameter, ...], found: ParameterTable | None) -> Values:
+def values_of(parameters: tuple[Parameter, ...], identified: ParameterTable | None) -> Values:
     """Parameters as found, SI; those that were not, as they start."""
     values = {parameter.name: parameter.start for parameter in parameters}
-    if found is not None:
-        values |= dict(zip(found.names, found.values.tolist(), strict=True))
+    if identified is not None:
+        values |= dict(zip(identified.names, identified.values.tolist(), strict=True))
     return values

@@ -41,14 +41,14 @@ class DrawnModel:
     Args:
         case: the case.
         mesh: its mesh.
-        found: identified values, None before a fit.
+        identified: identified values, None before a fit.
     """
 
-    def __init__(self, case: Case, mesh: Mesh, found: ParameterTable | None = None) -> None:
+    def __init__(self, case: Case, mesh: Mesh, identified: ParameterTable | None = None) -> None:
         self.case = case
         self.mesh = mesh
-        self.found = found
-        self.values: Values = values_of(case.parameters, found)
+        self.identified = identified
+        self.values: Values = values_of(case.parameters, identified)
         self.made = construction_of(case, mesh)
         self.maker = SheetMaker(mesh)
 
@@ -141,7 +141,7 @@ class DrawnModel:
                 facecolor=self.colours[name],
                 edgecolor=_EDGE,
                 lw=0.5,
-                label=_wrapped(material_label(material, self.case.parameters, self.found)),
+                label=_wrapped(material_label(material, self.case.parameters, self.identified)),
             )
             for k, (name, material) in enumerate(self.case.materials.items())
             if k in drawn

@@ -52,15 +52,15 @@ def model_pictures(result: Result) -> tuple[Picture, ...]:
     return (Picture("model", "The model: materials, construction, gauges", caption, draw),)
 
 
-def model_figure(case: Case, mesh: Mesh, found: ParameterTable | None = None) -> Figure:
+def model_figure(case: Case, mesh: Mesh, identified: ParameterTable | None = None) -> Figure:
     """The model with all that is in it.
 
     Args:
         case: the case.
         mesh: its mesh.
-        found: identified values, None before a fit.
+        identified: identified values, None before a fit.
     """
-    model = DrawnModel(case, mesh, found)
+    model = DrawnModel(case, mesh, identified)
     if mesh.dim == 3:
         return solid_figure(model)
     return plane_figure(model)

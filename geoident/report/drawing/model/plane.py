@@ -184,18 +184,18 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
     axes.add_collection(ground, autolim=False)
     points = model.mesh.points
     across = list(sheet.axes)
-    there = model.made.material >= 0
+    present = model.made.material >= 0
     if _element_size(sheet, box) * width * 72 / (box[1][0] - box[0][0]) > _LEAST_ELEMENT:
-        edges = sheet.edges(there).at(points)[:, :, across]
+        edges = sheet.edges(present).at(points)[:, :, across]
         add_segments(axes, edges, box, color=_MESH, lw=0.25)
-    zones = np.where(there, model.zones, -1)
+    zones = np.where(present, model.zones, -1)
     borders = sheet.borders(zones).at(points)[:, :, across]
     add_segments(axes, borders, box, color=_EDGE, lw=0.5)
     dug = model.made.dug > 0
     if dug.any():
-        around = sheet.borders(np.where(there, model.made.dug, -1)).at(points)[:, :, across]
+        around = sheet.borders(np.where(present, model.made.dug, -1)).at(points)[:, :, across]
         add_segments(axes, around, box, color="black", lw=1.0)
-    outline = sheet.outline(there).at(points)[:, :, across]
+    outline = sheet.outline(present).at(points)[:, :, across]
     add_segments(axes, outline, box, color="black", lw=0.8)
 
 

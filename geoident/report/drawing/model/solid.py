@@ -78,13 +78,13 @@ def _aspect(window: Box) -> float:
 
 def _draw_outside(axes: Any, model: DrawnModel) -> None:
     """The outer surface with the supports and loads that can be seen."""
-    there = model.made.material >= 0
-    faces, owner = outer_faces(model, there)
+    present = model.made.material >= 0
+    faces, owner = outer_faces(model, present)
     colours = model.element_colours[owner]
     ground = _polygons(model, faces)
     _add_faces(axes, ground, colours, alpha=1.0)
     surface = ground.triangles
-    edges = model.mesh.points[_zone_edges(model, np.where(there, model.zones, -1))]
+    edges = model.mesh.points[_zone_edges(model, np.where(present, model.zones, -1))]
     visible = ~hidden(edges.mean(axis=1), surface, _EYE)
     add_lines(axes, edges[visible], _EDGE, 0.5)
     _frame(axes, model.box)
@@ -120,14 +120,14 @@ def _draw_loads(axes: Any, model: DrawnModel, surface: Floats) -> None:
 def _draw_inside(axes: Any, model: DrawnModel) -> list[Any]:
     """What is dug and placed, other materials than that of most ground, structures and gauges."""
     made = model.made
-    there = made.material >= 0
-    weak = there & ~made.moved & (made.material != _host(model))
+    present = made.material >= 0
+    weak = present & ~made.moved & (made.material != _host(model))
     near = model.near
-    for chosen, alpha in ((weak, 0.45), (made.moved & there, 0.55)):
+    for chosen, alpha in ((weak, 0.45), (made.moved & present, 0.55)):
         faces, owner = outer_faces(model, chosen)
         faces, owner = _near_faces(model, faces, owner)
         _add_faces(axes, _polygons(model, faces), model.element_colours[owner], alpha=alpha)
-    shown = (made.moved | weak) & there
+    shown = (made.moved | weak) & present
     edges = model.mesh.points[_zone_edges(model, np.where(shown, model.zones, -1))]
     kept = ((edges >= near[0] - 1e-9) & (edges <= near[1] + 1e-9)).all(axis=(1, 2))
     add_lines(axes, edges[kept], _EDGE, 0.6)
@@ -197,8 +197,10 @@ def _draw_section(axes: Any, model: DrawnModel, sheet: Sheet, window: Box) -> No
     place_labels(axes, places, [str(n) for n in numbers], centred=True, size=LETTERS,
                  weight="bold")  # fmt: skip
     weak = model.made.material[sheet.element] != _host(model)
-    there = weak & seen & ~model.made.moved[sheet.element]
-    _name_materials(axes, model, middles, np.where(there, model.made.material[sheet.element], -1))
+    labelled = weak & seen & ~model.made.moved[sheet.element]
+    _name_materials(
+        axes, model, middles, np.where(labelled, model.made.material[sheet.element], -1)
+    )
     axes.set_xlim(window[0][0], window[1][0])
     axes.set_ylim(window[0][1], window[1][1])
     axes.set_aspect("equal")
@@ -224,9 +226,9 @@ def outer_faces(model: DrawnModel, chosen: Bools) -> tuple[list[Ints], Ints]:
         The corners of each kind of face, and the elements (sum of n,) in the order of the faces.
     """
     mesh, table = model.mesh, model.maker.faces
-    found = patches(mesh, table, table.free(chosen))
-    corners = [patch.nodes[:, : CELLS[patch.kind].n_corners] for patch in found]
-    owners = [patch.element for patch in found]
+    faces = patches(mesh, table, table.free(chosen))
+    corners = [patch.nodes[:, : CELLS[patch.kind].n_corners] for patch in faces]
+    owners = [patch.element for patch in faces]
     return corners, np.concatenate([np.empty(0, np.int64), *owners])
 
 
@@ -254,11 +256,11 @@ def _add_faces(axes: Any, faces: Polygons, colours: Floats, *, alpha: float) -> 
 
 def _zone_edges(model: DrawnModel, zones: Ints) -> Ints:
     """Edges (k, 2) at which the outer faces of zones turn sharply."""
-    found = [np.empty((0, 2), np.int64)]
+    edges = [np.empty((0, 2), np.int64)]
     for zone in np.unique(zones[zones >= 0]):
         faces, _ = outer_faces(model, zones == zone)
-        found.append(_sharp_edges(model.mesh.points, faces))
-    return np.unique(np.concatenate(found), axis=0)
+        edges.append(_sharp_edges(model.mesh.points, faces))
+    return np.unique(np.concatenate(edges), axis=0)
 
 
 def _sharp_edges(points: Floats, faces: list[Ints]) -> Ints:

@@ -207,8 +207,8 @@ def _draw_density(panel: Axes, table: ParameterTable, one: _Axis) -> None:
     panel.set_ylim(0.0, 1.08)
 
 
-def _draws_picture(result: Result, found: PosteriorDraws) -> Picture:
-    count = len(found.names)
+def _draws_picture(result: Result, posterior: PosteriorDraws) -> Picture:
+    count = len(posterior.names)
     more = f" The first {_MOST} parameters of {count}." if count > _MOST else ""
     return Picture(
         "posterior",
@@ -216,26 +216,26 @@ def _draws_picture(result: Result, found: PosteriorDraws) -> Picture:
         "On the diagonal the draws of each parameter, with their median and 95 % interval, and "
         "the prior (dashed); below it the draws of each pair with contours that hold 50 and "
         f"95 % of them, and (dotted) the ellipse of 95 % by their covariance.{more}",
-        lambda: corner_figure(result, found),
+        lambda: corner_figure(result, posterior),
     )
 
 
-def corner_figure(result: Result, found: PosteriorDraws) -> Figure:
+def corner_figure(result: Result, posterior: PosteriorDraws) -> Figure:
     """Histograms on the diagonal, draws of pairs below it.
 
     Args:
         result: of a sample.
-        found: its draws.
+        posterior: its draws.
     """
     table, logs = result.parameters, logarithmic(result)
     axes = [
-        _axis_of_draws(table, name, found.flat[:, i], log=name in logs)
-        for i, name in enumerate(found.names[:_MOST])
+        _axis_of_draws(table, name, posterior.flat[:, i], log=name in logs)
+        for i, name in enumerate(posterior.names[:_MOST])
     ]
-    bins = int(np.clip(2.0 * found.least_effective ** (1 / 3), 10, 50))  # Rice's rule
+    bins = int(np.clip(2.0 * posterior.least_effective ** (1 / 3), 10, 50))  # Rice's rule
 
     def drawn(one: _Axis) -> Floats:
-        return one.on_scale(found.flat[:, found.names.index(one.name)])
+        return one.on_scale(posterior.flat[:, posterior.names.index(one.name)])
 
     def alone(panel: Axes, one: _Axis) -> None:
         _draw_histogram(panel, one, drawn(one), bins)

@@ -128,8 +128,8 @@ def _draw_estimate(axes: Axes, table: ParameterTable, i: int, unit: Unit, k: int
     if np.isfinite(low) and np.isfinite(high):
         axes.plot([low, high], [k, k], "-", color=colour(k), lw=1.8)
     axes.plot([value], [k], marker(k), color=colour(k), ms=4.5, clip_on=False)
-    said, interval = value_cells(table, i)
-    words = f"{said} ({interval})" if interval else said
+    estimate, interval = value_cells(table, i)
+    words = f"{estimate} ({interval})" if interval else estimate
     axes.annotate(words, (1.015, k), xycoords=("axes fraction", "data"), va="center",
                   fontsize=SMALL, color=colour(k))  # fmt: skip
 

@@ -23,10 +23,10 @@ _DECADE = 8.0
 
 def logarithmic(result: Result) -> Set[str]:
     """Names of the parameters that are identified on the logarithm."""
-    given = case_mapping(result, "parameters")
+    entries = case_mapping(result, "parameters")
     return {
         str(name)
-        for name, entry in given.items()
+        for name, entry in entries.items()
         if isinstance(entry, dict) and entry.get("scale") == "log"
     }
 

@@ -210,10 +210,10 @@ def region(grid: Grid, logs: Set[str]) -> FineGrid:
     for times in (*_NARROWING, 0.0):
         s, t = _places(ends)
         places = origin + s[..., None] * axes[0] + t[..., None] * axes[1]
-        found = surface.at(*np.moveaxis(low + size * places, -1, 0))
+        values = surface.at(*np.moveaxis(low + size * places, -1, 0))
         if times == 0.0:
             break
-        below = np.nan_to_num(found.rise, nan=np.inf) <= times * _PROFILE_TOP
+        below = np.nan_to_num(values.rise, nan=np.inf) <= times * _PROFILE_TOP
         inside = places[below]
         spread = float(np.ptp(ends, axis=1).max()) / (_FINE - 1)
         origin = inside.mean(axis=0)
@@ -222,7 +222,7 @@ def region(grid: Grid, logs: Set[str]) -> FineGrid:
         along = (inside - origin) @ axes.T
         margin = 3.0 * spread + 0.05 * np.ptp(along, axis=0)
         ends = np.stack([along.min(axis=0) - margin, along.max(axis=0) + margin], axis=1)
-    return found
+    return values
 
 
 _FINE = 401
@@ -241,23 +241,23 @@ def _filled(phi: Floats, known: Bools) -> Floats:
     if known.all():
         return phi
     numbers = np.arange(phi.size).reshape(phi.shape)
-    found = []
+    blocks = []
     for axis in (0, 1):
         order = min(3, phi.shape[axis] - 1)
         weights = np.diff(np.eye(order + 1), order, axis=0)[0]
         runs = np.lib.stride_tricks.sliding_window_view(numbers, order + 1, axis=axis)
         runs = runs.reshape(-1, order + 1)
         rows = np.repeat(np.arange(len(runs)), order + 1)
-        found.append(csr_array((np.tile(weights, len(runs)), (rows, runs.ravel())),
+        blocks.append(csr_array((np.tile(weights, len(runs)), (rows, runs.ravel())),
                                shape=(len(runs), phi.size)))  # fmt: skip
-    rough = vstack(found).tocsc()
+    rough = vstack(blocks).tocsc()
     size = float(np.abs(phi[known]).max()) or 1.0
-    given = np.where(known, phi, 0.0).ravel() / size
+    filled = np.where(known, phi, 0.0).ravel() / size
     missing = np.flatnonzero(~known.ravel())
     at = rough[:, missing]
     normal = (at.T @ at + 1e-12 * identity(len(missing))).tocsc()
-    given[missing] = np.atleast_1d(spsolve(normal, -(at.T @ (rough @ given))))
-    return np.asarray(size * given.reshape(phi.shape))
+    filled[missing] = np.atleast_1d(spsolve(normal, -(at.T @ (rough @ filled))))
+    return np.asarray(size * filled.reshape(phi.shape))
 
 
 def _inside(nodes: tuple[Floats, Floats], at: tuple[Floats, Floats], cells: Bools) -> Bools:

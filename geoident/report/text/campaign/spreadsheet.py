@@ -38,11 +38,11 @@ def runs_columns(table: CampaignTable) -> CsvTable:
 
 def _places(table: CampaignTable) -> dict[tuple[str, str], RunReading]:
     """Channels and stages that runs simulate or predict, with the first reading of each."""
-    found: dict[tuple[str, str], RunReading] = {}
+    readings: dict[tuple[str, str], RunReading] = {}
     for run in table.runs:
         for reading in run.readings:
-            found.setdefault((reading.gauge, reading.stage), reading)
-    return found
+            readings.setdefault((reading.gauge, reading.stage), reading)
+    return readings
 
 
 def _csv_row(
@@ -51,8 +51,8 @@ def _csv_row(
     names: Sequence[str],
     places: Sequence[tuple[str, str]],
 ) -> CsvRow:
-    given, own = dict(run.settings), {p.name: p for p in run.parameters}
-    cells: list[CsvCell] = [run.name, *(given.get(path, "") for path in table.paths)]
+    settings, own = dict(run.settings), {p.name: p for p in run.parameters}
+    cells: list[CsvCell] = [run.name, *(settings.get(path, "") for path in table.paths)]
     cells += [run.status, run.exit_code, run.objective]
     for name in names:
         cells += _shown(own.get(name), bands=True)
@@ -65,9 +65,9 @@ def _csv_row(
     )  # fmt: skip
 
 
-def _shown(found: RunParameter | RunReading | None, *, bands: bool) -> list[float]:
+def _shown(entry: RunParameter | RunReading | None, *, bands: bool) -> list[float]:
     """A value and its interval in the unit in which people see it."""
-    if found is None:
+    if entry is None:
         return [math.nan] * (3 if bands else 1)
-    values = (found.value, found.lower95, found.upper95) if bands else (found.value,)
-    return [in_unit(value, found.unit, found.dimension) for value in values]
+    values = (entry.value, entry.lower95, entry.upper95) if bands else (entry.value,)
+    return [in_unit(value, entry.unit, entry.dimension) for value in values]

@@ -110,11 +110,13 @@ def runs_left_out(table: CampaignTable) -> str:
     return f"The first {_MOST_ROWS} of {len(table.runs)} runs; runs.csv has all."
 
 
-def _value_text(found: RunParameter | None) -> str:
-    if found is None:
+def _value_text(parameter: RunParameter | None) -> str:
+    if parameter is None:
         return "-"
-    unit = found.unit, found.dimension
-    value, low, high = (in_unit(x, *unit) for x in (found.value, found.lower95, found.upper95))
+    unit = parameter.unit, parameter.dimension
+    value, low, high = (
+        in_unit(x, *unit) for x in (parameter.value, parameter.lower95, parameter.upper95)
+    )
     if not (math.isfinite(low) and math.isfinite(high)):
         return number(value)
     texts = interval_texts(value, low, high)

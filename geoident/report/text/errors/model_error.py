@@ -10,14 +10,14 @@ from geoident.report.text.rows import attributes
 TITLE = "Model error"
 
 
-def model_error_text(found: ModelErrorTable | None) -> str:
+def model_error_text(error: ModelErrorTable | None) -> str:
     """Its size in a sentence; empty where there is none."""
-    if found is None:
+    if error is None:
         return ""
-    over = f"It is taken to be alike over about {found.length:.2g} m."
-    return f"{found.sentence} {over}"
+    over = f"It is taken to be alike over about {error.length:.2g} m."
+    return f"{error.sentence} {over}"
 
 
-def model_error_object(found: ModelErrorTable) -> dict[str, Any]:
+def model_error_object(error: ModelErrorTable) -> dict[str, Any]:
     """Its size, relative to what is computed, and the distance over which it is alike, m."""
-    return attributes(found)
+    return attributes(error)

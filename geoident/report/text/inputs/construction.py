@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed, ranged
+from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed, ranged
 from geoident.report.text.inputs.structures import support_text
 from geoident.report.text.layout import TextTable
 
 INITIAL = "initial state"
 
 
-def construction_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
+def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
     """A row for every stage, the initial state first; columns in which nothing stands are left out.
 
     Args:
         case: as texts.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
     """
     solid = case.get("analysis") == "solid"
     columns: dict[str, Callable[[CaseTexts], str]] = {
@@ -57,17 +57,17 @@ def _filled(table: TextTable, *, always: int) -> TextTable:
 
 def _by_material(groups: CaseTexts, word: str = "of") -> str:
     """Groups of one material together."""
-    found: dict[str, list[str]] = {}
+    groups_of: dict[str, list[str]] = {}
     for group, material in groups.items():
-        found.setdefault(str(material), []).append(str(group))
-    return "; ".join(f"{ranged(names)} {word} {material}" for material, names in found.items())
+        groups_of.setdefault(str(material), []).append(str(group))
+    return "; ".join(f"{ranged(names)} {word} {material}" for material, names in groups_of.items())
 
 
-def _pairs(given: CaseTexts, numbers: SaidNumbers) -> str:
-    return ", ".join(f"{name} {numbers.text(value)}" for name, value in given.items())
+def _pairs(entry: CaseTexts, numbers: ShownNumbers) -> str:
+    return ", ".join(f"{name} {numbers.text(value)}" for name, value in entry.items())
 
 
-def _supports(stage: CaseTexts, numbers: SaidNumbers, *, solid: bool) -> str:
+def _supports(stage: CaseTexts, numbers: ShownNumbers, *, solid: bool) -> str:
     """Supports that begin to hold, move or let go."""
     return "; ".join(
         f"{name} {support_text(held, numbers, solid=solid)}"
@@ -75,7 +75,7 @@ def _supports(stage: CaseTexts, numbers: SaidNumbers, *, solid: bool) -> str:
     )
 
 
-def _shares(stage: CaseTexts, numbers: SaidNumbers) -> str:
+def _shares(stage: CaseTexts, numbers: ShownNumbers) -> str:
     """How much of the stress of groups is released."""
     return ", ".join(
         f"{share_text(value, numbers)} of {group}"
@@ -83,10 +83,10 @@ def _shares(stage: CaseTexts, numbers: SaidNumbers) -> str:
     )
 
 
-def share_text(value: object, numbers: SaidNumbers) -> str:
+def share_text(value: object, numbers: ShownNumbers) -> str:
     """A part of a whole in words: per cent where it is a number.
 
-    >>> share_text("0.6", SaidNumbers({})), share_text("$ahead", SaidNumbers({}))
+    >>> share_text("0.6", ShownNumbers({})), share_text("$ahead", ShownNumbers({}))
     ('60 %', 'ahead')
     """
     try:
@@ -95,17 +95,17 @@ def share_text(value: object, numbers: SaidNumbers) -> str:
         return numbers.text(value)
 
 
-def load_texts(loads: CaseTexts, numbers: SaidNumbers) -> list[str]:
+def load_texts(loads: CaseTexts, numbers: ShownNumbers) -> list[str]:
     """Loads with their kinds, sizes and places.
 
     Args:
         loads: as a case gives them, by name.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
     """
     return [_load(name, load, numbers) for name, load in loads.items() if isinstance(load, Mapping)]
 
 
-def _load(name: str, load: CaseTexts, numbers: SaidNumbers) -> str:
+def _load(name: str, load: CaseTexts, numbers: ShownNumbers) -> str:
     kinds = [
         f"{str(key).replace('_', ' ')} {numbers.text(value)}"
         for key, value in load.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed, ranged
+from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed, ranged
 from geoident.report.text.layout import TextTable
 
 _YIELD_NAMES = {
@@ -17,12 +17,12 @@ _YIELD_NAMES = {
 }
 
 
-def materials_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
+def materials_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
     """Materials with their laws, constants and groups.
 
     Args:
         case: as texts.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
     """
     users = _groups(case)
     rows = [
@@ -35,13 +35,13 @@ def materials_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
 
 def _groups(case: CaseTexts) -> dict[str, list[str]]:
     """Material to the groups that are of it, from the beginning or after some stage."""
-    found: dict[str, list[str]] = {}
+    groups: dict[str, list[str]] = {}
     pairs = [*entries(case, "groups").items()]
     for stage in case.get("stages", ()):
         pairs += [*entries(stage, "install").items(), *entries(stage, "change").items()]
     for group, material in dict.fromkeys(pairs):
-        found.setdefault(str(material), []).append(str(group))
-    return found
+        groups.setdefault(str(material), []).append(str(group))
+    return groups
 
 
 def _law(material: CaseTexts) -> str:
@@ -52,30 +52,30 @@ def _law(material: CaseTexts) -> str:
 
 
 def _surfaces(material: CaseTexts) -> list[CaseTexts]:
-    given = material.get("yield", [])
-    found = given if isinstance(given, list) else [given]
-    return [surface for surface in found if isinstance(surface, Mapping)]
+    entry = material.get("yield", [])
+    surfaces = entry if isinstance(entry, list) else [entry]
+    return [surface for surface in surfaces if isinstance(surface, Mapping)]
 
 
-def _constants(material: CaseTexts, numbers: SaidNumbers) -> str:
+def _constants(material: CaseTexts, numbers: ShownNumbers) -> str:
     order = sorted(material, key=lambda key: key in ("density", "expansion"))
-    said = [
+    parts = [
         f"{key} = {numbers.text(material[key])}" for key in order if key not in ("elastic", "yield")
     ]
     for surface in _surfaces(material):
         own = {key: value for key, value in surface.items() if key not in ("type", "planes")}
         planes = listed(surface.get("planes"))
-        said += [f"{key} = {numbers.text(value)}" for key, value in own.items()]
-        said += [f"{len(planes)} planes"] if planes else []
-    return "; ".join(said)
+        parts += [f"{key} = {numbers.text(value)}" for key, value in own.items()]
+        parts += [f"{len(planes)} planes"] if planes else []
+    return "; ".join(parts)
 
 
-def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
+def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
     """In-situ stress, gravity and water, a sentence each; of a model elsewhere what is run.
 
     Args:
         case: as texts.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
     """
     model = entries(case, "model")
     if model.get("kind") == "convergence-law":
@@ -90,28 +90,30 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
         for key, value in stress.items()
         if key not in ("model", "equilibrium", "groups")
     ]
-    found = [f"In-situ stress: {', '.join([str(stress.get('model')), *parts])}."] if stress else []
+    sentences = (
+        [f"In-situ stress: {', '.join([str(stress.get('model')), *parts])}."] if stress else []
+    )
     for group, own in entries(stress, "groups").items():
-        found.append(f"In-situ stress of {group}: {numbers.text(own)}.")
+        sentences.append(f"In-situ stress of {group}: {numbers.text(own)}.")
     if case.get("gravity"):
-        found.append(f"Gravity: {numbers.text(case['gravity'])}.")
+        sentences.append(f"Gravity: {numbers.text(case['gravity'])}.")
     if case.get("water"):
-        found.append(f"Water in the pores: {numbers.text(case['water'])}.")
-    return tuple(found)
+        sentences.append(f"Water in the pores: {numbers.text(case['water'])}.")
+    return tuple(sentences)
 
 
-def _convergence_law(model: CaseTexts, numbers: SaidNumbers) -> str:
+def _convergence_law(model: CaseTexts, numbers: ShownNumbers) -> str:
     """The constants of a convergence law as the case gives them."""
     names = ("C_inf", "X", "m", "T", "n")
-    given = [(name, model[name]) for name in names if model.get(name) is not None]
-    return ", ".join(f"{name} = {_by_group(value, numbers)}" for name, value in given)
+    constants = [(name, model[name]) for name in names if model.get(name) is not None]
+    return ", ".join(f"{name} = {_by_group(value, numbers)}" for name, value in constants)
 
 
-def _by_group(value: object, numbers: SaidNumbers) -> str:
+def _by_group(value: object, numbers: ShownNumbers) -> str:
     """A number, or one for each group: groups of one number together."""
     if not isinstance(value, Mapping):
         return numbers.text(value)
     groups: dict[str, list[str]] = {}
-    for group, given in value.items():
-        groups.setdefault(numbers.text(given), []).append(str(group))
-    return "; ".join(f"{given} in {ranged(names)}" for given, names in groups.items())
+    for group, entry in value.items():
+        groups.setdefault(numbers.text(entry), []).append(str(group))
+    return "; ".join(f"{entry} in {ranged(names)}" for entry, names in groups.items())

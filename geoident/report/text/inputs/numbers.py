@@ -21,24 +21,26 @@ _NUMBERED = re.compile(r"^(.*?)(\d{1,9})$")
 
 
 @dataclass(frozen=True)
-class SaidNumbers:
-    """How the numbers of a case are said.
+class ShownNumbers:
+    """How the numbers of a case are shown.
 
     Args:
-        given: the parameters of the case, as it gives them.
-        found: the parameters as identified; None before a fit.
+        parameters: the parameters of the case, as it gives them.
+        identified: the parameters as identified; None before a fit.
     """
 
-    given: CaseTexts
-    found: ParameterTable | None = None
+    parameters: CaseTexts
+    identified: ParameterTable | None = None
 
     def text(self, value: object) -> str:
         """A value of the case in words.
 
-        >>> SaidNumbers({"E": {"start": "20 GPa"}}).text("0.5 $E")
+        >>> ShownNumbers({"E": {"start": "20 GPa"}}).text("0.5 $E")
         '0.5 E (start 20 GPa)'
-        >>> SaidNumbers({}).text({"mean": "3 GPa", "sd": "20 %"}), SaidNumbers({}).text(["x", "y"])
-        ('mean 3 GPa, sd 20 %', 'x, y')
+        >>> ShownNumbers({}).text({"mean": "3 GPa", "sd": "20 %"})
+        'mean 3 GPa, sd 20 %'
+        >>> ShownNumbers({}).text(["x", "y"])
+        'x, y'
         """
         if isinstance(value, Mapping):
             return ", ".join(f"{key} {self.text(part)}" for key, part in value.items())
@@ -52,9 +54,9 @@ class SaidNumbers:
     def _tied(self, factor: float, name: str) -> str:
         """A parameter, or a multiple of one."""
         times = "" if factor == 1.0 else f"{factor:g} "
-        table = self.found
+        table = self.identified
         if table is None or name not in table.names:
-            start = self.given.get(name)
+            start = self.parameters.get(name)
             start = start.get("start") if isinstance(start, Mapping) else None
             return f"{times}{name}" + (f" (start {start})" if start else "")
         i = table.names.index(name)
@@ -63,15 +65,15 @@ class SaidNumbers:
         unit = table.units[i], table.dimensions[i]
         columns = table.values, table.lower95, table.upper95
         value, *ends = (factor * in_unit(float(column[i]), *unit) for column in columns)
-        said, low, high = with_interval(value, min(ends), max(ends))
-        words = f"{said} {shown_unit(*unit)}".rstrip()
+        estimate, low, high = with_interval(value, min(ends), max(ends))
+        words = f"{estimate} {shown_unit(*unit)}".rstrip()
         return words if low == "-" else f"{words} ({low} to {high})"
 
 
 def entries(case: CaseTexts, key: str) -> CaseTexts:
     """What a key of a case holds by name; empty where it is missing or of another kind."""
-    found = case.get(key)
-    return found if isinstance(found, Mapping) else {}
+    entry = case.get(key)
+    return entry if isinstance(entry, Mapping) else {}
 
 
 def ranged(names: Sequence[str]) -> str:
@@ -89,11 +91,11 @@ def ranged(names: Sequence[str]) -> str:
             runs[-1].append(name)
         else:
             runs.append([name])
-    said: list[str] = []
+    parts: list[str] = []
     for run in runs:
         last = _NUMBERED.match(run[-1])
-        said += [f"{run[0]} to {last[2]}"] if last and len(run) > 2 else run
-    return ", ".join(said)
+        parts += [f"{run[0]} to {last[2]}"] if last and len(run) > 2 else run
+    return ", ".join(parts)
 
 
 def listed(value: object) -> list[str]:

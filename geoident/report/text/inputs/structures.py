@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed
+from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed
 from geoident.report.text.layout import TextTable
 
 _KINDS = {"beam": "wall or lining", "bolt": "bolts", "strut": "struts", "anchor": "anchors"}
 _STIFFNESS = ("E", "nu", "thickness", "diameter", "area", "EA", "EI", "density", "weight")
 
 
-def structures_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
+def structures_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
     """Walls, linings, bolts, struts and anchors: section, stiffness, when they stand.
 
     Args:
         case: as texts.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
     """
     rows = [
         [
@@ -34,7 +34,7 @@ def structures_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
     return TextTable(header, rows)
 
 
-def _place(structure: CaseTexts, numbers: SaidNumbers) -> str:
+def _place(structure: CaseTexts, numbers: ShownNumbers) -> str:
     """The lines on which it lies, or where its bars run."""
     if structure.get("on"):
         return f"on {structure['on']}"
@@ -45,66 +45,66 @@ def _place(structure: CaseTexts, numbers: SaidNumbers) -> str:
     return f"{len(bars)} bars"
 
 
-def _details(structure: CaseTexts, numbers: SaidNumbers) -> str:
-    said = [
+def _details(structure: CaseTexts, numbers: ShownNumbers) -> str:
+    details = [
         f"{key} {numbers.text(structure[key])}"
         for key in ("spacing", "number", "grouted", "prestress")
         if key in structure
     ]
     end = structure.get("second_end")
-    said += [f"second end {end}"] if end and end != "joined" else []
+    details += [f"second end {end}"] if end and end != "joined" else []
     clamped = listed(structure.get("clamped_on"))
-    said += [f"clamped on {', '.join(clamped)}"] if clamped else []
+    details += [f"clamped on {', '.join(clamped)}"] if clamped else []
     hinges = structure.get("hinges")
-    said += [f"hinges at {numbers.text(hinges)}"] if hinges else []
-    return "; ".join(said)
+    details += [f"hinges at {numbers.text(hinges)}"] if hinges else []
+    return "; ".join(details)
 
 
 def _stages_of(case: CaseTexts, name: str) -> str:
     """Stages that build and remove it."""
-    said = []
+    stages = []
     for key, word in (("build", "from"), ("dismantle", "until")):
-        said += [
+        stages += [
             f"{word} {stage.get('name')}"
             for stage in case.get("stages", ())
             if isinstance(stage, Mapping) and name in listed(stage.get(key))
         ]
-    return ", ".join(said) or "never built"
+    return ", ".join(stages) or "never built"
 
 
-def supports_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
+def supports_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
     """Groups that are held or moved, from the beginning or from a stage on.
 
     Args:
         case: as texts.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
     """
     solid = case.get("analysis") == "solid"
-    found = [("", entries(case, "supports"))]
-    found += [
+    supports_of = [("", entries(case, "supports"))]
+    supports_of += [
         (str(stage.get("name")), entries(stage, "supports"))
         for stage in case.get("stages") or ()
         if isinstance(stage, Mapping)
     ]
     rows = [
         [name, stage, support_text(held, numbers, solid=solid)]
-        for stage, supports in found
+        for stage, supports in supports_of
         for name, held in supports.items()
     ]
     return TextTable(("support", "from stage", "is"), rows)
 
 
-def support_text(held: object, numbers: SaidNumbers, *, solid: bool) -> str:
+def support_text(held: object, numbers: ShownNumbers, *, solid: bool) -> str:
     """What is said of a support, in words.
 
     Args:
         held: what the case says.
-        numbers: how its numbers are said.
+        numbers: how its numbers are shown.
         solid: whether there is a z.
 
-    >>> support_text({"x": "fixed", "y": "2 mm"}, SaidNumbers({}), solid=False)
+    >>> support_text({"x": "fixed", "y": "2 mm"}, ShownNumbers({}), solid=False)
     'held along x, moved by 2 mm along y'
-    >>> [support_text(held, SaidNumbers({}), solid=True) for held in ("fixed", "free")]
+    >>> [support_text(held, ShownNumbers({}), solid=True) for held in ("fixed", "free")]
     ['held along x, y, z', 'let go']
     """
     if held == "free":

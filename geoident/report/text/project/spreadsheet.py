@@ -38,8 +38,8 @@ def project_tables(result: ProjectResult) -> dict[str, CsvTable]:
         _parameters(result.left_out_parameters),
         _readings(result.left_out_readings),
     )
-    found = zip(PROJECT_TABLES, made, strict=True)
-    return {name: table for name, table in found if table.rows}
+    tables = zip(PROJECT_TABLES, made, strict=True)
+    return {name: table for name, table in tables if table.rows}
 
 
 def project_csv(result: ProjectResult) -> str:

@@ -109,7 +109,7 @@ def project_summary(result: ProjectResult) -> str:
 
 def head(result: ProjectResult) -> str:
     """How the search ended, and how well the readings are met."""
-    said = [f"{_STATUS.get(result.status, result.status)}. {result.reason}"]
+    sentences = [f"{_STATUS.get(result.status, result.status)}. {result.reason}"]
     fitted, predicted = len(result.fitted), len(result.predicted)
     count = sum(one.readings for one in result.fitted)
     words = f"{count} readings of {fitted} sections"
@@ -117,8 +117,8 @@ def head(result: ProjectResult) -> str:
     scale = "" if math.isnan(result.misfit) else (
         f" The residuals are {number(result.misfit, 3)} times as large as their errors explain."
     )  # fmt: skip
-    said.append(f"{words}; misfit {number(result.objective)}.{scale}")
-    return "\n".join(sentence(text) for text in said)
+    sentences.append(f"{words}; misfit {number(result.objective)}.{scale}")
+    return "\n".join(sentence(text) for text in sentences)
 
 
 def common_table(result: ProjectResult) -> TextTable:
