@@ -69,7 +69,7 @@ def test_an_element_on_a_node_of_its_own_is_told():
         blocks=(replace(block, nodes=nodes),),
     )  # fmt: skip
     assert coinciding_nodes(parted).tolist() == [[node, mesh.n_nodes]]
-    note = next(note for note in on(parted).notes if "one place" in note)
+    note = next(note for note in on(parted).notes if "coincide" in note)
     assert note.startswith("two nodes coincide (near (0.5, 0.5")
 
 

@@ -89,8 +89,8 @@ def test_a_section_of_other_ground_is_named_with_its_odds(chance, one_in):
     rows = [alone("A", "E", 3.0, 2.0), alone("A", "K0", nan, 1.0), alone("B", "E", 9.0, 1.0)]
     assert said(sections=sections, parameters=rows) == [
         "The section A does not fit what all others tell of it (of the same ground, one in "
-        f"{one_in} would be as far off): its ground, its case or its readings differ. Of A, by "
-        "itself it has 1.5 times the E of the law."
+        f"{one_in} would be as far off): its ground, its case or its readings differ. Of A, its "
+        "own fit gives 1.5 times the E of the law."
     ]
 
 
