@@ -88,8 +88,13 @@ variations: {product: {parameters.E.start: [3 GPa, 4 GPa]}}
 """
 
 
-@pytest.mark.slow  # what processes import is seen above
-@pytest.mark.parametrize("cluster", [(), ("--cluster", "local")], ids=["here", "dask"])
+@pytest.mark.parametrize(
+    "cluster",
+    [
+        pytest.param((), id="here", marks=pytest.mark.slow),  # it is seen above
+        pytest.param(("--cluster", "local"), id="dask"),
+    ],
+)
 def test_neither_do_those_of_a_campaign_or_of_a_cluster(hostile, cluster):
     Path("campaign.yaml").write_text(CAMPAIGN)
     hostile("batch", "campaign.yaml", "-j", "2", *cluster)

@@ -19,7 +19,7 @@ from distributed.versions import VersionMismatchWarning
 from geoident.errors import LostCluster
 from geoident.model.cluster import Cluster
 from geoident.workflow.executing.dask_worker import Order, TaskPlugin, problem_of
-from geoident.workflow.executing.environment import SAFE_PATH, share_of_cores
+from geoident.workflow.executing.environment import SAFE_PATH, safe_path, share_of_cores
 from geoident.workflow.executing.job_queue import job_queue
 
 REACH = 8.0
@@ -85,7 +85,8 @@ class Connection:
         try:
             if self._cluster.local:
                 inherited = {**share_of_cores(self._jobs), **SAFE_PATH}
-                with dask.config.set({"distributed.nanny.pre-spawn-environ": inherited}):
+                settings = {"distributed.nanny.pre-spawn-environ": inherited}
+                with safe_path(), dask.config.set(settings):
                     self._own = LocalCluster(
                         n_workers=self._jobs, threads_per_worker=1, processes=True,
                         dashboard_address=":0", memory_limit=0, silence_logs=logging.CRITICAL,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from geoident.workflow.executing.executor import CORES, usable_cores
@@ -28,6 +30,21 @@ def share_of_cores(jobs: int) -> dict[str, str]:
     share = str(max(1, usable_cores() // jobs))
     threads = os.environ.get("OMP_NUM_THREADS") or share
     return {name: os.environ.get(name) or threads for name in _THREADS} | {CORES: share}
+
+
+@contextmanager
+def safe_path() -> Generator[None, None, None]:
+    """Within it processes that a library starts get `SAFE_PATH`, also its helpers.
+
+    multiprocessing starts one that tracks resources, in our own environment and by ``-c``.
+    """
+    added = {name: value for name, value in SAFE_PATH.items() if not os.environ.get(name)}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
 
 
 def environment_of_children() -> dict[str, str]:
