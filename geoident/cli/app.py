@@ -44,7 +44,7 @@ Examples:
   geoident COMMAND --help
 
 \b
-Exit codes: 0 done, 1 a defect, 2 wrong flags, 3 invalid input,
+Exit codes: 0 done, 1 a bug, 2 wrong flags, 3 invalid input,
 4 finished but not converged, not determined, poorly fitted or out of budget,
 5 the model has no solution, 6 output, 7 some of several cases or runs failed,
 130/143 interrupted (the same command continues).

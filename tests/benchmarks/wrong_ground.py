@@ -37,7 +37,6 @@ from geoident.model.parameter import Scalar
 from geoident.model.yielding import MohrCoulomb
 
 E, K0, VERTICAL, ACCURACY = 20e9, 1.6, 8e6, 0.12e-3
-FLOORS = {"pilot": (20.0, 24.0, 3.0), "heading": (16.0, 24.0, 10.0)}
 HALF, TOP = 10.0, 24.0
 LENGTH, CLASSES = 20.0, 31
 ZERO, DAYS = 3.0, 20

@@ -27,8 +27,8 @@ through a link.
 
 EXIT_CODES = {
     ExitCode.DONE: "done (also: already up to date)",
-    ExitCode.BUG: "a defect of geoident: the message names the log file (for `diff`: the results "
-    "differ; a defect is 70)",
+    ExitCode.BUG: "a bug in geoident: the message names the log file (for `diff`: the results "
+    "differ; a bug is 70)",
     ExitCode.USAGE: "wrong flags",
     ExitCode.INVALID_INPUT: "invalid input: case, mesh, readings",
     ExitCode.NOT_CONVERGED: "the result is written, but not converged, not determined, poorly "

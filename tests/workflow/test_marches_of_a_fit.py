@@ -53,7 +53,6 @@ fit: {method: gauss-newton, stages: [one, two, three]}
 """
 
 ROUNDS = 4
-FITTED = 3
 
 
 def drift(n):

@@ -323,14 +323,6 @@ def test_derivatives_by_the_angles_where_they_are_zero() -> None:
         np.testing.assert_allclose(jacobian[:, k], numeric, atol=1e-5 * scale)
 
 
-def _log_slope(x: float) -> float:
-    """The derivative of ln(1 + x) / x by 60 decimal digits."""
-    with localcontext() as context:
-        context.prec = 60
-        at = Decimal(x)
-        return float((1 / (1 + at) - (1 + at).ln() / at) / at)
-
-
 @pytest.mark.parametrize("size", [1e-8, 0.1, 1.0, 10.0, 60.0, 300.0])
 def test_divided_differences_lose_no_digit_however_far_the_ground_yields(size: float) -> None:
     """Against 200 decimal digits: of two nodes, of many points at once, and their derivatives."""
