@@ -110,6 +110,11 @@ class RealCluster:
             stdin=subprocess.PIPE,
         )  # fmt: skip
 
+    def listens(self):
+        """Whether the scheduler can be reached."""
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
     def add_node(self, *words, path=""):
         """A worker and its nanny.
 
@@ -160,6 +165,7 @@ class RealCluster:
 
     def __enter__(self):
         self.start_scheduler()
+        wait_until(self.listens)  # beside other tests it may take longer than a command waits
         return self
 
     def __exit__(self, *_):
