@@ -14,6 +14,7 @@ from support.trench import CASE, READINGS, write_case
 
 from geoident.workflow.estimating.diagnosis import why_poor
 from geoident.workflow.estimating.wrong_readings import accuracy_residuals
+from tests.support.commands import said_findings
 
 LOSSES = ["squared", "huber", "student-t"]
 
@@ -56,10 +57,10 @@ def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, los
     code, found = fitted(tmp_path, loss, readings=READINGS.replace(line, absurd), more=more)
     assert (code, found["status"]) == (4, "poor-fit")
     assert "does not fit the readings" in found["reason"]
-    (said,) = [text for text in found["findings"] if "grossly wrong" in text]
+    (said,) = [text for text in said_findings(found) if "grossly wrong" in text]
     assert f"readings.csv:{number}:" in said
     assert "CV at second" in said
-    assert not any("accuracies: estimate" in text for text in found["findings"])
+    assert not any("accuracies: estimate" in text for text in said_findings(found))
 
 
 def test_predictions_from_a_poor_fit_are_not_to_be_relied_on(tmp_path):
