@@ -12,6 +12,7 @@ from support.commands import run_command
 from support.results import changed_gauges, gauges
 from support.trench import CASE, READINGS, write_case
 
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.estimating.diagnosis import why_poor
 from geoident.workflow.estimating.wrong_readings import accuracy_residuals
 from tests.support.commands import said_findings
@@ -96,11 +97,11 @@ def test_the_residual_of_most_accuracies_is_named_whatever_else_explains_it():
     last = np.array([name == table.channels[-1] for name in table.readings.channel])
     stated = replace(table.readings, sd=np.where(last, 5e-5, 1e-4), own_sd=None)
     table = replace(table, readings=stated)
-    (said,) = accuracy_residuals(table)
+    (said,) = sentences_of(accuracy_residuals(table))
     assert said.startswith("EX-1.a8 at bench 1 is 0.8 mm from what is computed, 8.0 of its")
     measured = table.measured.copy()
     measured[-1, 0] -= 4.2e-4
-    (said,) = accuracy_residuals(changed_gauges(table, measured=measured))
+    (said,) = sentences_of(accuracy_residuals(changed_gauges(table, measured=measured)))
     assert said.startswith(f"{table.channels[-1]} at {table.stages[0]} is 0.52 mm")
     assert "10.4 of its accuracies" in said
     near = np.where(np.abs(table.measured - table.computed) > 4.9e-4, np.nan, table.measured)
