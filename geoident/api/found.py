@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
+from geoident.model.results.findings import Finding, sentences_of
+
 
 class Stored(Protocol):
     """What stands in a file or a folder."""
@@ -30,7 +32,7 @@ class Ended(Protocol):
         """The exit code of the command: 0 where it ended as it should."""
 
     @property
-    def findings(self) -> tuple[str, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """What an engineer must know."""
 
     @property
@@ -72,8 +74,8 @@ class ResultHandle(Generic[_Data]):
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Sentences on what an engineer must know before using the numbers."""
-        return self.data.findings
+        """Sentences on what an engineer must know; `data` has them with kinds and numbers."""
+        return sentences_of(self.data.findings)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -18,13 +18,13 @@ What a model observes depends on p alone. It may begin its iterations where earl
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from geoident.errors import ModelError
+from geoident.errors import CollapseError, ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.zeros import ReadingRule
 from geoident.model.arrays import Bools, Floats, Ints
@@ -111,15 +111,15 @@ class Survey(Details):
     Args:
         computed: (n_channels, n_stages) readings, SI; NaN where a channel can't be read.
         sensitivity: (n_channels, n_stages, n) their derivatives.
-        collapses: a sentence for every stage at which the ground cannot carry the loads; what
-            builds on it is NaN.
+        collapses: a sentence for every stage at which the ground cannot carry the loads, and the
+            name of the stage; what builds on it is NaN.
         increments: (n_states, n_channels) what the step of each state changes in what the channels
             see, SI; of the virgin state what is there. 0 where they cannot be read.
     """
 
     computed: Floats
     sensitivity: Floats
-    collapses: tuple[str, ...] = ()
+    collapses: Mapping[str, str] = field(default_factory=dict)
     increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -245,7 +245,10 @@ class ObservedModel(ABC):
         return Survey(
             table[..., 0],
             table[..., 1:],
-            tuple(dict.fromkeys(error.message for error in observed.failures)),
+            {
+                error.message: error.stage if isinstance(error, CollapseError) else ""
+                for error in observed.failures
+            },
             self.increments_of(observed),
             **vars(observed.details),
         )

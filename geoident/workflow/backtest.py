@@ -20,6 +20,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.backtest import Backtest, Skipped
+from geoident.model.results.findings import Finding, sentences_of
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
@@ -42,7 +43,7 @@ from geoident.workflow.scoring.trials import (
     tried,
     variances,
 )
-from geoident.workflow.scoring.verdict import Verdict, settling_sentences, verdict
+from geoident.workflow.scoring.verdict import Verdict, settling, verdict
 
 LEFT_OUT = "the stage is left out of fit.stages"
 """Why a backtest does not use a reading of a stage before the last one of fit.stages."""
@@ -225,13 +226,14 @@ def _result(
     last, estimate = trials[-1], trials[-1].estimate
     fits = backtest_of(setup, trials, skipped)
     judged = _judged(setup, trials, fits)
-    restless, others = settling_sentences(
+    restless, others = settling(
         case, fits.steps, variances(trials), estimated=last.setup.accuracies is not None
     )
     status, reason = ending(case, fits, judged, out_of_time=out_of_time)
     outcome = estimate.outcome
     table = parameter_table(case.parameters, outcome.values, estimate.assessment)
-    collapses = [text for trial in trials for text in collapse_findings(trial.estimate.survey)]
+    collapses = [one for trial in trials for one in collapse_findings(trial.estimate.survey)]
+    bands = Finding("bands", "", judged.sentence)
     return replace(
         without,
         status=status,
@@ -239,7 +241,7 @@ def _result(
         reason=reason,
         objective=outcome.objective,
         findings=(
-            *((judged.sentence,) if judged.remarkable and judged.sentence not in reason else ()),
+            *((bands,) if judged.remarkable and reason != judged.sentence else ()),
             *restless,
             *last.extrapolates,  # to stages that nobody has read yet
             *dict.fromkeys(collapses),
@@ -252,12 +254,14 @@ def _result(
         notes=(
             *others,
             *(
-                f"The fit up to {case.stages[trial.step.last].name} extrapolates. {text}"
+                f"The fit up to {case.stages[trial.step.last].name} extrapolates. {one.sentence}"
                 for trial in trials[:-1]
-                for text in trial.extrapolates
+                for one in trial.extrapolates
             ),
             *(f"No fit of the readings up to {one.stage}: {one.why}." for one in skipped),
-            *(accuracy_findings(last.setup.accuracies) if last.setup.accuracies else ()),
+            *sentences_of(
+                accuracy_findings(last.setup.accuracies) if last.setup.accuracies else ()
+            ),
             *case.notes,
             *setup.model.notes,
             *unused_notes(setup.readings),

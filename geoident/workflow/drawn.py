@@ -16,6 +16,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import ParameterTable, Result
 from geoident.workflow.estimating.estimate import known_errors
@@ -250,14 +251,15 @@ def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str
     return ("converged" if good else "not-converged"), sentence
 
 
-def _findings(table: ParameterTable) -> list[str]:
-    loose = [table.names[i] for i in table.named if not table.determined[i]]
+def _findings(table: ParameterTable) -> list[Finding]:
+    loose = ", ".join(table.names[i] for i in table.named if not table.determined[i])
     if not loose:
         return []
-    return [
-        f"{', '.join(loose)}: the draws are as far apart as prior and bounds allow; the readings "
+    sentence = (
+        f"{loose}: the draws are as far apart as prior and bounds allow; the readings "
         "do not determine it alone."
-    ]
+    )
+    return [Finding("not-determined", loose, sentence)]
 
 
 def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:

@@ -14,6 +14,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, GaugeTable, ParameterTable, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings, freedom_notes
 from geoident.workflow.estimating.diagnosis import (
@@ -49,7 +50,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
-from geoident.workflow.running.reading_units import noted, unit_doubts
+from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
@@ -105,9 +106,9 @@ def with_curvature(setup: Setup, problem: Problem, estimate: Estimate) -> Estima
 
 
 def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
-    """The same with a reduced model made around the answer, or with a note why there is none."""
+    """The same with a reduced model made around the answer, or with the finding why not."""
     if result.status == STOPPED:
-        return replace(result, notes=(*result.notes, NONE.format("the search was cut short")))
+        return _without_reduced(result, NONE.format("the search was cut short"))
     control.monitor.detail("making a reduced model")
     rivals, before = result.rivals, setup.model.counts
     others = () if rivals is None else tuple(rivals.values[1:])
@@ -115,8 +116,12 @@ def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
     reduced = made_to_keep(setup.model, setup.case, result.parameters, clock, others)
     counts = further(result.counts, before, setup.model.counts)
     if isinstance(reduced, str):
-        return replace(result, counts=counts, notes=(*result.notes, reduced))
+        return _without_reduced(replace(result, counts=counts), reduced)
     return replace(result, counts=counts, reduced=reduced)
+
+
+def _without_reduced(result: Result, why: str) -> Result:
+    return replace(result, findings=(*result.findings, Finding("no-reduced-model", "", why)))
 
 
 def _last_stage(
@@ -129,8 +134,8 @@ def _last_stage(
     return last_stage(setup, job.methods, outcome.values, log, left, problem.response)
 
 
-def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[str, ...]:
-    """Sentences on readings whose unit is suspected, the search having begun at the start."""
+def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[Finding, ...]:
+    """Readings whose unit is suspected, the search having begun at the start."""
     stated = [parameter.start for parameter in setup.case.parameters]
     if not estimate.outcome.iterations:
         return ()
@@ -141,11 +146,11 @@ def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[str, ...
     if known is None or len(known["v"]) != np.count_nonzero(setup.readings.used):
         return ()
     met = estimate.outcome.status == "converged" and not estimate.assessment.at_bound.any()
-    return noted(unit_doubts(setup.case, setup.readings, known["v"], met=met))
+    return unit_findings(unit_doubts(setup.case, setup.readings, known["v"], met=met))
 
 
 def _result(
-    job: Job, setup: Setup, estimate: Estimate, last: LastStage, doubts: Sequence[str]
+    job: Job, setup: Setup, estimate: Estimate, last: LastStage, doubts: Sequence[Finding]
 ) -> Result:
     case, survey = setup.case, estimate.survey
     gauges = gauge_table(case, estimate.readings, survey.computed)
@@ -234,7 +239,7 @@ def _result(
 
 def _freedom(
     setup: Setup, estimate: Estimate, parameters: ParameterTable
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
     """On how many degrees of freedom the intervals rest: findings and notes."""
     known = [i for i in parameters.named.tolist() if np.isfinite(parameters.sd[i])]
     if setup.accuracies is None or not known:
@@ -243,7 +248,7 @@ def _freedom(
     return freedom_notes(setup.accuracies, estimate.assessment.wider[known], names)
 
 
-def _extrapolation(setup: Setup, estimate: Estimate, gauges: GaugeTable) -> tuple[str, ...]:
+def _extrapolation(setup: Setup, estimate: Estimate, gauges: GaugeTable) -> tuple[Finding, ...]:
     """Whether predicted stages load the ground more than the fitted ones did."""
     fitted = np.flatnonzero(~predicted_stages(gauges))
     if not fitted.size:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isclose
 from typing import Any
@@ -27,6 +27,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import Channel, Reading, ReadingTable
 from geoident.model.ground import RandomField
 from geoident.model.results.bands import Prediction
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.workflow.estimating.accuracies import Possible, with_found, with_scatter
 from geoident.workflow.estimating.diagnosis import at_used
@@ -42,7 +43,6 @@ from geoident.workflow.estimating.predictions import (
     predict_stages,
     predicted_stages,
     score,
-    without_collapses,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
 from geoident.workflow.estimating.setup import (
@@ -626,10 +626,9 @@ def _result(task: Task, known: FitKnowledge, survey: Survey, model: ObservedMode
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.nonlinearity
     )
-    inherited = without_collapses(fit.findings)
+    inherited = [one for one in fit.findings if one.kind != "collapse"]  # it has its own
     if task.others:  # its gauges may have the same names
-        inherited = tuple(f"Of the fit: {text}" for text in inherited)
-    findings = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
+        inherited = [replace(one, sentence=f"Of the fit: {one.sentence}") for one in inherited]
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
@@ -640,7 +639,7 @@ def _result(task: Task, known: FitKnowledge, survey: Survey, model: ObservedMode
         method=fit.method,
         reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
         objective=fit.objective,
-        findings=tuple(dict.fromkeys(findings)),
+        findings=(*_whose_gauges(task), *collapse_findings(survey), *inherited),
         case_text=task.inputs.loaded.text,
         case_resolved=task.inputs.loaded.resolved,
         provenance=task.provenance,
@@ -667,21 +666,26 @@ def _result(task: Task, known: FitKnowledge, survey: Survey, model: ObservedMode
     )
 
 
-def _whose_gauges(task: Task) -> tuple[str, ...]:
-    """Whether what the fit knows of its gauges holds in another case, a sentence."""
+def _whose_gauges(task: Task) -> Iterator[Finding]:
+    """Whether what the fit knows of its gauges holds in another case."""
     name, fit = task.request.case, task.fit
     if name is None:
-        return ()
+        return
     if not task.others:
-        return (
+        yield Finding(
+            "other-case",
+            "",
             f"{name} has all readings that the fit has used, so its gauges are those of the fit: "
             "what these readings tell of errors of zeros, heads and set-ups, and of the model, "
             "holds for it, too.",
         )
+        return
     estimated = fit.accuracies is not None
     estimated |= fit.model_error is not None and fit.model_error.factor != 1.0
     more = " Accuracies that the fit has estimated are not either." if estimated else ""
-    return (
+    yield Finding(
+        "other-case",
+        "",
         f"{name} counts as another section, since {task.others}: no error of a gauge is taken over "
         "from the fit, and bands hold those of its own zeros and set-ups and of the model there."
         f"{more} If the gauges are the same, let it have them and the readings of the fit "

@@ -57,6 +57,7 @@ import geoident  # noqa: E402
 from geoident.api import fit, load_case  # noqa: E402
 from geoident.fem.solvers import pick_solver  # noqa: E402
 from geoident.forward.model import staged_model  # noqa: E402
+from geoident.model.results.findings import sentences_of  # noqa: E402
 from geoident.model.results.result import Result  # noqa: E402
 
 NORMAL95 = 1.959964
@@ -284,7 +285,7 @@ def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) ->
     said = {
         kind
         for kind, words in WORDS.items()
-        if any(word in text for text in result.findings for word in words)
+        if any(word in text for text in sentences_of(result.findings) for word in words)
     }
     return AnalysisRun(
         (later[there] >= lower) & (later[there] <= upper),

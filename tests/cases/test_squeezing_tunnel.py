@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from geoident.cli.app import geoident
 from geoident.io.result.file import read_result
 from geoident.workflow.simulate import simulate
+from tests.support.commands import said_findings
 
 CASE = Path(__file__).parents[2] / "cases" / "squeezing-tunnel"
 TRUTH = yaml.safe_load((CASE / "truth.yaml").read_text(encoding="utf-8"))
@@ -102,7 +103,7 @@ def test_the_project_finds_the_truth_and_predicts_what_was_left_out(tmp_path):
     of_sections = {p["section"]: p for p in result["parameters"] if p["parameter"] == "GSI"}
     for name, value in TRUTH["sections"].items():
         assert of_sections[name]["lower95"] <= value <= of_sections[name]["upper95"], name
-    (said,) = [finding for finding in result["findings"] if "were predicted" in finding]
+    (said,) = [finding for finding in said_findings(result) if "were predicted" in finding]
     assert "32 readings of 2 sections" in said
     assert float(said.partition("(")[2].partition(" %")[0]) >= 90.0
 

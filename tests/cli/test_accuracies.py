@@ -10,6 +10,7 @@ import pytest
 
 from geoident.io.result.file import read_result
 from geoident.workflow.estimating import accuracies
+from tests.support.commands import said_findings
 from tests.support.trench import CASE
 
 GAUGES = """\
@@ -90,7 +91,7 @@ def test_accuracies_stated_too_good_are_told_from_a_model_error_as_far_as_can_be
     """With the one stage that is read they cannot."""
     site(SHARED)
     (found,) = run_json("fit", "case.yaml")
-    (finding,) = [text for text in found["findings"] if "cannot separate a model error" in text]
+    (finding,) = [text for text in said_findings(found) if "cannot separate a model error" in text]
     assert "times less accurate than stated" in finding
     assert "'accuracies: estimate' under 'fit'" in finding
     assert found["model_error"]["size"] > 0.1
@@ -111,7 +112,7 @@ def test_accuracies_and_a_model_error_are_estimated_together(site, run_json):
 def test_accuracies_stated_three_times_too_good_are_found(site, run, run_json):
     site(SHARED, fit=", model_error: none")
     (stated,) = run_json("fit", "case.yaml")
-    (finding,) = [text for text in stated["findings"] if "stated accuracies" in text]
+    (finding,) = [text for text in said_findings(stated) if "stated accuracies" in text]
     assert "write 'accuracies: estimate' under 'fit'" in finding
     (found,) = run_json("fit", "case.yaml", "--force", "--set", "fit.accuracies=estimate",
                         "--set", "fit.stages=[first, second]")  # fmt: skip
@@ -120,7 +121,7 @@ def test_accuracies_stated_three_times_too_good_are_found(site, run, run_json):
     one = factors["settlement"]
     assert one["lower95"] < 3.0 < one["upper95"]
     assert one["lower95"] < one["factor"] < one["upper95"]
-    assert not [text for text in found["findings"] if "as large as the stated" in text]
+    assert not [text for text in said_findings(found) if "as large as the stated" in text]
     assert found["parameters"]["E"]["sd"] > 1.5 * stated["parameters"]["E"]["sd"]
     for name, truth in (("E", 5e9), ("K0", 1.5)):
         assert found["parameters"][name]["lower95"] < truth < found["parameters"][name]["upper95"]
@@ -231,10 +232,10 @@ def test_a_residual_is_said_in_the_accuracy_of_its_own_reading(trench, run_json)
     """0.17 mm off: with an accuracy of 0.2 mm nothing is said, 8.3 times one of 0.02 mm is."""
     whole = ("fit", "case.yaml", "--force", "--set", "fit.stages=[first, second]")
     (found,) = run_json(*whole)
-    assert not [text for text in found["findings"] if "accuracies" in text or "against" in text]
+    assert not [text for text in said_findings(found) if "accuracies" in text or "against" in text]
     (trench / "readings.csv").write_text(OWN.replace("0.102,mm,0.2", "0.102,mm,0.02"))
     (found,) = run_json(*whole, "--set", "fit.model_error=none")
-    (said,) = [text for text in found["findings"] if "of its accuracies" in text]
+    (said,) = [text for text in said_findings(found) if "of its accuracies" in text]
     assert said.startswith("X.a at second is 0.167 mm from what is computed, 8.3 of its accuracies")
 
 
@@ -307,7 +308,7 @@ def test_a_residual_is_said_in_stated_accuracies_where_the_fit_has_found_larger_
     rows = [row for row in found["gauges"] if row["used"]]
     assert min(row["sd"] for row in rows) > 2.5e-6
     most = max(abs(row["measured"] - row["computed"]) for row in rows)
-    (said,) = [text for text in found["findings"] if "of its accuracies" in text]
+    (said,) = [text for text in said_findings(found) if "of its accuracies" in text]
     assert f"{1e3 * most:.3g} mm from what is computed, {most / 2e-6:.1f} of its" in said
 
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import xarray
 
+from tests.support.commands import said_findings
+
 ALL = ["--set", "fit.stages=[first, second]", "--set", "fit.backtest=false"]
 HUBER = [*ALL, "--set", "fit.loss=huber"]
 MORE = """\
@@ -53,9 +55,9 @@ def test_one_wrong_reading_spoils_least_squares_and_not_a_robust_fit(wrong, run_
 
 def test_the_reading_that_bears_most_and_those_far_off_are_named(wrong, run_json, run):
     (found,) = run_json("fit", "case.yaml", *HUBER)
-    far = [sentence for sentence in found["findings"] if "far from the model" in sentence]
+    far = [sentence for sentence in said_findings(found) if "far from the model" in sentence]
     assert "S at second" in far[0]
-    assert any("most influential reading" in sentence for sentence in found["findings"])
+    assert any("most influential reading" in sentence for sentence in said_findings(found))
     worst = max(found["diagnostics"]["readings"], key=lambda r: abs(r["standardized"]))
     assert (worst["gauge"], worst["stage"]) == ("S", "second")
     assert worst["weight"] < 0.1

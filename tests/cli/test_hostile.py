@@ -15,6 +15,7 @@ from geoident.io.result.file import read_result
 from geoident.report.text.csv_tables import csv_text
 from geoident.report.text.rows import CsvTable
 from geoident.workflow import fit as workflow_fit
+from tests.support.commands import said_findings
 from tests.support.trench import write_case
 
 HUGE = ["--set", "in_situ.vertical=1e300 Pa"]
@@ -272,7 +273,7 @@ def test_what_is_known_from_its_prior_has_the_number_that_is_used(trench, run, r
     assert (K0["value"], K0["sd"]) == pytest.approx((1.2, 0.1), rel=1e-3)
     assert not K0["determined"]
     assert found["exit_code"] == 0
-    assert any("known only from its prior" in finding for finding in found["findings"])
+    assert any("known only from its prior" in finding for finding in said_findings(found))
     estimate = read_result("case.fit.h5").parameters
     assert np.all(np.isfinite(estimate.sd))
     table = run("export", "case.fit.h5", "--table", "parameters").stdout.splitlines()

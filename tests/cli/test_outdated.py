@@ -9,6 +9,7 @@ from support.external import OWN, READINGS
 
 from geoident.cli.app import geoident
 from geoident.io.result.file import read_identity, read_result
+from tests.support.commands import said_findings
 
 
 def run(*words):
@@ -65,7 +66,7 @@ def test_of_a_newer_fit_what_stands_beside_it_is_named(site):
     )
     found = json.loads(run("show", "--json", predicted))
     assert found["outdated"] == [predicted]
-    assert f"`geoident predict {fit_now}` makes it again" in found["findings"][0]
+    assert f"`geoident predict {fit_now}` makes it again" in said_findings(found)[0]
     run("report", predicted, "-o", folder / "old.html")
     assert "Outdated: made from an earlier fit" in (folder / "old.html").read_text()
 

@@ -26,6 +26,7 @@ from geoident.model.gauges import Channel
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.results.costs import Counts
+from tests.support.commands import said_findings
 
 MPa = 1e6
 CASE = """\
@@ -136,7 +137,7 @@ def test_one_convergence_determines_no_strength(project):
     found = fitted()
     assert found["status"] == "not-determined"
     assert not found["parameters"]["c"]["determined"]
-    assert any("c and phi" in finding for finding in found["findings"])
+    assert any("c and phi" in finding for finding in said_findings(found))
 
 
 @pytest.mark.usefixtures("plain_pictures")

@@ -32,6 +32,7 @@ from geoident.model.dual import Dual
 from geoident.model.gauges import Channel
 from geoident.model.methods import ComplementarityOptions, MethodOptions, SimplexOptions
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.results.findings import sentences_of
 
 MPa, DEG = 1e6, np.pi / 180
 RADIUS, E, NU = 1.5, 2e9, 0.25
@@ -175,7 +176,7 @@ def test_what_a_curve_that_ends_soon_after_yielding_tells():
     outcome, known = found(given, FEW)
     assert yield_pressure(outcome.values) == pytest.approx(yield_pressure(TRUTH), rel=0.02)
     assert not known.determined[:2].any()
-    (finding,) = [text for text in known.findings if "cannot separate" in text]
+    (finding,) = [text for text in sentences_of(known.findings) if "cannot separate" in text]
     assert finding.startswith("The readings cannot separate c")
     assert "phi" in finding
 
@@ -184,7 +185,9 @@ def test_a_curve_that_ends_before_yielding_tells_nothing_of_the_strength():
     chamber = Chamber((0.5, 1.0, 1.5, 2.0), layers=16)
     _, known = found(problem(chamber, chamber.readings(TRUTH)), FEW)
     assert not known.determined.any()
-    assert {f"The readings do not determine {q.name}." for q in PARAMETERS} <= {*known.findings}
+    assert {f"The readings do not determine {q.name}." for q in PARAMETERS} <= {
+        *sentences_of(known.findings)
+    }
 
 
 def test_what_does_not_yield_is_bounded_from_below():

@@ -38,6 +38,7 @@ from geoident.model.ground import (
 )
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.results.findings import sentences_of
 
 PUSH = 4e6
 NOISE = 2e-5  # m; the readings go up to a millimetre
@@ -206,5 +207,5 @@ def test_what_gauges_along_one_direction_cannot_tell_is_named():
     known = _known(problem, outcome)
     assert known.determined.tolist() == [True, False]
     assert _inside(known, truth)[0]
-    assert any("G_np" in finding for finding in known.findings)
+    assert any("G_np" in finding for finding in sentences_of(known.findings))
     assert np.isnan(known.sd[1])

@@ -19,7 +19,6 @@ from geoident.model.results.yielded import Mechanism
 from geoident.report.drawing.fields.mechanism import mechanism_figure, mechanism_picture
 from geoident.workflow import predict as predicting
 from geoident.workflow import simulate as simulating
-from geoident.workflow.estimating.predictions import collapse_findings, without_collapses
 
 WEAK = (
     CASE.replace(
@@ -160,16 +159,6 @@ def test_a_mechanism_is_said_in_one_line():
     """In a notebook it filled pages with the coordinates of its mesh."""
     assert repr(plate(2)) == "Mechanism('push', 50 % carried, 81 nodes)"
     assert repr(replace(plate(2), fraction=np.nan)) == "Mechanism('push', 81 nodes)"
-
-
-def test_a_prediction_has_its_own_collapses_only():
-    """That of the fit was said beside it, with another place of the same stage."""
-    fallen = SimpleNamespace(collapses=("at stage 'dig' the ground falls; near (1, 2) m",))
-    said = collapse_findings(fallen)
-    assert said[0].startswith("With these parameters, at stage 'dig' the ground falls;")
-    assert without_collapses((*said, "E lies on its lower bound.")) == (
-        "E lies on its lower bound.",
-    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -10,6 +10,7 @@ import pytest
 from matplotlib.axis import Tick
 from matplotlib.text import Text
 
+from geoident.model.results.findings import Finding
 from geoident.report.drawing.album import album
 from geoident.report.page.html import Html, page, tag
 from geoident.report.page.page import report_page
@@ -204,7 +205,7 @@ def test_text_of_the_user_never_becomes_markup():
                               stages=(EVIL, *STAGES[1:])),
         parameters=replace(base.parameters, names=(EVIL, "sigma_v", "K0")),
         provenance=replace(base.provenance, command=EVIL, case_file=EVIL),
-        findings=(EVIL,), notes=(EVIL,), reason=EVIL, fields=None,
+        findings=(Finding("misfit", EVIL, EVIL),), notes=(EVIL,), reason=EVIL, fields=None,
         case_resolved="title: " + repr(EVIL.replace("'", "")) + "\n",
     )  # fmt: skip
     text = report_page([(EVIL, evil)])

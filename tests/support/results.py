@@ -11,6 +11,7 @@ from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import (
     Diagnostics,
     FieldSeries,
@@ -220,7 +221,12 @@ def example_result(dim: int = 2, *, yielded: bool = False, title: str = "Trial p
         method="gauss-newton",
         reason="The next step would lower the misfit by no more than 1e-07.",
         objective=12.5,
-        findings=("The readings do not determine sigma_v: it is known only from its prior.",),
+        findings=(
+            Finding(
+                "only-prior", "sigma_v",
+                "The readings do not determine sigma_v: it is known only from its prior.",
+            ),
+        ),
         case_text=f"title: {title}\n",
         case_resolved=f"title: {title}\n",
         provenance=Provenance(

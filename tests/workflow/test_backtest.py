@@ -11,6 +11,7 @@ from geoident.forward.model import StagedModel
 from geoident.forward.reducible import ReducibleResponse
 from geoident.io.result.file import read_result
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.model.results.findings import sentences_of
 from geoident.report.text.backtest import fits_table
 from geoident.workflow.backtest import backtest, ending
 from geoident.workflow.estimating import mesh_error, search
@@ -20,7 +21,7 @@ from geoident.workflow.running.control import OUT_OF_TIME, Control, Silent
 from geoident.workflow.running.evaluation_log import carry_over
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
 from geoident.workflow.scoring.trials import NEARBY, near_answer, up_to
-from geoident.workflow.scoring.verdict import settling_sentences
+from geoident.workflow.scoring.verdict import settling
 from tests.support.lifts import (
     CASE,
     LIFTS,
@@ -87,7 +88,7 @@ class TestARightModel:
         assert found.backtest.next.readings == 15
         assert found.backtest.next.coverage >= 0.8
         assert [step.readings for step in found.backtest.steps] == [3, 8, 13, 18]
-        assert not any("does not settle" in text for text in found.findings)
+        assert not any("does not settle" in text for text in sentences_of(found.findings))
         assert sum(" settles: " in note for note in found.notes) == 2
 
     @pytest.mark.slow  # another seed is what `whole` was made of
@@ -95,7 +96,7 @@ class TestARightModel:
     def test_settles_where_a_fit_gains_little_on_the_one_before(self, pit, seed):
         """Lift 4 takes 7 % off the variance of K0: that of its change is a small difference."""
         write_readings(pit, readings_of(pit / "case.yaml", SAME, seed=seed))
-        assert not any("does not settle" in text for text in run().findings)
+        assert not any("does not settle" in text for text in sentences_of(run().findings))
 
     def test_intervals_shrink_as_readings_are_added(self, whole):
         widths = np.array([s.upper95 - s.lower95 for s in whole.backtest.steps])
@@ -160,7 +161,9 @@ class TestOtherPhysics:
     def test_a_fit_says_it_too(self, two_rocks, monkeypatch):
         monkeypatch.chdir(two_rocks)
         found = fit(plan_fit(Request("case.yaml")), Control()).result
-        said = [text for text in found.findings if text.startswith("Backtest of lift 4")]
+        said = [
+            text for text in sentences_of(found.findings) if text.startswith("Backtest of lift 4")
+        ]
         assert len(said) == 1
         assert "do not hold" in said[0]
         assert len(found.backtest.steps) == 1
@@ -184,7 +187,7 @@ def test_a_parameter_that_every_stage_wants_otherwise_does_not_settle(pit):
         rows += [r for r in readings_of(pit / "case.yaml", truth, seed=2) if r[1] == LIFTS[k]]
     write_readings(pit, rows)
     found = run()
-    said = [text for text in found.findings if text.startswith("E does not settle")]
+    said = [text for text in sentences_of(found.findings) if text.startswith("E does not settle")]
     assert len(said) == 1
     assert "always downwards" in said[0]
     assert " GPa up to lift 1, " in said[0]
@@ -202,8 +205,8 @@ def settled(right, first, lower):
         low, value, high = (np.array([end, K0]) for end in (ends[0], E, ends[1]))
         steps.append(replace(step, values=value, lower95=low, upper95=high))
     variances = np.outer([8e-4, 6e-4, 5e-4, 4e-4], [1.0, 1.0])
-    restless, others = settling_sentences(case, steps, variances, estimated=False)
-    return next(text for text in (*restless, *others) if text.startswith("E "))
+    restless, others = settling(case, steps, variances, estimated=False)
+    return next(text for text in (*sentences_of(restless), *others) if text.startswith("E "))
 
 
 @pytest.mark.parametrize(("lower", "said"), [(8e9, "E settles"), (13.5e9, "E does not settle")])

@@ -22,6 +22,7 @@ from geoident.model.gauges import Channel, ErrorParts, Reading
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.estimating.accuracies import (
     Possible,
     accuracy_table,
@@ -95,7 +96,9 @@ def test_one_unknown_accuracy_gives_the_intervals_of_the_textbooks(tmp_path):
         np.testing.assert_allclose(got[:, 1], expected, atol=1e-3 * half.min())
     (said,) = [note for note in found.data.notes if "degrees of freedom" in note]
     assert "they have 14 degrees of freedom" in said
-    assert not [finding for finding in found.data.findings if "degrees of freedom" in finding]
+    assert not [
+        finding for finding in sentences_of(found.data.findings) if "degrees of freedom" in finding
+    ]
     again = geoident.predict(found.path).data.prediction
     np.testing.assert_allclose(again.upper95, bands.upper95, rtol=1e-12)
 

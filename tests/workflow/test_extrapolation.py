@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Channel
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
@@ -49,11 +50,12 @@ class TestExcess:
         case = load_inputs("case.yaml").case
         case = replace(case, stages=case.stages[:3])
         states = np.array([False, False, True, True])
-        (said,) = extrapolation_findings(self.levels, case, 1, states)
-        assert said.startswith(
+        (found,) = extrapolation_findings(self.levels, case, 1, states)
+        assert (found.kind, found.subject) == ("extrapolation", "lift 3")
+        assert found.sentence.startswith(
             "Computed stresses at lift 3 exceed those of the fitted stages by 40 %"
         )
-        assert "deviatoric stress" in said
+        assert "deviatoric stress" in found.sentence
         assert extrapolation_findings(self.levels, case, 1, states & (np.arange(4) < 3)) == ()
 
     @pytest.mark.parametrize(("excess", "said"), [(0.09, 0), (0.12, 1)])
@@ -129,4 +131,8 @@ def test_a_fit_of_the_first_lift_says_that_deeper_ones_are_not_tested(pit):
 
 def _findings(*overrides):
     job = plan_fit(Request("case.yaml", overrides, force=True))
-    return [t for t in fit(job, Control()).result.findings if t.startswith("Computed stresses")]
+    return [
+        t
+        for t in sentences_of(fit(job, Control()).result.findings)
+        if t.startswith("Computed stresses")
+    ]

@@ -12,6 +12,7 @@ from support.trench import CASE, write_case
 from geoident.cli.app import geoident
 from geoident.errors import InputError
 from geoident.workflow.identifiability import identifiability
+from tests.support.commands import said_findings
 
 
 def _invoke(*words):
@@ -50,7 +51,7 @@ def test_what_gauges_cannot_tell_apart_is_named(tmp_path):
     assert result["parameters"]["E"]["determined"] is False
     assert result["parameters"]["E"]["value"] is None
     assert result["parameters"]["K0"]["determined"] is True
-    assert any("E" in finding and "sv" in finding for finding in result["findings"])
+    assert any("E" in finding and "sv" in finding for finding in said_findings(result))
 
 
 def test_a_fit_without_stages_to_read_is_refused_with_its_place(tmp_path):

@@ -13,6 +13,7 @@ from geoident.api import scan, simulate
 from geoident.errors import InputError, UsageError
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.io.result.file import write_result
+from geoident.model.results.findings import Finding
 from geoident.model.results.reduced import FORM
 from geoident.workflow.estimating.setup import problem_of_result
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
@@ -245,7 +246,7 @@ def test_a_fit_says_why_it_keeps_none(tmp_path):
         "No reduced model is kept: the stage 'second' releases in part the stress of ground that "
         "other stages have changed before."
     )
-    assert why in found.notes
+    assert Finding("no-reduced-model", "", why) in found.data.findings
     inputs = load_inputs(str(case), overrides=[partial])
     with pytest.raises(InputError, match="releases in part the stress"):
         restored_for(str(tmp_path / "case.fit.h5"), inputs)

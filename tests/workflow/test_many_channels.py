@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from geoident.workflow.estimating import model_error, model_error_covariance
-from tests.support.commands import run_command
+from tests.support.commands import run_command, said_findings
 from tests.support.many_channels import cost_of_fit, write_many_channels
 
 
@@ -42,13 +42,13 @@ def test_what_is_approximated_of_many_readings_moves_no_answer(case, monkeypatch
     np.testing.assert_allclose(width, half, rtol=0.05)
     assert np.abs(there - mean).max() < 0.1 * sd.max()
     np.testing.assert_allclose(spread, sd, rtol=0.05)
-    assert not any("too many for the full model error" in text for text in said["findings"])
+    assert not any("too many for the full model error" in text for text in said_findings(said))
 
 
 def test_points_that_stand_too_densely_are_said(case, monkeypatch):
     monkeypatch.setattr(model_error_covariance, "MOST_MODES", 12)
     *_, said = fitted(case, "--set", "fit.model_error=30 %")
-    (found,) = (text for text in said["findings"] if "too many for the full model error" in text)
+    (found,) = (text for text in said_findings(said) if "too many for the full model error" in text)
     assert found.startswith("600 readings are too many for the full model error")
     assert "every fifth" in found
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from geoident.forward.reduced import reduction
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit
@@ -115,7 +116,7 @@ def test_a_fit_and_all_that_it_says_takes_fewer_evaluations(case, whole):
     assert whole.status == "converged"
     assert whole.prediction is not None
     assert len(whole.backtest.steps) == 1
-    assert any("The mesh is too coarse" in said for said in whole.findings)
+    assert any("The mesh is too coarse" in said for said in sentences_of(whole.findings))
     assert plain.counts.evaluations > whole.counts.evaluations
     wide = whole.parameters.upper95 - whole.parameters.lower95
     for name in ("values", "lower95", "upper95"):

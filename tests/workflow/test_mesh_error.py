@@ -16,6 +16,7 @@ from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
 from geoident.model.results.costs import NO_COST
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.estimating import fitted_mesh as in_fits
 from geoident.workflow.estimating import mesh_error as module
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
@@ -338,7 +339,9 @@ def test_a_fit_says_that_its_mesh_is_too_coarse_and_its_interval_covers(coarse):
     found = fitted(coarse)
     E = found.parameters
     assert E.lower95[0] < 10e9 < E.upper95[0]
-    assert any("The mesh is too coarse for these readings" in said for said in found.findings)
+    assert any(
+        "The mesh is too coarse for these readings" in said for said in sentences_of(found.findings)
+    )
     bands = found.prediction
     truth = found.gauges.measured[:, 1]
     assert np.all((bands.lower95[:, 1] < truth) & (truth < bands.upper95[:, 1]))
@@ -412,7 +415,7 @@ def test_what_the_finer_mesh_costs_is_counted(coarse, monkeypatch):
 def test_a_fine_mesh_is_not_spoken_of(coarse):
     rough = tuple(f"gauges.{name}.accuracy=5 mm" for name in ("CV", "R", "S"))
     found = fitted(coarse, overrides=("mesh.file=fine.inp", *rough))
-    assert not any("mesh" in said for said in found.findings)
+    assert not any("mesh" in said for said in sentences_of(found.findings))
     assert found.gauges.errors == (None,) * 3
 
 
@@ -424,10 +427,10 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
         one = replace(found, accuracy=np.full(found.error.shape, accuracy), how="recovery")
         one = replace(one, notes=("How it was found.",))
         fit = in_fits.FittedMesh(one, everything, shift=1.0, counts=True)
-        assert fit.findings == ((fit.sentence,) if acts else ())
+        assert sentences_of(fit.findings) == ((fit.sentence,) if acts else ())
         assert fit.notes == (*(() if acts else (fit.sentence,)), *one.notes)
         unseen = replace(fit, counts=False)
-        assert (unseen.findings, unseen.notes) == ((), ())
+        assert (sentences_of(unseen.findings), unseen.notes) == ((), ())
         assert "check CASE.fit.h5 --mesh-error" in fit.sentence  # at the fit, not at the start
 
 
@@ -463,7 +466,9 @@ def test_gauges_better_than_stated_notice_the_mesh(coarse):
     found = fitted(coarse, overrides=overrides)
     E = found.parameters
     assert E.lower95[0] < 10e9 < E.upper95[0]
-    assert any("The mesh is too coarse for these readings" in said for said in found.findings)
+    assert any(
+        "The mesh is too coarse for these readings" in said for said in sentences_of(found.findings)
+    )
 
 
 def test_check_says_it_before_any_reading(coarse):

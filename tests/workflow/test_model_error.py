@@ -18,6 +18,7 @@ from geoident.identify.assessment.model_error import (
 )
 from geoident.identify.problem.problem import Discrepancy
 from geoident.model.gauges import Channel
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.estimating import model_error_covariance, model_error_search
 from geoident.workflow.estimating.model_error import FittedModelError, model_error_findings
 from geoident.workflow.estimating.model_error_covariance import (
@@ -249,7 +250,7 @@ def test_turns_that_go_half_of_the_way_end_at_the_same_answer(site, plain, monke
 
 def test_turns_that_do_not_come_to_rest_are_said(site, monkeypatch):
     monkeypatch.setattr(model_error_search, "ROUNDS", 1)
-    findings = site().data.findings
+    findings = sentences_of(site().data.findings)
     assert any("did not come to rest in 1 rounds" in finding for finding in findings)
 
 
@@ -303,7 +304,9 @@ def test_gauges_worse_than_stated_are_told_from_a_model_error(site):
     found, error = fitted.data, fitted.data.model_error
     assert 2.0 < error.factor < 4.0
     assert error.factor_lower95 < error.factor < error.factor_upper95
-    (said,) = [text for text in found.findings if "times as much as their stated" in text]
+    (said,) = [
+        text for text in sentences_of(found.findings) if "times as much as their stated" in text
+    ]
     assert said == error.sentence
     with_zero = np.hypot(1.0, error.zero)
     np.testing.assert_allclose(found.gauges.accuracy, 5e-6 * error.factor * with_zero)
@@ -333,8 +336,8 @@ def test_errors_of_zeros_that_are_sure_are_said():
     weighed = SizeWeights(joint, joint, joint[5], None)
     found = FittedModelError(nothing, 0.1, 10.0, weighed, zero=2.3)
     (said,) = model_error_findings(found)
-    assert "All readings of a channel share an error of 2.3 accuracies (95 %: 1" in said
-    assert model_error_findings(replace(found, weighed=None)) == ()
+    assert "All readings of a channel share an error of 2.3 accuracies (95 %: 1" in said.sentence
+    assert not [*model_error_findings(replace(found, weighed=None))]
 
 
 def problem_at_the_end(result):

@@ -13,6 +13,7 @@ from support.trench import CASE, READINGS, write_case
 from geoident.cli.app import geoident
 from geoident.fem.faces import distance_to_faces, face_table, patches
 from geoident.forward.gauges.beyond_mesh import allowed_distance
+from tests.support.commands import said_findings
 
 
 def _json(command, case):
@@ -52,7 +53,9 @@ def test_readings_that_go_the_other_way_are_told_from_bad_ones(tmp_path):
         "bounds: [0.2, 4]", "bounds: [0.9, 4]"
     )
     found = _fit(tmp_path, "\n".join([rows[0], *turned]) + "\n", every_stage)
-    assert any("have the opposite sign of the computed" in finding for finding in found["findings"])
+    assert any(
+        "have the opposite sign of the computed" in finding for finding in said_findings(found)
+    )
 
 
 def test_a_model_that_does_not_meet_the_readings_says_so_at_once(tmp_path):

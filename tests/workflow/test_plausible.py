@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from support.commands import run_command
+from support.commands import run_command, said_findings
 from support.trench import CASE, READINGS, write_case
 
 from geoident.workflow.check import check
@@ -70,7 +70,7 @@ def findings(tmp_path, readings, case=CASE):
     path.write_text(case)
     (tmp_path / "readings.csv").write_text(readings)
     told = run_command("fit", str(path), "--json", "-q", "--force")
-    return " | ".join(json.loads(told.stdout)["findings"])
+    return " | ".join(said_findings(json.loads(told.stdout)))
 
 
 def test_readings_with_the_other_sign_are_found(tmp_path):

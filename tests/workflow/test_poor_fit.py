@@ -12,8 +12,10 @@ from support.commands import run_command
 from support.results import changed_gauges, gauges
 from support.trench import CASE, READINGS, write_case
 
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.estimating.diagnosis import why_poor
 from geoident.workflow.estimating.wrong_readings import accuracy_residuals
+from tests.support.commands import said_findings
 
 LOSSES = ["squared", "huber", "student-t"]
 
@@ -56,10 +58,10 @@ def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, los
     code, found = fitted(tmp_path, loss, readings=READINGS.replace(line, absurd), more=more)
     assert (code, found["status"]) == (4, "poor-fit")
     assert "does not fit the readings" in found["reason"]
-    (said,) = [text for text in found["findings"] if "grossly wrong" in text]
+    (said,) = [text for text in said_findings(found) if "grossly wrong" in text]
     assert f"readings.csv:{number}:" in said
     assert "CV at second" in said
-    assert not any("accuracies: estimate" in text for text in found["findings"])
+    assert not any("accuracies: estimate" in text for text in said_findings(found))
 
 
 def test_predictions_from_a_poor_fit_are_not_to_be_relied_on(tmp_path):
@@ -95,11 +97,11 @@ def test_the_residual_of_most_accuracies_is_named_whatever_else_explains_it():
     last = np.array([name == table.channels[-1] for name in table.readings.channel])
     stated = replace(table.readings, sd=np.where(last, 5e-5, 1e-4), own_sd=None)
     table = replace(table, readings=stated)
-    (said,) = accuracy_residuals(table)
+    (said,) = sentences_of(accuracy_residuals(table))
     assert said.startswith("EX-1.a8 at bench 1 is 0.8 mm from what is computed, 8.0 of its")
     measured = table.measured.copy()
     measured[-1, 0] -= 4.2e-4
-    (said,) = accuracy_residuals(changed_gauges(table, measured=measured))
+    (said,) = sentences_of(accuracy_residuals(changed_gauges(table, measured=measured)))
     assert said.startswith(f"{table.channels[-1]} at {table.stages[0]} is 0.52 mm")
     assert "10.4 of its accuracies" in said
     near = np.where(np.abs(table.measured - table.computed) > 4.9e-4, np.nan, table.measured)

@@ -6,12 +6,14 @@ normal distribution of c, z and the readings.
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from geoident.io.result.file import read_result
-from tests.support.commands import run_command
+from geoident.io.result.file import read_result, write_result
+from geoident.model.results.findings import Finding, sentences_of
+from tests.support.commands import run_command, said_findings
 from tests.support.trench import CASE, READINGS, write_case
 
 SCRIPT = """\
@@ -103,9 +105,18 @@ def test_another_section_takes_over_no_error_of_a_gauge_of_the_same_name(fitted)
     assert "no error of a gauge is taken over from the fit" in said
     assert "P at one" in said
     # what the fit says of its own readings is not said of those of the same names
-    before = json.loads(run_command("show", "a.fit.h5", "--json").stdout)["findings"]
+    before = said_findings(json.loads(run_command("show", "a.fit.h5", "--json").stdout))
     assert any("most influential reading" in text for text in before)
-    assert found["findings"][1:] == [f"Of the fit: {text}" for text in before]
+    assert said_findings(found)[1:] == [f"Of the fit: {text}" for text in before]
+
+
+def test_a_prediction_does_not_repeat_the_collapses_of_its_fit(fitted):
+    """It has its own, of what it computed."""
+    fit = read_result("a.fit.h5")
+    fallen = Finding("collapse", "three", "With these parameters, the ground falls at stage three.")
+    write_result(replace(fit, findings=(fallen, *fit.findings)), "a.fit.h5", overwrite=True)
+    _, found, _ = predicted()
+    assert said_findings(found) == list(sentences_of(fit.findings))
 
 
 def test_the_same_section_with_later_readings_keeps_the_zeros_of_its_gauges(fitted):

@@ -31,7 +31,8 @@ def test_an_interval_that_nothing_closes_ends_on_the_bound():
 
 def test_a_bound_from_below_is_told_only_where_it_tells_something():
     said = " ".join(
-        bound_findings(_certificate(lower_bounds={"c": 2.5e6, "k": -0.8e6}), PARAMETERS)
+        one.sentence
+        for one in bound_findings(_certificate(lower_bounds={"c": 2.5e6, "k": -0.8e6}), PARAMETERS)
     )
     assert "c is at least 2.5 MPa, the other parameters being as found" in said
     assert "k is at least" not in said

@@ -8,6 +8,7 @@ import pytest
 from geoident.model.parameter import Prior
 from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.report.text.json import dumps, result_object
 from geoident.report.text.result import result_text
@@ -53,7 +54,7 @@ def result():
         method="gauss-newton",
         reason="No step helps.",
         objective=1.0,
-        findings=("E is not determined.",),
+        findings=(Finding("not-determined", "E", "E is not determined."),),
         case_text="",
         case_resolved="",
         provenance=Provenance("fit", {}, 0, "case.yaml", "", "", "", "", ""),

@@ -10,6 +10,7 @@ from support.commands import run_command
 from support.strata import TRUTH, write_case, write_readings
 
 from geoident.io.result.file import read_result
+from geoident.model.results.findings import sentences_of
 from geoident.model.results.rivals import Rivals
 from geoident.report.text.result import result_text
 
@@ -40,7 +41,7 @@ def test_a_rival_of_like_odds_is_named_and_leaves_the_dip_undetermined(tension_l
     assert np.any(np.all(np.abs(rivals.values - truth) < 3.0 * sd, axis=1))  # one of them is right
     assert not result.parameters.determined[2]
     assert np.isnan(result.parameters.upper95[2])
-    (said,) = [text for text in result.findings if "nearly as low" in text]
+    (said,) = [text for text in sentences_of(result.findings) if "nearly as low" in text]
     assert "dip" in said
     assert "odds" in said
     assert told["parameters"]["dip"]["value"] is None

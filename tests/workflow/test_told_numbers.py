@@ -15,6 +15,8 @@ from scipy.stats import norm
 from support.commands import run_command
 from support.trench import CASE, READINGS, write_case
 
+from tests.support.commands import said_findings
+
 ACCURACY = 0.01e-3
 QUANTILE = norm.ppf(0.975)
 MISFIT = "The model does not fit the readings"
@@ -122,6 +124,6 @@ def test_residuals_that_errors_do_not_explain_have_consequences(told, tmp_path, 
     shown = f"{times:.1f}" if times < 10.0 else f"{times:.3g}"
     told_so = f"{shown} times as large as the stated accuracies explain"
     assert (told_so in found["reason"]) == poor
-    assert any(told_so in text for text in found["findings"]) == (chance < 0.01)
+    assert any(told_so in text for text in said_findings(found)) == (chance < 0.01)
     assert found["status"] == ("poor-fit" if poor else "converged")
     assert run.exit_code == (4 if poor else 0)

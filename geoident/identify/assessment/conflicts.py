@@ -16,6 +16,7 @@ from scipy.special import ndtr, ndtri
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.findings import Finding
 from geoident.units import in_unit, shown_unit
 
 FALSE_ALARMS = 0.05
@@ -77,17 +78,17 @@ def prior_conflicts(
     return tuple(sorted(conflicts, key=lambda one: -abs(one.distance)))
 
 
-def conflict_sentences(
+def conflict_findings(
     conflicts: Sequence[PriorConflict], parameters: Sequence[Parameter], reference: Floats
-) -> tuple[str, ...]:
-    """One sentence for each prior that contradicts the readings.
+) -> tuple[Finding, ...]:
+    """One finding for each prior that contradicts the readings.
 
     Args:
         conflicts: the priors and their distances.
         parameters: the n unknowns.
         reference: (n,) by which linear parameters are divided in x.
     """
-    sentences = []
+    findings = []
     for conflict in conflicts:
         q, size = parameters[conflict.parameter], float(reference[conflict.parameter])
         assert q.prior is not None
@@ -100,41 +101,43 @@ def conflict_sentences(
         unit = f" {shown_unit(q.unit, q.dimension)}".rstrip()
         chance = 2.0 * float(ndtr(-abs(conflict.distance)))
         seldom = f"1 of {1.0 / chance:.0f}" if chance > 1e-4 else "less than 1 of 10 000"
-        sentences.append(
+        sentence = (
             f"The prior of {q.name} ({mean} +- {sd}{unit}) contradicts the readings: without it "
             f"they give {value}{unit} (95 %: {low} to {high}), {abs(conflict.distance):.1f} "
             f"standard deviations from it. By chance this happens in {seldom} fits. The result "
             "lies between the two: the prior, the accuracies or the model is wrong."
         )
-    return tuple(sentences)
+        without = dict(zip(("value", "lower95", "upper95"), map(float, natural), strict=False))
+        numbers = {**without, "distance": conflict.distance}
+        findings.append(Finding("prior-conflict", q.name, sentence, numbers))
+    return tuple(findings)
 
 
-def tied_sentences(
-    parameters: Sequence[Parameter], correlation: Floats, inseparable: Sequence[str]
-) -> Iterator[str]:
-    """A sentence for each strongly correlated pair of parameters.
+def tied_findings(
+    parameters: Sequence[Parameter], correlation: Floats, gaps: Sequence[Finding]
+) -> Iterator[Finding]:
+    """A finding for each strongly correlated pair of parameters.
 
     Args:
         parameters: the k that the case names.
         correlation: (k, k) NaN where they are not determined.
-        inseparable: sentences on parameters that cannot be separated at all.
+        gaps: what is not determined: of parameters that cannot be separated nothing more is said.
     """
-    heads = [
-        text.partition(":")[0].replace(",", " ").split()
-        for text in inseparable
-        if text.startswith("The readings cannot separate ")
-    ]
+    inseparable = [{*gap.subject.split(", ")} for gap in gaps]
     for i, one in enumerate(parameters):
         for j, other in enumerate(parameters[i + 1 :], start=i + 1):
             size = float(correlation[i, j])
-            named = any(one.name in names and other.name in names for names in heads)
+            named = any({one.name, other.name} <= names for names in inseparable)
             if named or not abs(size) >= TIED:
                 continue
             how = (
                 "both larger or both smaller" if size > 0.0 else "one larger and the other smaller"
             )
-            yield (
+            yield Finding(
+                "correlated",
+                f"{one.name}, {other.name}",
                 f"{one.name} and {other.name} are strongly correlated ({size:.2f}): "
                 f"{how}, they would fit the readings nearly as well. A prior on one of them would "
-                "narrow both."
+                "narrow both.",
+                {"correlation": size},
             )

@@ -1,4 +1,4 @@
-"""Sentences on what the readings do not determine, for the people who placed the gauges.
+"""What the readings do not determine, for the people who placed the gauges.
 
 The undetermined directions of readings and priors together are gaps that remain. The undetermined
 directions of the readings alone that are not among them are held by a prior only. For a gap of two
@@ -21,6 +21,7 @@ from geoident.identify.assessment.spectrum import SingularDirections, sparse_bas
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.findings import Finding, FindingKind
 
 NOTICEABLE = 0.15
 """Entries below this part of the largest are not named."""
@@ -148,7 +149,7 @@ class Knowledge:
             yield Direction.of(weight * vector, names, self.relative)
 
 
-def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
+def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[Finding, ...]:
     """All findings at an estimate.
 
     Args:
@@ -167,24 +168,30 @@ def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
     )
 
 
-def _gap(direction: Direction, pair: str) -> str:
+def _gap(direction: Direction, pair: str) -> Finding:
     """A direction that nothing determines."""
-    names = join(direction.names)
-    if len(direction.names) == 1:
-        return f"The readings do not determine {names}."
-    return f"The readings cannot separate {names}: {direction.phrase()}.{pair}"
+    kind: FindingKind = "not-determined" if len(direction.names) == 1 else "not-separated"
+    return Finding(kind, ", ".join(direction.names), f"{_unseen(direction)}.{pair}")
 
 
-def _held(known: Knowledge, direction: Direction, pair: str) -> str:
+def _held(known: Knowledge, direction: Direction, pair: str) -> Finding:
     """A direction that only a prior determines."""
     names = [q.name for q in known.parameters if q.prior and q.name in direction.names]
     if len(direction.names) == 1:
         prior = "its prior" if names else "the priors"
-        return f"{_gap(direction, '')[:-1]}: it is known only from {prior}."
-    one = len(names) == 1
-    of = f" of {join(names)}" if names else ""
-    separate = f"the prior{of} separates" if one else f"the priors{of} separate"
-    return f"{_gap(direction, '')} Only {separate} them.{pair}"
+        sentence = f"{_unseen(direction)}: it is known only from {prior}."
+    else:
+        of = f" of {join(names)}" if names else ""
+        separate = f"prior{of} separates" if len(names) == 1 else f"priors{of} separate"
+        sentence = f"{_unseen(direction)}. Only the {separate} them.{pair}"
+    return Finding("only-prior", ", ".join(direction.names), sentence)
+
+
+def _unseen(direction: Direction) -> str:
+    """That the readings do not determine a direction; the sentence goes on."""
+    if len(direction.names) == 1:
+        return f"The readings do not determine {direction.names[0]}"
+    return f"The readings cannot separate {join(direction.names)}: {direction.phrase()}"
 
 
 def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats) -> str:
@@ -207,7 +214,7 @@ def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats)
     return f" {text} is determined: {value:.4g} (95 %: {low:.4g} to {high:.4g}, SI units)."
 
 
-def _prior_only(known: Knowledge, reported: set[int]) -> Iterator[str]:
+def _prior_only(known: Knowledge, reported: set[int]) -> Iterator[Finding]:
     """Parameters that hardly gained from the readings, and those that lean on their priors.
 
     With the posterior covariance C, an error of one standard deviation in the prior row P_k
@@ -226,17 +233,23 @@ def _prior_only(known: Knowledge, reported: set[int]) -> Iterator[str]:
             if j != i and not known.from_prior[j] and leans[j]
         ]
         also = f" The results for {join(leaning)} rest mainly on that prior." if leaning else ""
-        yield f"{parameter.name} is known only from its prior: the readings hardly add to it.{also}"
+        yield Finding(
+            "only-prior",
+            parameter.name,
+            f"{parameter.name} is known only from its prior: the readings hardly add to it.{also}",
+        )
 
 
-def _bounds(known: Knowledge) -> Iterator[str]:
+def _bounds(known: Knowledge) -> Iterator[Finding]:
     """Parameters that a bound holds."""
     for i, parameter in enumerate(known.parameters):
         if known.at_bound[i] and parameter.lower < parameter.upper:
             low = known.values[i] - parameter.lower < parameter.upper - known.values[i]
             side, way, more = ("lower", "above", "less") if low else ("upper", "below", "more")
-            yield (
+            yield Finding(
+                "at-bound",
+                parameter.name,
                 f"{parameter.name} lies on its {side} bound: the readings limit how far {way} it "
                 f"the value may be, but the bound itself is an assumption. If the ground may have "
-                f"{more}, widen the bound."
+                f"{more}, widen the bound.",
             )

@@ -42,9 +42,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.assessment.conflicts import (
-    conflict_sentences,
+    conflict_findings,
     prior_conflicts,
-    tied_sentences,
+    tied_findings,
 )
 from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.spectrum import SingularDirections, admissible_ranges
@@ -56,6 +56,7 @@ from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.findings import Finding
 
 PRIOR_SHARE = 0.95
 """Posterior by prior standard deviation from which on a parameter is known from its prior only."""
@@ -83,7 +84,7 @@ class Assessment:
         from_prior: (n,) not determined by readings, but known from its prior: nothing is missing.
         singular_values: (min(g, n),) of B, the readings alone, largest first; where there are
             fields, of the parameters that the case names, with the fields free.
-        findings: sentences on what is not determined and what only a prior fixes.
+        findings: what is not determined and what only a prior fixes.
         dp_dx: (n,) derivatives of the parameters by the scaled ones, SI.
         posterior: of x, from the estimate, cut at the bounds.
         uncut_mean: (n,) mean of the normal that is cut, from the estimate.
@@ -107,7 +108,7 @@ class Assessment:
     determined: Bools
     from_prior: Bools
     singular_values: Floats
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     dp_dx: Floats
     posterior: Posterior
     uncut_mean: Floats
@@ -158,7 +159,7 @@ def assess(
     named = np.array([not q.field for q in problem.parameters], dtype=np.bool_)
     held_x = held.determined_covariance * np.outer(width, width)
     pressed = np.zeros(len(values))
-    conflicts: tuple[str, ...] = ()
+    conflicts: tuple[Finding, ...] = ()
     if readings is not None:
         of_priors, rows = scaling.prior_residuals(values), scaling.prior_jacobian(values)
         r = np.concatenate([problem.whiten(readings - problem.measured), of_priors])
@@ -170,7 +171,7 @@ def assess(
         contradicting = prior_conflicts(
             scaling.to_scaled(values) + step, rows, of_priors + rows @ step, held_x, named
         )
-        conflicts = conflict_sentences(contradicting, problem.parameters, scaling.reference)
+        conflicts = conflict_findings(contradicting, problem.parameters, scaling.reference)
     mean, factor = _uncut(scaling, whole, width, pressed)
     x = scaling.to_scaled(values)
     posterior = truncated_normal(
@@ -188,7 +189,7 @@ def assess(
     size, square = dp_dx * width, np.ix_(named, named)
     every = whole.determined_covariance + whole.undetermined_columns @ whole.undetermined_columns.T
     gaps = describe_gaps(known, (np.outer(size, size) * every)[square])
-    tied = tied_sentences(known.parameters, numbers["correlation"][square], gaps)
+    tied = tied_findings(known.parameters, numbers["correlation"][square], gaps)
     return Assessment(
         **numbers,
         beyond_bounds=numbered & beyond,
@@ -294,10 +295,11 @@ def with_posterior(
     if lost.any():
         names = [problem.parameters[i].name for i in np.flatnonzero(lost)]
         verb, seem = ("is", "it seems") if len(names) == 1 else ("are", "they seem")
-        findings += (
+        sentence = (
             f"{join(names)} {verb} not determined: near the estimate {seem} to be known, but "
-            "values far from it fit the readings nearly as well.",
+            "values far from it fit the readings nearly as well."
         )
+        findings += (Finding("not-determined", ", ".join(names), sentence),)
     return replace(
         assessment,
         posterior=posterior,

@@ -106,6 +106,8 @@ def _arrays(entries: Iterable[tuple[Slot, Any]]) -> dict[str, tuple[Slot, Any]]:
         kind = slot.column.kind
         if kind == "text":
             array = texts(value) if slot.axes else texts([value]).reshape(())
+        elif kind == "json":
+            array = texts([json.dumps(dict(one)) for one in value])
         else:
             array = np.asarray(value, dtype=_DTYPES[kind])
         parts.setdefault(slot.name, []).append(array)
@@ -204,7 +206,10 @@ class RecordReader:
         if not axes:
             return _attribute(table, column, name)
         if not column.optional or name in table or name == group:  # then it is all of the group
-            return table.column(name, column.kind, self._shape(table, group, axes))
+            shape = self._shape(table, group, axes)
+            if column.kind == "json":
+                return tuple(json.loads(text) for text in table.column(name, "text", shape))
+            return table.column(name, column.kind, shape)
         if column.required and column.kind == "float":
             return np.full(self._shape(table, group, axes), np.nan)
         return None

@@ -37,6 +37,7 @@ LABELS: Mapping[str, tuple[str, ...]] = {"axis": ("x", "y", "z"), "end": ("first
 _KINDS: Mapping[Any, str] = {
     Floats: "float", Ints: "int", Bools: "bool", tuple[str, ...]: "text",
     float: "float", int: "int", bool: "bool", str: "text", Mapping[str, str]: "json",
+    Mapping[str, float]: "json",
 }  # fmt: skip
 
 _SINGLE = (float, int, bool, str)

@@ -26,7 +26,6 @@ class ModelErrorTable:
         floors: (k, J) the error at eta = 1 that each reading has of a step, however little the step
             adds to it, SI.
         sentence: its size in words.
-        findings: sentences on what cannot be told from it.
         factor: by which the readings scatter more than their stated accuracies; those of the result
             are the stated ones times it.
         factor_lower95: lower end of its 95 % interval; 1 where it was not estimated.
@@ -48,7 +47,6 @@ class ModelErrorTable:
     steps: Floats = field(metadata=column("reading", "state"))
     floors: Floats = field(metadata=column("reading", "state"))
     sentence: str = ""
-    findings: tuple[str, ...] = field(default=(), metadata=column())
     factor: float = field(default=1.0, metadata=column(title="scatter"))
     factor_lower95: float = field(default=1.0, metadata=column(title="scatter_lower95"))
     factor_upper95: float = field(default=1.0, metadata=column(title="scatter_upper95"))

@@ -20,6 +20,7 @@ from geoident.model.results.backtest import Backtest
 from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import column, derived, select
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
@@ -781,7 +782,7 @@ class Result:
         reason: why it stopped, one sentence with the remedy where there is one.
         objective: what was minimised, with the prior's part, at the estimate; NaN if none. The
             plain weighted squares, unless the loss is robust: those are in ``diagnostics``.
-        findings: sentences on what is not determined and which directions only the prior fixes.
+        findings: what an engineer must know before using the numbers.
         case_text: the case verbatim.
         case_resolved: the same with overrides applied, as YAML.
         parameters, gauges, prediction, history, grid, fields, counts: see their types.
@@ -813,7 +814,9 @@ class Result:
     method: str
     reason: str
     objective: float
-    findings: tuple[str, ...] = field(metadata=column(optional=True))
+    findings: tuple[Finding, ...] = field(
+        metadata=column("finding", group="findings", optional=True)
+    )
     case_text: str = field(metadata=column(group="case", name="verbatim", dataset=True))
     case_resolved: str = field(metadata=column(group="case", name="resolved", dataset=True))
     provenance: Provenance = field(metadata=column())

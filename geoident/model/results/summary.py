@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from geoident.model.arrays import Floats
 from geoident.model.gauges import StageReadings
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import ParameterTable
 from geoident.model.results.surface import SurfaceTable
 
@@ -283,14 +284,14 @@ class Identifiability:
 
     Args:
         parameters: the parameters at their start values, with the intervals to expect.
-        findings: sentences on what would stay undetermined.
+        findings: what would stay undetermined.
         singular_values: (min(g, n),) of the scaled sensitivities of the readings.
         readings: number g of planned readings: all channels at all stages of the fit.
         read: the case has readings already.
     """
 
     parameters: ParameterTable
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     singular_values: Floats
     readings: int
     read: bool = True

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
+from geoident.model.results.findings import sentences_of
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.many.campaign import CampaignTable
 from geoident.model.results.many.project import ProjectResult, SectionEnd
@@ -98,7 +99,7 @@ def _project(result: ProjectResult) -> tuple[PagePart, ...]:
             TitledTable("Common to all sections", common_table(result)),
             TitledTable("Laws, and how far sections scatter about them", laws_table(result)),
         ),
-        section("Findings", _sentences(result.findings)),
+        section("Findings", _sentences(sentences_of(result.findings))),
         section("Laws", Figures(law_pictures(result))),
         section(
             "Sections",

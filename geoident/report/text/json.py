@@ -77,7 +77,7 @@ def result_object(
         "gauges": gauges_list(result),
         "predictions": predictions_list(result),
         "readings": readings_list(result),
-        "findings": result.findings,
+        "findings": [attributes(finding) for finding in result.findings],
         "notes": result.notes,
         **({"outdated": list(outdated)} if outdated else {}),
         "singular_values": result.singular_values,
@@ -155,7 +155,7 @@ def plan_object(case: str, plan: Identifiability) -> dict[str, Any]:
         "case": case,
         "readings": plan.readings,
         "parameters": parameters_object(plan.parameters),
-        "findings": plan.findings,
+        "findings": [attributes(finding) for finding in plan.findings],
         "singular_values": plan.singular_values,
     }
 

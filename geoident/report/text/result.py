@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import sentences_of
 from geoident.model.results.result import Labelled, Result
 from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
@@ -82,7 +83,7 @@ def result_text(result: Result, *, title: str = "") -> str:
             surface.surface_table(result.surface).text,
             sentence(surface.surface_words(result.surface)),
         ),
-        section("Findings", bullets(result.findings)),
+        section("Findings", bullets(sentences_of(result.findings))),
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
@@ -111,7 +112,7 @@ def summary_text(result: Result) -> str:
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         sentence(_model_error(result)),
         sentence(extent.extent_sentence(result.yielded)),
-        bullets(result.findings),
+        bullets(sentences_of(result.findings)),
     )
     return "\n".join(part for part in parts if part)
 
@@ -119,7 +120,8 @@ def summary_text(result: Result) -> str:
 def _model_error(result: Result) -> str:
     """How well the model describes the ground, unless a finding says it."""
     error = result.model_error
-    return "" if error is None or error.sentence in result.findings else error.sentence
+    found = any(finding.kind == "model-error" for finding in result.findings)
+    return "" if error is None or found else error.sentence
 
 
 def _fit_parts(result: Result) -> tuple[str, ...]:
@@ -155,7 +157,7 @@ def plan_text(case: str, plan: Identifiability) -> str:
         f"{case}: {plan.readings} planned readings",
         section("Parameters at their start values, with the intervals to expect",
                 parameters_text(plan.parameters), sentence(_ALONE)),
-        section("Findings", bullets(plan.findings)),
+        section("Findings", bullets(sentences_of(plan.findings))),
     )  # fmt: skip
 
 
@@ -251,14 +253,14 @@ def _predicted(result: Result) -> list[str]:
 
 def warnings(result: Result) -> list[str]:
     """What an engineer must not overlook: how it ended, and what is not determined."""
-    sentences = list(result.findings)
-    if result.status in _UNHAPPY:
-        sentences.insert(0, result.reason)
-    for i in np.flatnonzero(result.parameters.at_bound).tolist():
-        name = result.parameters.names[i]
-        if not any(name in finding and "bound" in finding for finding in sentences):
-            sentences.append(f"{name} lies on its {nearer_bound(result.parameters, i)} bound.")
-    return [text for text in sentences if text]
+    table = result.parameters
+    named = {finding.subject for finding in result.findings if finding.kind == "at-bound"}
+    on_bound = [i for i in np.flatnonzero(table.at_bound).tolist() if table.names[i] not in named]
+    return [
+        *([result.reason] if result.status in _UNHAPPY and result.reason else []),
+        *sentences_of(result.findings),
+        *(f"{table.names[i]} lies on its {nearer_bound(table, i)} bound." for i in on_bound),
+    ]
 
 
 def compared_outcomes(results: Labelled) -> TextTable:

@@ -6,7 +6,7 @@ highest restricted likelihood, with these the parameters again, until neither ch
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, Reads
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, AccuracyTable
 from geoident.units import DIMENSIONLESS
 from geoident.workflow.running.readings import ChannelReading, error_structure
@@ -286,7 +287,7 @@ FEW = 5.0
 
 def freedom_notes(
     table: AccuracyTable, wider: Floats, names: Sequence[str]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
     """On how many degrees of freedom intervals rest: findings where these are few, else notes.
 
     Args:
@@ -308,10 +309,12 @@ def freedom_notes(
     )
     if nu.min() >= FEW:
         return (), (note,)
-    return (
+    sentence = (
         f"{note} So few determine the accuracies poorly: the intervals may hold a few per cent "
-        "less than 95 %. More readings, or accuracies that are stated, would do.",
-    ), ()
+        "less than 95 %. More readings, or accuracies that are stated, would do."
+    )
+    numbers = {"degrees_of_freedom": float(nu.min())}
+    return (Finding("degrees-of-freedom", ", ".join(names), sentence, numbers),), ()
 
 
 def _count(freedom: float) -> str:
@@ -323,25 +326,33 @@ def _times(size: Floats) -> str:
     return f"{low} times" if low == high else f"{low} to {high} times"
 
 
-def accuracy_findings(table: AccuracyTable) -> tuple[str, ...]:
-    """Sentences on accuracies that cannot be told apart, or are not as they were stated."""
+def accuracy_findings(table: AccuracyTable) -> Iterator[Finding]:
+    """Accuracies that cannot be told apart, or are not as they were stated."""
     apart = [name for name, known in zip(table.names, table.determined, strict=True) if not known]
-    findings = []
     if len(apart) > 1:
-        findings.append(
+        yield Finding(
+            "accuracy",
+            ", ".join(apart),
             f"The readings cannot separate the errors {join(apart)}: their ratio is as it was "
-            "assumed, and only what they make up together is estimated."
+            "assumed, and only what they make up together is estimated.",
         )
     elif apart:
-        findings.append(f"The readings do not determine the errors {apart[0]}: it is as assumed.")
+        sentence = f"The readings do not determine the errors {apart[0]}: it is as assumed."
+        yield Finding("accuracy", apart[0], sentence)
     for k, name in enumerate(table.names):
         factor = f"{table.values[k]:.2g} times"
         interval = f"(95 %: {table.lower95[k]:.2g} to {table.upper95[k]:.2g})"
         if table.parts[k] or not table.determined[k]:
             continue
         if table.lower95[k] > WORTH_SAYING or table.upper95[k] < 1.0 / WORTH_SAYING:
-            findings.append(
+            yield Finding(
+                "accuracy",
+                name,
                 f"The errors of gauges of the kind {name} are {factor} what their accuracy states "
-                f"{interval}; all intervals and bands are those of the estimated accuracies."
+                f"{interval}; all intervals and bands are those of the estimated accuracies.",
+                {
+                    "factor": float(table.values[k]),
+                    "lower95": float(table.lower95[k]),
+                    "upper95": float(table.upper95[k]),
+                },
             )
-    return tuple(findings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
 from geoident.model.parameter import Parameter
+from geoident.model.results.findings import Finding
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import (
     DIAGNOSTIC_COLUMNS,
@@ -124,8 +125,8 @@ def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
 
 def remarks(
     diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str], *, gross: bool = False
-) -> tuple[str, ...]:
-    """Sentences on readings that are far off or most influential, and on the stated accuracies.
+) -> tuple[Finding, ...]:
+    """Readings that are far off or most influential, and the stated accuracies.
 
     Args:
         diagnostics: the diagnostics of each reading.
@@ -134,86 +135,103 @@ def remarks(
         gross: some are grossly wrong: then the others may be off because of them.
     """
     diagnostics = diagnostics.wide(gauges)
-    sentences = [
+    return (
         *_against(gauges),
         *_most_influential(diagnostics, gauges, parameters),
         *_far_off(diagnostics, gauges),
-        *([] if gross else _scatter(diagnostics)),
-    ]
-    return tuple(sentences)
+        *(() if gross else _scatter(diagnostics)),
+    )
 
 
-def _against(gauges: GaugeTable) -> list[str]:
+def _against(gauges: GaugeTable) -> Iterator[Finding]:
     """Most readings have the opposite sign of the computed: their sign or the stress is wrong."""
     clear = gauges.used & (np.minimum(np.abs(gauges.measured), np.abs(gauges.computed)) > gauges.sd)
     against = clear & (gauges.measured * gauges.computed < 0.0)
     total, count = np.count_nonzero(clear), np.count_nonzero(against)
-    if total < 3 or count <= AGAINST * total:
-        return []
-    return [
-        f"{count} of {total} readings have the opposite sign of the computed ones: check their "
-        "sign (positive: the two points move apart; a settlement: downwards) and that of the "
-        "in-situ stress."
-    ]
+    if total >= 3 and count > AGAINST * total:
+        yield Finding(
+            "opposite-sign",
+            "",
+            f"{count} of {total} readings have the opposite sign of the computed ones: check their "
+            "sign (positive: the two points move apart; a settlement: downwards) and that of the "
+            "in-situ stress.",
+        )
 
 
 def _most_influential(
     diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]
-) -> list[str]:
+) -> Iterator[Finding]:
     """The reading whose removal changes the answer most."""
-    if np.count_nonzero(np.isfinite(diagnostics.standardized)) < 2:
-        return []
-    if not len(parameters):
-        return []
+    if np.count_nonzero(np.isfinite(diagnostics.standardized)) < 2 or not len(parameters):
+        return
     i, j = np.unravel_index(int(np.nanargmax(diagnostics.distance)), diagnostics.distance.shape)
-    name, change = f"{gauges.channels[i]} at {gauges.stages[j]}", diagnostics.influence[i, j]
+    channel, stage, change = gauges.channels[i], gauges.stages[j], diagnostics.influence[i, j]
     alone = [
         parameter for parameter, part in zip(parameters, change, strict=True) if np.isinf(part)
     ]
-    if alone:
-        return [f"Without the reading {name} nothing would determine {' and '.join(alone)}."]
     k = int(np.argmax(np.abs(change)))
-    if not abs(change[k]) >= WORTH_SAYING:
-        return []
-    moved = f"{parameters[k]} would be {abs(change[k]):.2g} of its standard deviations "
-    moved += "lower" if change[k] > 0.0 else "higher"
-    return [f"The most influential reading is {name}: without it {moved}."]
+    if alone:
+        sentence = (
+            f"Without the reading {channel} at {stage} nothing would determine "
+            f"{' and '.join(alone)}."
+        )
+    elif abs(change[k]) >= WORTH_SAYING:
+        sentence = (
+            f"The most influential reading is {channel} at {stage}: without it {parameters[k]} "
+            f"would be {abs(change[k]):.2g} of its standard deviations "
+            f"{'lower' if change[k] > 0.0 else 'higher'}."
+        )
+    else:
+        return
+    yield Finding("influential-reading", f"{channel}, {stage}", sentence)
 
 
-def _far_off(diagnostics: Diagnostics, gauges: GaugeTable) -> list[str]:
+def _far_off(diagnostics: Diagnostics, gauges: GaugeTable) -> Iterator[Finding]:
     size = np.abs(diagnostics.studentized)
     size[~(size > FAR_OFF)] = np.nan
     order = np.argsort(-np.nan_to_num(size), axis=None)[: np.count_nonzero(np.isfinite(size))]
+    if not order.size:
+        return
+    places = list(zip(*np.unravel_index(order[:5], size.shape), strict=True))
     named = [
         f"{gauges.channels[i]} at {gauges.stages[j]} ({_size(diagnostics.studentized[i, j])})"
-        for i, j in zip(*np.unravel_index(order[:5], size.shape), strict=True)
+        for i, j in places
     ]
     rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
-    what = "Readings far from the model, in standard deviations of their residual:"
-    return [f"{what} {', '.join(named)}{rest}."] if named else []
+    yield Finding(
+        "far-reading",
+        ", ".join(dict.fromkeys(gauges.channels[i] for i, _ in places)),
+        "Readings far from the model, in standard deviations of their residual: "
+        f"{', '.join(named)}{rest}.",
+    )
 
 
 def _size(t: float) -> str:
     return f"{t:+.1f}" if abs(t) < 1000.0 else f"{t:+.2g}"
 
 
-def _scatter(diagnostics: Diagnostics) -> list[str]:
+def _scatter(diagnostics: Diagnostics) -> Iterator[Finding]:
     if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
-        return [
+        yield Finding(
+            "misfit",
+            "",
             f"The residuals are {_times(diagnostics.misfit)} times as large as the stated "
             f"accuracies explain ({_by_chance(diagnostics.above)}): the gauges are less accurate "
             "than stated, or the model does not describe the ground; the intervals are then too "
             "narrow. If it is the gauges, write 'accuracies: estimate' under 'fit' (or 'accuracy: "
-            "estimate' at a gauge): the residuals then say how accurate they are."
-        ]
-    if diagnostics.below < SIGNIFICANCE and EXACT < diagnostics.misfit < TOO_SMALL:
-        return [
+            "estimate' at a gauge): the residuals then say how accurate they are.",
+            {"misfit": diagnostics.misfit, "probability": diagnostics.above},
+        )
+    elif diagnostics.below < SIGNIFICANCE and EXACT < diagnostics.misfit < TOO_SMALL:
+        yield Finding(
+            "misfit",
+            "",
             f"The residuals are only {diagnostics.misfit:.2g} of what the stated accuracies imply "
             f"({_by_chance(diagnostics.below)}): the gauges are more accurate than stated, and the "
             "intervals wider than they need be. Write 'accuracies: estimate' under 'fit' to let "
-            "the residuals say how accurate they are."
-        ]
-    return []
+            "the residuals say how accurate they are.",
+            {"misfit": diagnostics.misfit, "probability": diagnostics.below},
+        )
 
 
 def _times(size: float) -> str:
@@ -227,8 +245,10 @@ def _by_chance(probability: float) -> str:
     return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
 
 
-def linearity_findings(problem: Problem, assessment: Assessment, values: Floats) -> tuple[str, ...]:
-    """A sentence if the model is not linear over the interval of the least known parameter.
+def linearity_findings(
+    problem: Problem, assessment: Assessment, values: Floats
+) -> tuple[Finding, ...]:
+    """A finding if the model is not linear over the interval of the least known parameter.
 
     Args:
         problem: of the fit.
@@ -240,11 +260,13 @@ def linearity_findings(problem: Problem, assessment: Assessment, values: Floats)
         return ()
     name = problem.parameters[ends.parameter].name
     rises = " and ".join(f"{rise:.2g}" for rise in (ends.below, ends.above))
-    return (
+    sentence = (
         f"The model is not linear over the interval of {name}: at its ends the misfit rises by "
         f"{rises}, not by 3.8, so intervals and bands hold less or more than 95 %. `geoident "
-        "sample` draws from the posterior itself.",
+        "sample` draws from the posterior itself."
     )
+    numbers = {"rise_below": ends.below, "rise_above": ends.above}
+    return (Finding("nonlinear", name, sentence, numbers),)
 
 
 def why_poor(diagnostics: Diagnostics, gross: Ints, model_error: ModelErrorTable | None) -> str:
@@ -278,30 +300,30 @@ def why_poor(diagnostics: Diagnostics, gross: Ints, model_error: ModelErrorTable
 
 def bound_findings(
     certificate: Certificate | None, parameters: Sequence[Parameter]
-) -> tuple[str, ...]:
-    """A sentence for each parameter whose yield planes no strain point reaches."""
+) -> Iterator[Finding]:
+    """A finding for each parameter whose yield planes no strain point reaches."""
     if certificate is None:
-        return ()
+        return
     unreached = [q for q in parameters if q.name in certificate.lower_bounds]
     least = {q.name: certificate.lower_bounds[q.name] for q in unreached}
-    findings = [
-        f"No strain point reaches the yield planes of {q.name}: "
-        f"{q.name} is at least {_in_unit(least[q.name], q)}, the other parameters being as found."
-        for q in unreached
-        if least[q.name] > max(q.lower, 0.0)
-    ]
-    findings += [
-        f"No strain point reaches the yield planes of {q.name}, wherever it is within its bounds."
-        for q in unreached
-        if least[q.name] <= max(q.lower, 0.0)
-    ]
+    for q in sorted(unreached, key=lambda q: least[q.name] <= max(q.lower, 0.0)):
+        sentence = f"No strain point reaches the yield planes of {q.name}"
+        if least[q.name] > max(q.lower, 0.0):
+            sentence += (
+                f": {q.name} is at least {_in_unit(least[q.name], q)}, the other parameters being "
+                "as found."
+            )
+        else:
+            sentence += ", wherever it is within its bounds."
+        yield Finding("unreached", q.name, sentence, {"at_least": least[q.name]})
     names = ", ".join(dict.fromkeys([*(q.name for q in unreached), *certificate.open_above]))
     if names:
-        findings.append(
+        yield Finding(
+            "unreached",
+            names,
             f"The bands of predicted stages hold as long as {names} keeps the ground from yielding "
-            "as in the fitted stages; where a later stage loads it more, readings will tell."
+            "as in the fitted stages; where a later stage loads it more, readings will tell.",
         )
-    return tuple(findings)
 
 
 def opened(table: ParameterTable, certificate: Certificate | None) -> ParameterTable:

@@ -21,6 +21,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts, ReadingTable
 from geoident.model.results.costs import NO_COST, Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.mesh_error import MATTERS, MeshError
 from geoident.workflow.estimating.mesh_error import (
     Refinement,
@@ -65,9 +66,11 @@ class FittedMesh:
         return f"{sentence} Intervals and bands are widened by it. {shown}"
 
     @property
-    def findings(self) -> tuple[str, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """The sentence, where the mesh is too coarse: the user should act."""
-        return (self.sentence,) if self.counts and self._coarse else ()
+        if not (self.counts and self._coarse):
+            return ()
+        return (Finding("mesh-error", "", self.sentence, {"part": self.table.scatter(self.used)}),)
 
     @property
     def notes(self) -> tuple[str, ...]:

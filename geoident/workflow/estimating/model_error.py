@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from geoident.model.methods import (
     ScanOptions,
     SquaredOptions,
 )
+from geoident.model.results.findings import Finding
 from geoident.model.results.model_error import USUAL, ModelErrorTable
 from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.model_error_covariance import (
@@ -168,7 +169,7 @@ class FittedModelError:
         size: eta.
         length: over which it is correlated, m.
         weighed: what the residuals say of the size; None where it is given.
-        findings: sentences on what cannot be told from it.
+        findings: what cannot be told from it.
         factor: by which the readings scatter more than their stated accuracies.
         zero: error of the zero of each channel, in accuracies of a reading as it scatters.
         sd: (g,) standard deviations of the readings used, SI; None while they are searched.
@@ -178,7 +179,7 @@ class FittedModelError:
     size: float
     length: float
     weighed: SizeWeights | None = None
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     factor: float = 1.0
     zero: float = 0.0
     sd: Floats | None = None
@@ -223,7 +224,6 @@ class FittedModelError:
             steps=steps,
             floors=floors,
             sentence=self.sentence(),
-            findings=self.findings,
             factor=self.factor,
             factor_lower95=self._factor_quantile(0.025),
             factor_upper95=self._factor_quantile(0.975),
@@ -340,12 +340,14 @@ def _accuracies(channels: Sequence[Channel], sd: Floats | None) -> str:
     return join(ranges)
 
 
-def model_error_findings(model_error: FittedModelError | None) -> tuple[str, ...]:
-    """Sentences on a model error that is larger than usual, or not told from other errors."""
+def model_error_findings(model_error: FittedModelError | None) -> Iterator[Finding]:
+    """A model error that is larger than usual, or not told from other errors."""
     if model_error is None:
-        return ()
-    notable = model_error.large or model_error.scatters or bool(model_error.offset())
-    return (*((model_error.sentence(),) if notable else ()), *model_error.findings)
+        return
+    if model_error.large or model_error.scatters or model_error.offset():
+        numbers = {"size": model_error.size}
+        yield Finding("model-error", "", model_error.sentence(), numbers)
+    yield from model_error.findings
 
 
 def model_error_notes(

@@ -6,7 +6,7 @@ speak for, with these the parameters again, until none changes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -37,6 +37,7 @@ from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Floats
 from geoident.model.gauges import Channel, Reads
 from geoident.model.methods import ModelErrorOptions
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.accuracies import after
 from geoident.workflow.estimating.model_error import NAME, FittedModelError, percent
@@ -148,12 +149,12 @@ class ModelErrorSearch:
                 return self._explained(state, modes)
             used, t = following, weighed.components.log_factor
             size = size if fixed else weighed.size
-        finding = (
+        sentence = (
             f"Parameters and model error did not come to rest in {ROUNDS} rounds: others, "
             "with the model error that follows from them, meet the readings as well. State the "
             "model error ('fit: {model_error: ...}')."
         )
-        return self._explained(state, modes, finding)
+        return self._explained(state, modes, Finding("model-error-doubt", "", sentence))
 
     @cached_property
     def scatters(self) -> bool:
@@ -178,9 +179,9 @@ class ModelErrorSearch:
         return float(root[0]), float(root[1] / root[0]) if len(root) > 1 else 0.0
 
     def _explained(
-        self, state: WithModelError, modes: ErrorModes, *findings: str
+        self, state: WithModelError, modes: ErrorModes, *findings: Finding
     ) -> WithModelError:
-        """The same with sentences on what explains the residuals as well, and on what is left out.
+        """The same with findings: what explains the residuals as well, and what is left out.
 
         Args:
             state: at the end of the turns.
@@ -285,15 +286,15 @@ def _close(t: Floats, before: Floats) -> bool:
 # What cannot be told from it ---------------------------------------------------------------------
 
 
-def explanations(model_error: FittedModelError) -> tuple[str, ...]:
-    """Sentences on what explains the residuals by itself as well as the model error, or better.
+def explanations(model_error: FittedModelError) -> Iterator[Finding]:
+    """What explains the residuals by itself as well as the model error, or better.
 
     Args:
         model_error: the model error, and what was weighed beside it.
     """
     weighed = model_error.weighed
     if weighed is None or weighed.minus_two_l.shape[1] == 1:
-        return ()
+        return
     values = weighed.minus_two_l
     nothing, of_model = float(values[0, 0, 0]), float(values[:, 0, 0].min())
     others = []
@@ -309,39 +310,43 @@ def explanations(model_error: FittedModelError) -> tuple[str, ...]:
     alike = [words for words, value in others if abs(value - of_model) <= TELLS]
     of_error = f"a model error of {percent(model_error.size)}"
     if better:
-        return (
+        yield Finding(
+            "model-error-doubt",
+            "",
             f"{_capital(join(better, 'or'))} would explain the residuals better than {of_error}: "
             f"check that first. {_REMEDY}",
         )
-    if alike:
+    elif alike:
         scatters = weighed.prior.size > 1 and weighed.prior[0, 0] < 1.0
         of = (
             "all of them, each as likely as the readings leave it"
             if scatters
             else "the model error"
         )
-        return (
+        yield Finding(
+            "model-error-doubt",
+            "",
             f"The readings cannot separate {of_error} from {join(alike, 'or')}: intervals and "
             f"bands are those of {of}. {_REMEDY}",
         )
-    return ()
 
 
-def too_dense(part: Floats) -> tuple[str, ...]:
-    """A sentence where so many readings were taken so densely that a model error is approximated.
+def too_dense(part: Floats) -> Iterator[Finding]:
+    """A finding where so many readings were taken so densely that a model error is approximated.
 
     Args:
         part: (g,) of the own error of each reading that stands for what was left out.
     """
     square = float(np.mean(part**2))
-    if square <= _DENSE:
-        return ()
-    return (
-        f"{len(part)} readings are too many for the full model error between them: what is left "
-        f"out counts as {percent(np.sqrt(1.0 / (1.0 - square)) - 1.0)} less accuracy of each. A "
-        "part of the points (every fifth, say), or means of neighbouring ones, carry the same "
-        "information and need no such approximation.",
-    )
+    if square > _DENSE:
+        yield Finding(
+            "model-error-doubt",
+            "",
+            f"{len(part)} readings are too many for the full model error between them: what is "
+            f"left out counts as {percent(np.sqrt(1.0 / (1.0 - square)) - 1.0)} less accuracy of "
+            "each. A part of the points (every fifth, say), or means of neighbouring ones, carry "
+            "the same information and need no such approximation.",
+        )
 
 
 _DENSE = 0.05

@@ -20,6 +20,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
@@ -250,19 +251,16 @@ def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-_COLLAPSES = ("With these parameters, ", ". Nothing is predicted from there on.")
-
-
-def collapse_findings(survey: Survey) -> tuple[str, ...]:
-    """One sentence for every stage that the ground does not survive at the estimate."""
-    begin, end = _COLLAPSES
-    return tuple(f"{begin}{sentence}{end}" for sentence in survey.collapses)
-
-
-def without_collapses(findings: Sequence[str]) -> tuple[str, ...]:
-    """Findings that do not speak of a collapse: a prediction has its own, of what it computed."""
-    begin, end = _COLLAPSES
-    return tuple(text for text in findings if not (text.startswith(begin) and text.endswith(end)))
+def collapse_findings(survey: Survey) -> tuple[Finding, ...]:
+    """One for every stage that the ground does not survive at the estimate."""
+    return tuple(
+        Finding(
+            "collapse",
+            stage,
+            f"With these parameters, {text}. Nothing is predicted from there on.",
+        )
+        for text, stage in survey.collapses.items()
+    )
 
 
 # Where a bound truncates a parameter and the model is not linear there (theory 6.3)

@@ -27,6 +27,7 @@ from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import Prediction
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, ParameterTable
 from geoident.model.results.rivals import SETTLED, Evidence, Rivals
 from geoident.units import in_unit, shown_unit
@@ -219,8 +220,8 @@ def mixed_prediction(odds: Floats, parts: Sequence[Prediction]) -> Prediction:
     )
 
 
-def rival_findings(rivals: Rivals | None, table: ParameterTable) -> tuple[str, ...]:
-    """Sentences on the other minima.
+def rival_findings(rivals: Rivals | None, table: ParameterTable) -> tuple[Finding, ...]:
+    """The other minima.
 
     Args:
         rivals: None where there are none.
@@ -245,7 +246,9 @@ def rival_findings(rivals: Rivals | None, table: ParameterTable) -> tuple[str, .
             "would hold less than 95 %. A reading where the predictions of the two differ, or a "
             "prior, would decide."
         )
-    return (" ".join(sentences),)
+    subject = ", ".join(name for name, far in zip(table.names, apart, strict=True) if far)
+    numbers = {"minima": float(len(rivals))}
+    return (Finding("other-minimum", subject, " ".join(sentences), numbers),)
 
 
 def _others(rivals: Rivals, shown: Bools, table: ParameterTable) -> str:

@@ -16,6 +16,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts
+from geoident.model.results.findings import Finding
 from geoident.model.results.surface import SurfaceTable
 from geoident.units import in_unit, shown_unit
 
@@ -99,12 +100,13 @@ def surface_sentence(surface: SurfaceTable) -> str:
     return f"{sentence}; intervals and bands are widened by it."
 
 
-def surface_findings(surface: SurfaceTable | None) -> tuple[str, ...]:
+def surface_findings(surface: SurfaceTable | None) -> tuple[Finding, ...]:
     """The sentence, and what to do, where the surfaces know too little."""
     if surface is None or surface.part < MATTERS:
         return ()
     more = "Runs around these parameters would narrow the intervals."
-    return (f"{surface_sentence(surface)} {more}",)
+    numbers = {"part": surface.part}
+    return (Finding("surface-error", "", f"{surface_sentence(surface)} {more}", numbers),)
 
 
 def surface_notes(surface: SurfaceTable | None) -> tuple[str, ...]:

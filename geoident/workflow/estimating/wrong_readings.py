@@ -12,6 +12,7 @@ from geoident.io.text.wording import listing
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
 from geoident.units import in_unit, shown_unit
 
@@ -46,8 +47,8 @@ def gross_readings(readings: ReadingTable) -> Ints:
     return rows[np.argsort(-far[rows], kind="stable")]
 
 
-def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str, ...]:
-    """A sentence for readings that are grossly wrong, with the place where each is written.
+def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[Finding, ...]:
+    """A finding for readings that are grossly wrong, with the place where each is written.
 
     Args:
         gross: (m,) rows of `gross_readings`.
@@ -69,14 +70,16 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
         return ()
     rest = f" and {len(gross) - 5} more" if len(gross) > 5 else ""
     what = "Grossly wrong readings" if len(gross) > 1 else "A grossly wrong reading"
-    return (
+    sentence = (
         f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(places)}"
-        f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",
+        f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'."
     )
+    channels = dict.fromkeys(readings.channel[k] for k in gross.tolist())
+    return (Finding("gross-reading", ", ".join(channels), sentence),)
 
 
-def accuracy_residuals(gauges: GaugeTable) -> tuple[str, ...]:
-    """A sentence for the residual that is the most accuracies, where these do not explain it.
+def accuracy_residuals(gauges: GaugeTable) -> tuple[Finding, ...]:
+    """A finding for the residual that is the most accuracies, where these do not explain it.
 
     Args:
         gauges: measured and computed, with the accuracies as stated: estimated ones would grow
@@ -89,12 +92,14 @@ def accuracy_residuals(gauges: GaugeTable) -> tuple[str, ...]:
     i, j = np.unravel_index(int(np.argmax(times)), times.shape)
     unit = gauges.units[i], gauges.dimensions[i]
     size = f"{in_unit(float(np.abs(residual[i, j])), *unit):.3g} {shown_unit(*unit)}".rstrip()
-    return (
+    sentence = (
         f"{gauges.channels[i]} at {gauges.stages[j]} is {size} from what is computed, "
         f"{_shown(float(times[i, j]))} of its accuracies: if the accuracy is right, the model or "
         "the reading is wrong. `geoident compare` shows whether another model (anisotropic, "
-        "yielding, different in-situ stress) describes the ground better.",
+        "yielding, different in-situ stress) describes the ground better."
     )
+    subject = f"{gauges.channels[i]}, {gauges.stages[j]}"
+    return (Finding("far-reading", subject, sentence, {"accuracies": float(times[i, j])}),)
 
 
 def _shown(times: float) -> str:
@@ -114,8 +119,8 @@ _AGAINST = -0.5
 """Correlation of measured and computed readings of a gauge, about zero, that is against."""
 
 
-def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
-    """A sentence for gauges that read the opposite of what is computed.
+def opposite_findings(gauges: GaugeTable) -> tuple[Finding, ...]:
+    """A finding for gauges that read the opposite of what is computed.
 
     A sign that a file counts the other way round cannot be fitted, and scatter, a model error or a
     bound would take it up without a word.
@@ -148,9 +153,10 @@ def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
     if not turned or (count < 2 and most <= _MOVES_ALONE):
         return ()
     what = "readings of {} run" if count > 1 else "reading of {} runs"
-    return (
+    sentence = (
         f"The {what.format(listing(turned))} against the model: measured and computed have "
         "opposite signs. Distances are positive where they grow, settlements downwards (page "
         "'Conventions'); where a file counts the other way round, its 'channels' take 'sign: -1'. "
-        "If the signs are right, the model moves the wrong way.",
+        "If the signs are right, the model moves the wrong way."
     )
+    return (Finding("opposite-sign", ", ".join(turned), sentence),)

@@ -1,9 +1,10 @@
-"""Sentences on what several sections tell, and what they do not."""
+"""What several sections tell, and what they do not."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from geoident.model.results.findings import Finding
 from geoident.model.results.many.project import (
     UNKNOWN_SCATTER,
     ZERO,
@@ -23,16 +24,16 @@ _BAD_BANDS = 0.85
 _FEW = 10
 
 
-def findings(result: ProjectResult, gaps: Sequence[str]) -> tuple[str, ...]:
+def findings(result: ProjectResult, gaps: Sequence[Finding]) -> tuple[Finding, ...]:
     """What is to be known of a result.
 
     Args:
         result: without findings.
-        gaps: sentences on what the sections together do not determine.
+        gaps: what the sections together do not determine.
     """
     return (
         *gaps,
-        *(text for law in result.laws for text in _of_scatter(law)),
+        *(one for law in result.laws for one in _of_scatter(law)),
         *_of_sections(result),
         *_of_bands(result.left_out_readings, "left out in turn"),
         *_of_bands([r for r in result.readings if r.section in _predicted(result)], "predicted"),
@@ -43,34 +44,44 @@ def _predicted(result: ProjectResult) -> set[str]:
     return {section.name for section in result.predicted}
 
 
-def _of_scatter(law: LawEstimate) -> Iterator[str]:
+def _of_scatter(law: LawEstimate) -> Iterator[Finding]:
     if law.state == ZERO:
-        yield (
+        yield Finding(
+            "law-scatter",
+            law.parameter,
             f"The sections do not show that {law.parameter} scatters about its law; up to "
-            f"{law.words(law.upper95)} is possible (95 %)."
+            f"{law.words(law.upper95)} is possible (95 %).",
         )
     elif law.state == UNKNOWN_SCATTER:
-        yield (
+        yield Finding(
+            "law-scatter",
+            law.parameter,
             f"How far {law.parameter} scatters about its law is not determined: there are too few "
             "sections for it, or they see too little. More sections, fewer constants, or a given "
-            "scatter help; what is predicted has wide bands."
+            "scatter help; what is predicted has wide bands.",
         )
 
 
-def _of_sections(result: ProjectResult) -> Iterator[str]:
+def _of_sections(result: ProjectResult) -> Iterator[Finding]:
     judged = [s for s in result.fitted if s.outlying == s.outlying]
     for section in judged:
         if section.outlying < UNLIKELY / len(judged):
-            yield (
+            yield Finding(
+                "misfit",
+                section.name,
                 f"The section {section.name} does not fit what all others tell of it (of the same "
                 f"ground, one in {_one_in(section.outlying)} would be as far off): its ground, its "
-                f"case or its readings differ.{_off(result, section.name)}"
+                f"case or its readings differ.{_off(result, section.name)}",
+                {"probability": section.outlying},
             )
     for section in result.fitted:
         if section.above < _POOR and section.misfit >= _LEAST:
-            yield (
+            yield Finding(
+                "misfit",
+                section.name,
                 f"The model of {section.name} does not fit its readings: the residuals are "
-                f"{section.misfit:.2g} times as large as their errors explain."
+                f"{section.misfit:.2g} times as large as their errors explain.",
+                {"misfit": section.misfit, "probability": section.above},
             )
 
 
@@ -90,7 +101,7 @@ def _off(result: ProjectResult, name: str) -> str:
     return f" Of {name}, {' and '.join(parts)}." if parts else ""
 
 
-def _of_bands(rows: Sequence[SectionReading], which: str) -> Iterator[str]:
+def _of_bands(rows: Sequence[SectionReading], which: str) -> Iterator[Finding]:
     judged = [row for row in rows if row.judged]
     if not judged:
         return
@@ -99,6 +110,6 @@ def _of_bands(rows: Sequence[SectionReading], which: str) -> Iterator[str]:
     text = f"Of {len(judged)} readings of {sections} sections that were {which}, {inside} "
     text += f"({100 * inside / len(judged):.0f} %) lie within their 95 % bands"
     if len(judged) >= _FEW and inside < _BAD_BANDS * len(judged):
-        yield f"{text}: the law, or the models, miss something that differs between sections."
-    else:
-        yield f"{text}."
+        text += ": the law, or the models, miss something that differs between sections"
+    numbers = {"inside": float(inside), "readings": float(len(judged))}
+    yield Finding("bands", "", f"{text}.", numbers)

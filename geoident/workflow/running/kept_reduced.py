@@ -162,7 +162,7 @@ def restored_for(path: str, inputs: Inputs) -> RestoredModel:
 def _refusal(result: Result, inputs: Inputs) -> tuple[str, str]:
     """Why a result has no reduced model for a case, and what to do; empty if it has."""
     if result.reduced is None:
-        why = next((note for note in result.notes if note.startswith(NONE.partition("{")[0])), "")
+        why = next((f.sentence for f in result.findings if f.kind == "no-reduced-model"), "")
         hint = "Leave it out." if why else "Write 'reduced: keep' under 'fit' and fit again."
         return why or "the result keeps no reduced model", hint
     again = "Write 'reduced: keep' under 'fit' and fit this case, or leave the reduced model out."

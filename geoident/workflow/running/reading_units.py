@@ -16,6 +16,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable, named_channels
+from geoident.model.results.findings import Finding
 
 _FEWEST = 4
 """Readings of one kind that can show a pattern."""
@@ -140,6 +141,6 @@ def _scale(readings: ReadingTable, computed: Floats, which: Bools) -> float | No
     return float(np.linalg.norm(measured) / np.linalg.norm(model))
 
 
-def noted(sentences: Sequence[str]) -> tuple[str, ...]:
-    """The same as whole sentences, for findings."""
-    return tuple(f"{one[:1].upper()}{one[1:]}." for one in sentences)
+def unit_findings(doubts: Sequence[str]) -> tuple[Finding, ...]:
+    """The half sentences of `unit_doubts` as findings."""
+    return tuple(Finding("unit", "", f"{one[:1].upper()}{one[1:]}.") for one in doubts)

@@ -10,6 +10,7 @@ from geoident.io.mesh.file import mesh_files
 from geoident.io.result.file import read_identity
 from geoident.io.text.named_files import files_of_text
 from geoident.io.text.text_file import STDIN
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import Result
 
 
@@ -114,7 +115,8 @@ def with_outdated(result: Result, path: str) -> tuple[Result, tuple[str, ...]]:
     """
     reason = why_outdated(result, path)
     if reason:
-        return replace(result, findings=(reason, *result.findings)), (path,)
+        outdated = Finding("outdated", "", reason)
+        return replace(result, findings=(outdated, *result.findings)), (path,)
     return result, outdated_beside(result, path)
 
 

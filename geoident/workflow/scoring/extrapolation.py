@@ -17,6 +17,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import FieldSeries
 
 WORTH_SAYING = 0.1
@@ -162,8 +163,8 @@ def _quantile(values: Floats, volume: Floats) -> float:
 
 def extrapolation_findings(
     levels: StressLevels | None, case: Case, last: int, states: Bools
-) -> tuple[str, ...]:
-    """A sentence if predicted stages load elastic ground more than the fitted ones did.
+) -> tuple[Finding, ...]:
+    """A finding if predicted stages load elastic ground more than the fitted ones did.
 
     Args:
         levels: of the ground near the gauges.
@@ -180,7 +181,8 @@ def extrapolation_findings(
     kind = int(np.argmax(worst))
     name = case.stage_names[int(np.nanargmax(both[kind]))]
     what = ("deviatoric stress", "compression")[kind]
-    return (
+    sentence = (
         f"Computed stresses at {name} exceed those of the fitted stages by {100 * worst[kind]:.0f} "
-        f"% ({what} in the ground near the gauges): an elastic model has not been tested there.",
+        f"% ({what} in the ground near the gauges): an elastic model has not been tested there."
     )
+    return (Finding("extrapolation", name, sentence, {"excess": float(worst[kind])}),)

@@ -24,6 +24,7 @@ from geoident.model.response import Response
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
 from geoident.model.results.bands import NORMAL_95, Bands, next_read
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
 from geoident.workflow.estimating.estimate import Estimate, assess_fit, predicted
@@ -95,7 +96,7 @@ class PartialFit:
         correlation: (l, l) of the errors of those predictions that are judged.
         next: (n_channels, n_stages) predictions of the next stage that was read.
         judged: (n_channels, n_stages) those of them by which it is judged what chance would do.
-        extrapolates: sentences on stresses that fitted stages did not reach.
+        extrapolates: stresses that fitted stages did not reach.
     """
 
     setup: Setup
@@ -107,7 +108,7 @@ class PartialFit:
     correlation: Floats
     next: Bools
     judged: Bools
-    extrapolates: tuple[str, ...]
+    extrapolates: tuple[Finding, ...]
 
 
 def nearby(options: MethodOptions) -> MethodOptions:
@@ -384,13 +385,13 @@ class LastStage:
 
     Args:
         backtest: of one step; None where it could not be made.
-        findings: sentences that the user should know.
+        findings: what the user should know.
         notes: other sentences.
         counts: what it has cost.
     """
 
     backtest: Backtest | None = None
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     counts: Counts = field(default_factory=Counts)
 
@@ -450,11 +451,12 @@ def last_stage(
         return LastStage(notes=(f"{what}: the time was used up.",), counts=counts)
     backtest = backtest_of(setup, [trial], ())
     judged = verdict(backtest, trial.gauges)
-    text = (f"{what}: {judged.sentence[0].lower()}{judged.sentence[1:]}",)
+    text = f"{what}: {judged.sentence[0].lower()}{judged.sentence[1:]}"
     if not backtest.next.readings:
-        return LastStage(notes=text, counts=counts)
-    findings, notes = (text, ()) if judged.remarkable else ((), text)
-    return LastStage(backtest, findings, notes, counts)
+        return LastStage(notes=(text,), counts=counts)
+    if judged.remarkable:
+        return LastStage(backtest, (Finding("bands", last, text),), (), counts)
+    return LastStage(backtest, (), (text,), counts)
 
 
 def added(first: Counts, second: Counts) -> Counts:

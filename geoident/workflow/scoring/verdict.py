@@ -17,6 +17,7 @@ from geoident.model.case import Case
 from geoident.model.parameter import Parameter
 from geoident.model.results.backtest import Backtest, BacktestStep, bands_of
 from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
 from geoident.units import in_unit, shown_unit
 
@@ -123,10 +124,10 @@ def _worst(backtest: Backtest, gauges: GaugeTable) -> str:
     return sentence
 
 
-def settling_sentences(
+def settling(
     case: Case, steps: Sequence[BacktestStep], variances: Floats, *, estimated: bool
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """A sentence for each parameter: whether it settles as readings are added.
+) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
+    """Whether each parameter settles as readings are added.
 
     Args:
         case: its parameters and stages.
@@ -135,7 +136,7 @@ def settling_sentences(
         estimated: accuracies were estimated, by each of them anew.
 
     Returns:
-        Those on parameters that do not, and on the others.
+        Findings on parameters that do not, and sentences on the others.
     """
     restless, others = [], []
     scaling = Scaling(case.parameters)
@@ -154,11 +155,13 @@ def settling_sentences(
         z = changes(x, _honest(variances[at, i], scaling, known, i))
         spare = known[0].readings - len(named_parameters(case)) if estimated else _GIVEN
         if fdtrc(len(z), max(spare, 1), float(z @ z) / len(z)) < ALARM:
-            restless.append(
+            change = float(np.abs(z).max())
+            sentence = (
                 f"{parameter.name} does not settle: {join(values)}; it changes by up to "
-                f"{np.abs(z).max():.1f} times what its intervals allow{_direction(z)}: the model "
+                f"{change:.1f} times what its intervals allow{_direction(z)}: the model "
                 "needs another value for every stage."
             )
+            restless.append(Finding("not-settled", parameter.name, sentence, {"change": change}))
         else:
             others.append(
                 f"{parameter.name} settles: {join(values)}, no more apart than its intervals allow."

@@ -213,5 +213,5 @@ def test_part_of_a_load_that_is_carried(psi, part):
 @pytest.mark.parametrize("psi", [0.0, 0.1, None])
 def test_what_is_just_carried_is_in_equilibrium(psi):
     survey = sheared(psi, 1.01).survey(NOTHING, fields=False)
-    assert survey.collapses == ()
+    assert survey.collapses == {}
     assert not [note for note in survey.notes if "not balanced" in note]

@@ -24,6 +24,7 @@ from geoident.identify.problem.problem import Problem, own_residuals
 from geoident.identify.problem.shared_errors import ErrorStructure, SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.results.findings import sentences_of
 
 RNG = np.random.default_rng(8)
 A = RNG.normal(size=(7, 2))
@@ -155,7 +156,7 @@ def test_modes_of_fields_are_free_where_named_parameters_are_judged():
     precision = np.diag([0.0, 1.0, 0.4**-2, 0.7**-2]) + white.T @ white
     C = np.linalg.inv(precision)
     np.testing.assert_allclose(found.covariance, C, rtol=1e-6)
-    assert not any("m1" in said or "m2" in said for said in found.findings)
+    assert not any("m1" in said or "m2" in said for said in sentences_of(found.findings))
 
 
 @pytest.mark.parametrize("undetermined", [True, False])
@@ -210,7 +211,7 @@ def test_what_another_posterior_finds_too_wide_is_not_determined():
                 "EK": "E and K are not determined: near the estimate they seem"}  # fmt: skip
         more = "to be known, but values far from it fit the readings nearly as well."
         expected = (f"{said[lost]} {more}",) if lost else ()
-        assert found.findings[len(known.findings) :] == expected
+        assert sentences_of(found.findings[len(known.findings) :]) == expected
 
 
 def test_the_normal_that_is_cut_has_the_gradient_that_a_bound_holds():

@@ -10,7 +10,7 @@ from support.trench import CASE, write_case
 from geoident.identify.assessment.conflicts import (
     FALSE_ALARMS,
     PriorConflict,
-    conflict_sentences,
+    conflict_findings,
     prior_conflicts,
 )
 from geoident.identify.assessment.uncertainty import assess
@@ -18,6 +18,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.io.result.file import read_result
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.results.findings import sentences_of
 
 A = np.array([[1.0, 0.4], [0.3, 1.0], [0.8, -0.5], [0.2, 0.6]])
 SD = 0.3
@@ -85,14 +86,20 @@ def test_a_prior_of_twice_what_the_readings_say_is_named(tmp_path):
     path = write_case(tmp_path)
     path.write_text(text)
     ended = run_command("fit", path)
-    (said,) = [q for q in read_result(tmp_path / "case.fit.h5").findings if "contradicts" in q]
+    (said,) = [
+        q
+        for q in sentences_of(read_result(tmp_path / "case.fit.h5").findings)
+        if "contradicts" in q
+    ]
     assert "The prior of E (20 +- 4 GPa) contradicts the readings: without it they give" in said
     assert "GPa (95 %:" in said
     assert "the prior, the accuracies or the model is wrong" in said
     assert "contradicts the readings" in " ".join(ended.stderr.split())
     path.write_text(text.replace("20 GPa, sd", "6 GPa, sd"))
     run_command("fit", path)
-    assert not any("contradicts" in q for q in read_result(tmp_path / "case.fit.h5").findings)
+    assert not any(
+        "contradicts" in q for q in sentences_of(read_result(tmp_path / "case.fit.h5").findings)
+    )
 
 
 @pytest.mark.parametrize("scale", ["log", "linear"])
@@ -103,9 +110,11 @@ def test_the_sentence_has_the_fit_without_the_prior_and_how_seldom_chance_makes_
     of = 1.0 if scale == "log" else 5e9
     x, sd = (np.log(14e9), 0.1) if scale == "log" else (14e9 / of, 1e9 / of)
     found = PriorConflict(0, -2.8, x, sd)
-    (said,) = conflict_sentences([found], [parameter], np.array([of]))
+    (conflict,) = conflict_findings([found], [parameter], np.array([of]))
     ends = (11.5, 17.0) if scale == "log" else (12.0, 16.0)
-    assert said == (
+    assert (conflict.kind, conflict.subject) == ("prior-conflict", "E")
+    assert conflict.numbers["value"] == pytest.approx(14e9)
+    assert conflict.sentence == (
         "The prior of E (8 +- 2 GPa) contradicts the readings: without it they give 14 GPa "
         f"(95 %: {ends[0]:.3g} to {ends[1]:.3g}), 2.8 standard deviations from it. By chance "
         "this happens in 1 of 196 fits. The result lies between the two: the prior, the "
@@ -124,17 +133,17 @@ def test_parameters_that_can_make_up_for_each_other_are_named_though_both_have_i
     found = tied([[1.0, 1.0], [1.0, 1.3], [1.0, 0.9]])
     assert found.determined.all()
     assert found.correlation[0, 1] < -0.95
-    (said,) = found.findings
+    (said,) = sentences_of(found.findings)
     assert said.startswith("E and K0 are strongly correlated (-0.9")
     assert "): one larger and the other smaller, they would fit the readings nearly " in said
-    (said,) = tied([[1.0, -1.0], [1.0, -1.3], [1.0, -0.9]]).findings
+    (said,) = sentences_of(tied([[1.0, -1.0], [1.0, -1.3], [1.0, -0.9]]).findings)
     assert said.startswith("E and K0 are strongly correlated (0.9")
     assert "): both larger or both smaller, they would fit the readings nearly " in said
 
 
 def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated():
     assert tied([[1.0, 1.0], [1.0, -0.3], [1.0, 0.9]]).findings == ()
-    alone = tied([[1.0, 1.0], [1.0, 1.0]], sd=0.01).findings
+    alone = sentences_of(tied([[1.0, 1.0], [1.0, 1.0]], sd=0.01).findings)
     assert len(alone) == 1
     assert "cannot separate" in alone[0]
 
@@ -145,13 +154,17 @@ def test_an_estimate_beside_the_least_misfit_has_the_conflicts_of_that():
     problem = problem_of(measured, priors)
     _, p = estimated(problem)
     beside = p + BESIDE
-    assert not [said for said in assess(problem, p, A, A @ p).findings if "contradicts" in said]
-    found = assess(problem, beside, A, A @ beside).findings
+    assert not [
+        said
+        for said in sentences_of(assess(problem, p, A, A @ p).findings)
+        if "contradicts" in said
+    ]
+    found = sentences_of(assess(problem, beside, A, A @ beside).findings)
     assert not [said for said in found if "contradicts" in said]
     wrong = problem_of(A @ [20.0, 1.0], priors)
     _, p = estimated(wrong)
     said = [
-        [one for one in assess(wrong, q, A, A @ q).findings if "contradicts" in one]
+        [one for one in sentences_of(assess(wrong, q, A, A @ q).findings) if "contradicts" in one]
         for q in (p, p + BESIDE)
     ]
     assert said[0] == said[1] != []

@@ -8,6 +8,7 @@ from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.results.findings import sentences_of
 
 Z = norm.ppf(0.975)
 
@@ -66,7 +67,7 @@ def test_a_value_on_a_bound_up_to_rounding_is_on_it(away, at_bound):
             f"be, but the bound itself is an assumption. If the ground may have {beyond}, widen "
             "the bound."
         )
-        assert found.findings == ((said,) if at_bound else ())
+        assert sentences_of(found.findings) == ((said,) if at_bound else ())
 
 
 def test_a_parameter_that_is_held_is_not_said_to_lie_on_a_bound():
@@ -89,7 +90,7 @@ def test_intervals_that_reach_beyond_a_bound_are_marked(value, beyond):
 def pair(half, *, sign=1.0):
     """E and s that scale together (or make up for each other); log E - log s known to ``half``."""
     q = tuple(Parameter(n, 1.0, 0.01, 100.0, "log") for n in ("E", "s"))
-    return assessed([[1.0 / 8.0, -sign / 2.0]], half / Z, q, [8.0, 2.0]).findings
+    return sentences_of(assessed([[1.0 / 8.0, -sign / 2.0]], half / Z, q, [8.0, 2.0]).findings)
 
 
 def test_the_ratio_or_the_product_of_what_is_open_is_said():
@@ -109,7 +110,7 @@ def test_three_that_cannot_be_separated_are_said_with_what_makes_up_for_what():
     """Two readings of a, b and c leave one direction open: (1, 1, -1) by relative changes."""
     q = tuple(Parameter(n, 1.0, 0.01, 100.0, "log") for n in "abc")
     found = assessed([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]], 0.01, q, [1.0, 1.0, 1.0])
-    assert found.findings == (
+    assert sentences_of(found.findings) == (
         "The readings cannot separate a, b and c: a fall of c can make up for a rise of a and b.",
     )
 
@@ -133,7 +134,13 @@ def test_what_rests_mainly_on_the_prior_of_another_is_said(share, leans, turned)
         Parameter("b", 0.5, 0.0, 1.0, prior=Prior(0.5, prior)),
     )
     found = assessed([[1.0, 1.0]], reading, q[::-1] if turned else q, [0.5, 0.5])
-    assert any("The results for a rest mainly on that prior." in t for t in found.findings) == leans
+    assert (
+        any(
+            "The results for a rest mainly on that prior." in t
+            for t in sentences_of(found.findings)
+        )
+        == leans
+    )
 
 
 def test_two_priors_separate():
@@ -141,7 +148,9 @@ def test_two_priors_separate():
         Parameter(n, 1.0, 0.01, 100.0, "log", prior=Prior(1.0, 0.1, "lognormal")) for n in "ab"
     )
     found = assessed([[1.0, 1.0]], 1e-3, q, [1.0, 1.0])
-    assert any("Only the priors of a and b separate them." in text for text in found.findings)
+    assert any(
+        "Only the priors of a and b separate them." in text for text in sentences_of(found.findings)
+    )
 
 
 # Predictions

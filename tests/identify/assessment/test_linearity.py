@@ -40,7 +40,7 @@ def test_phi_at_the_ends_is_that_of_the_closed_form(make_problem, relative, doub
     assert [ends.below, ends.above] == pytest.approx(expected, rel=1e-6)
     assert ends.doubtful == doubtful
     assert bool(said) == doubtful
-    assert not said or "over the interval of E" in said[0]
+    assert not said or "over the interval of E" in said[0].sentence
 
 
 def test_nothing_is_asked_where_it_is_known_well(make_problem):

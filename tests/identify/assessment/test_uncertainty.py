@@ -8,6 +8,7 @@ from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.results.findings import sentences_of
 
 G = 6
 SHAPE = np.linspace(1.0, 2.0, G)
@@ -105,7 +106,7 @@ def test_parameters_that_scale_together_are_named_and_their_ratio_is_given(asses
     assert found.determined.tolist() == [False, False, True, False]
     assert np.isnan(found.sd).tolist() == [True, True, False, True]
     ratio, low, high = ratio_and_interval(0.01 * tunnel(VALUES).mean())
-    assert set(found.findings) == {
+    assert set(sentences_of(found.findings)) == {
         "The readings cannot separate E and sigma_v: scaled by one factor, they leave the readings "
         f"the same within the errors. sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to "
         f"{high:.4g}, SI units).",
@@ -136,7 +137,7 @@ def test_a_prior_separates_what_the_readings_do_not(assessed):
     assert found.determined.tolist() == [True, False, True, False]
     assert found.sd[0] == pytest.approx(15e9 / 8.0, rel=1e-2)
     ratio, low, high = ratio_and_interval(0.01 * tunnel(VALUES).mean())
-    assert set(found.findings) == {
+    assert set(sentences_of(found.findings)) == {
         "The readings cannot separate E and sigma_v: scaled by one factor, they leave the readings "
         "the same within the errors. Only the prior of sigma_v separates them. "
         f"sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to {high:.4g}, SI units).",
@@ -154,7 +155,9 @@ def test_a_parameter_of_which_only_the_prior_tells_is_not_determined():
     J = np.array([[1.0, 0.0], [2.0, 0.0]])
     found = assess(Problem(None, np.zeros(2), np.full(2, 0.01), q), np.array([1.0, 0.25]), J)
     assert found.determined.tolist() == [True, False]
-    assert found.findings == ("The readings do not determine nu: it is known only from its prior.",)
+    assert sentences_of(found.findings) == (
+        "The readings do not determine nu: it is known only from its prior.",
+    )
 
 
 def test_readings_that_say_nothing_determine_nothing():
@@ -170,7 +173,7 @@ def test_a_bound_does_not_hide_that_two_parameters_cannot_be_told_apart(assessed
     _, found = assessed(values=values)
     assert found.at_bound.tolist() == [False, True, False, False]
     assert found.determined.tolist() == [False, False, True, False]
-    assert any("sigma_v lies on its upper bound" in text for text in found.findings)
+    assert any("sigma_v lies on its upper bound" in text for text in sentences_of(found.findings))
 
 
 def test_a_parameter_on_its_bound_is_unknown_on_one_side():

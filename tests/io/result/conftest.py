@@ -11,6 +11,7 @@ from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import (
@@ -244,7 +245,10 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
     band = np.linspace(0.0, 1.0, gauges.measured.size).reshape(shape)
     return dataclasses.replace(
         small,
-        findings=("E höher: not determined.",),
+        findings=(
+            Finding("not-determined", "E höher", "E höher: not determined."),
+            Finding("correlated", "E höher, K0", "Strongly correlated.", {"correlation": -0.97}),
+        ),
         notes=("A note.", ""),
         sensitivity=np.arange(float(np.prod(shape) * 2)).reshape(*shape, 2),
         prediction=Prediction(band, band + 1, band - 2, band + 2),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geoident.model.results.findings import Finding, sentences_of
 from geoident.model.results.summary import Identifiability
 from geoident.report.text.residuals import rms
 from geoident.report.text.result import (
@@ -103,9 +104,9 @@ def test_predictions_are_scored(result):
 def test_warnings_have_the_reason_and_what_lies_on_a_bound(result):
     said = warnings(result)
     assert said[0] == result.reason
-    assert said[1:] == [*result.findings, "K0 lies on its upper bound."]
-    assert warnings(replace(result, status="converged"))[0] == result.findings[0]
-    known = replace(result, findings=("K0 lies on its upper bound: the results hold for it.",))
+    assert said[1:] == [*sentences_of(result.findings), "K0 lies on its upper bound."]
+    assert warnings(replace(result, status="converged"))[0] == sentences_of(result.findings)[0]
+    known = replace(result, findings=(Finding("at-bound", "K0", "K0 is at its largest."),))
     assert len(warnings(known)) == 2
     quiet = replace(result.parameters, at_bound=np.zeros(3, dtype=bool))
     assert warnings(replace(result, status="converged", findings=(), parameters=quiet)) == []
@@ -149,7 +150,9 @@ def test_the_end_of_a_run_has_outcome_parameters_and_findings(result):
 
 
 def test_a_plan_counts_the_planned_readings(result):
-    plan = Identifiability(result.parameters, ("So.",), np.ones(3), 42)
+    plan = Identifiability(
+        result.parameters, (Finding("not-determined", "", "So."),), np.ones(3), 42
+    )
     text = plan_text("case.yaml", plan)
     assert text.startswith("case.yaml: 42 planned readings\n")
     assert "E_rock" in text

@@ -11,6 +11,7 @@ import pytest
 from geoident.errors import Fault, InputError, Location
 from geoident.model.gauges import Reading
 from geoident.model.results.comparison import Amount, Comparison, Difference, Place
+from geoident.model.results.findings import Finding
 from geoident.model.results.mesh_error import MeshError
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import MemberForces
@@ -154,7 +155,9 @@ def test_programs_get_si_units_and_null_for_what_is_not_known(result):
 
 
 def test_plans_and_simulations_are_in_si_units(result):
-    plan = Identifiability(result.parameters, ("So.",), np.array([3.0, 0.5]), 42)
+    plan = Identifiability(
+        result.parameters, (Finding("not-determined", "", "So."),), np.array([3.0, 0.5]), 42
+    )
     found = json.loads(dumps(plan_object("case.yaml", plan)))
     assert (found["readings"], found["singular_values"]) == (42, [3.0, 0.5])
     assert found["parameters"]["K0"]["value"] == 3.0
@@ -284,7 +287,8 @@ def test_a_grossly_wrong_reading_is_said_as_it_was_written():
         readings=(Reading("CV", "drift", -0.25, location=Location("r.csv", 3, 1)),),
     )
     table = SimpleNamespace(channel=("CV",), stage=("drift",), value=np.array([-0.25]))
-    (said,) = gross_findings(np.array([0]), table, case)
+    (gross,) = gross_findings(np.array([0]), table, case)
     shown = in_unit(-0.25, channel.unit, channel.dimension)
-    assert f"CV at drift (r.csv:3:1: {shown:.4g} {channel.unit})" in said
+    assert f"CV at drift (r.csv:3:1: {shown:.4g} {channel.unit})" in gross.sentence
+    assert gross.subject == "CV"
     assert "-" in f"{shown:.4g}"

@@ -16,6 +16,7 @@ from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.io.case.file import parse_case
 from geoident.model.methods import GaussNewtonOptions, SquaredOptions
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.fit import fit
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
@@ -115,7 +116,7 @@ def test_what_readings_of_a_few_days_cannot_tell_is_said(tmp_path):
     first = {pair: v for pair, v in readings.items() if pair[1] in READ[:3]}
     result = fitted(write_law(tmp_path, CASE + "fit: {backtest: false}\n", first))
     assert result.status == "not-determined"
-    said = " ".join(result.findings)
+    said = " ".join(sentences_of(result.findings))
     assert re.search(r"cannot separate (\w+, )*\w+ and T", said), said
     assert re.search(r"cannot separate (\w+, )*\w+ and n", said), said
 

@@ -12,6 +12,7 @@ from geoident.cli.app import geoident
 from geoident.errors import InputError, UsageError
 from geoident.forward.external.surfaces.surface import calibration
 from geoident.io.result.file import read_result
+from geoident.model.results.findings import sentences_of
 from geoident.workflow.estimating.estimate import assess_fit
 from geoident.workflow.estimating.finished import evaluation_log
 from geoident.workflow.estimating.search import estimated
@@ -114,7 +115,9 @@ def test_the_error_of_the_surfaces_is_in_covariance_and_intervals(coarse):
     without = np.linalg.inv(J.T @ J) * 2e-5**2
     assert np.all(np.diag(expected) > 2.0 * np.diag(without))
     assert found.surface.part > 0.5
-    assert any("Runs around these parameters" in finding for finding in found.findings)
+    assert any(
+        "Runs around these parameters" in finding for finding in sentences_of(found.findings)
+    )
 
 
 def test_a_result_keeps_the_surfaces_and_their_errors(coarse, tmp_path):

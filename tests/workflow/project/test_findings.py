@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from geoident.model.results.findings import Finding
 from geoident.model.results.many.project import (
     UNKNOWN_SCATTER,
     ZERO,
@@ -53,7 +54,7 @@ def said(*, gaps=(), laws=(), sections=(), parameters=(), read=(), left_out=()):
         predicted=[s for s in sections if s.predicted],
     )  # fmt: skip
     whole.of = lambda name: ProjectResult.of(whole, name)
-    return list(findings(whole, gaps))
+    return [one.sentence for one in findings(whole, gaps)]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +72,9 @@ def test_a_scatter_that_sections_do_not_show_has_its_upper_end(one, size):
 
 
 def test_a_scatter_of_which_nothing_is_known_says_what_helps():
-    assert said(gaps=["First."], laws=[law("known"), law(UNKNOWN_SCATTER)]) == [
+    assert said(
+        gaps=[Finding("not-determined", "a", "First.")], laws=[law("known"), law(UNKNOWN_SCATTER)]
+    ) == [
         "First.",
         "How far E scatters about its law is not determined: there are too few sections for it, or "
         "they see too little. More sections, fewer constants, or a given scatter help; what is "

@@ -19,6 +19,7 @@ from geoident.cli.app import geoident
 from geoident.cli.commands.export import OF_PROJECTS
 from geoident.errors import ExitCode, Interrupted
 from geoident.io.result.project import read_project_result
+from geoident.model.results.findings import sentences_of
 from geoident.report.text.project.spreadsheet import PROJECT_TABLES, project_tables
 from geoident.workflow.estimating.setup import prepare, used_response
 from geoident.workflow.fit import fit
@@ -192,15 +193,23 @@ def test_a_section_of_other_ground_is_named(tmp_path):
     scaled = [rows[0], *([r[0], r[1], f"{6 * float(r[2]):.2f}", r[3]] for r in rows[1:])]
     (tmp_path / "km-3.csv").write_text("".join(",".join(row) + "\n" for row in scaled))
     result = fitted(path)
-    assert [text for text in result.findings if text.startswith("The section km 3 does not fit")]
-    assert not [text for text in result.findings if text.startswith("The section km 5")]
+    assert [
+        text
+        for text in sentences_of(result.findings)
+        if text.startswith("The section km 3 does not fit")
+    ]
+    assert not [
+        text for text in sentences_of(result.findings) if text.startswith("The section km 5")
+    ]
 
 
 def test_too_few_sections_do_not_tell_the_scatter(tmp_path):
     result = fitted(example(tmp_path, SECTIONS.replace("scatter: none", "scatter: estimate")))
     assert result.status == "not-determined"
     assert result.laws[0].state == "not determined"
-    assert any("is not determined: there are too few" in text for text in result.findings)
+    assert any(
+        "is not determined: there are too few" in text for text in sentences_of(result.findings)
+    )
 
 
 @pytest.mark.parametrize("real", [False, pytest.param(True, marks=pytest.mark.slow)])

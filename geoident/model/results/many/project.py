@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from geoident.model.results.columns import column
 from geoident.model.results.costs import Counts
+from geoident.model.results.findings import Finding
 from geoident.model.results.result import Provenance
 from geoident.units import in_unit, shown_unit
 
@@ -282,7 +283,7 @@ class ProjectResult:
         objective: the discrepancy of all sections, with the part of the laws.
         misfit: size of all residuals by that of their errors.
         above: probability that chance makes them at least as large.
-        findings: sentences.
+        findings: what an engineer must know before using the numbers.
         notes: sentences.
         project_text: the file as written.
         provenance: of the result.
@@ -306,7 +307,9 @@ class ProjectResult:
     objective: float
     misfit: float
     above: float
-    findings: tuple[str, ...] = field(metadata=column(optional=True))
+    findings: tuple[Finding, ...] = field(
+        metadata=column("finding", group="findings", optional=True)
+    )
     notes: tuple[str, ...] = field(metadata=column(optional=True))
     project_text: str = field(metadata=column(group="project", name="verbatim", dataset=True))
     provenance: Provenance = field(metadata=column())

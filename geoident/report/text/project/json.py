@@ -44,7 +44,7 @@ def project_object(result: ProjectResult, *, project: str, output: str) -> dict[
             "parameters": _rows(result.left_out_parameters),
             "readings": _rows(result.left_out_readings),
         },
-        "findings": result.findings,
+        "findings": _rows(result.findings),
         "notes": result.notes,
         "counts": asdict(result.counts),
     }

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from geoident.model.project.project import Project
+from geoident.model.results.findings import sentences_of
 from geoident.model.results.many.project import (
     GIVEN_SCATTER,
     LAW,
@@ -49,7 +50,7 @@ def project_text(result: ProjectResult, *, title: str) -> str:
         f"{title}\n{head(result)}",
         section("Common to all sections", common_table(result).folded()),
         section("Laws", laws_table(result).folded()),
-        section("Findings", bullets(result.findings)),
+        section("Findings", bullets(sentences_of(result.findings))),
         section("Sections", sections_table(result).folded()),
         section(
             "Parameters of the sections (law; own fit; with all others)",
@@ -102,7 +103,7 @@ def project_summary(result: ProjectResult) -> str:
         head(result),
         common_table(result).text,
         laws_table(result).text,
-        bullets(result.findings),
+        bullets(sentences_of(result.findings)),
     )
     return "\n".join(part for part in parts if part)
 
