@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError
 
-from geoident.io.case.actions import LoadSection, WaterSection, build_loads
+from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
@@ -256,18 +256,18 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
 def build_case(section: CaseSection, faults: Faults) -> Case:
     """The case in SI units, without mesh and readings; what does not fit its axes is a fault."""
     context = Context((), Analysis(section.analysis), faults)
-    gravity = section.gravity is not None
     ties = [(path, given) for path, given in numbers_with_paths(section) if given.parameter]
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
     if section.mesh is None and section.model is None:
         _refuse_fields(materials, context)
     structures = {
-        name: part.structure(context.at("structures", name))
+        name: part.for_model(context.at("structures", name))
         for name, part in section.structures.items()
     }
-    return Case(
-        title=section.title,
+    return section.to_model(
+        Case,
+        context,
         analysis=context.analysis,
         mesh_file=None,
         parameters=with_periods(
@@ -278,13 +278,9 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         supports=tuple(build_supports(section.supports, context.at("supports")).values()),
         in_situ=in_situ,
         gravity=_gravity(section.gravity, context.at("gravity")),
-        loads=build_loads(section.loads, context.at("loads"), gravity=gravity),
-        stages=tuple(
-            stage.stage(context.at("stages", n), gravity=gravity)
-            for n, stage in enumerate(section.stages)
-        ),
         channels=build_channels(section.gauges, structures, context.at("gauges")),
         readings=(),
+        dates={},
         fit=replace(
             section.fit.settings(strengths=_seek_strengths(materials)),
             ladder=build_ladder(
@@ -298,7 +294,6 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         source=faults.places.source(),
         in_situ_of=zones,
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
-        water=None if section.water is None else section.water.water(),
         structures=structures,
         face=build_face(section.face, section.stages, circle_of(section), context.at("face")),
     )
@@ -327,7 +322,7 @@ def _gravity(given: Gravity | None, context: Context) -> tuple[float, ...] | Non
     if given is None:
         return None
     if isinstance(given, list):
-        return context.vector(given, "gravity")
+        return context.vector(given)
     if given.factor < 0:
         hint = "A single value is downwards; write it positive, or as a vector."
         context.refuse("out-of-range", f"'{given.text}' is negative", hint)

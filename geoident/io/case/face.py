@@ -223,7 +223,7 @@ def build_face(
     radius = scalar_of(section.radius) or (None if circle is None else Scalar(circle))
     centre = None
     if section.centre is not None:
-        centre = context.at("centre").vector(section.centre, "the centre")
+        centre = context.at("centre").vector(section.centre)
     return section.to_model(
         FaceProfile,
         law=section.profile,

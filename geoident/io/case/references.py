@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
-from geoident.io.case.actions import WaterSection
+from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.case import (
     CaseSection,
     circle_of,
@@ -104,6 +104,18 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
             message = f"'{name}' has no density, of which the geostatic stress is made"
             hint = "Add 'density: 1900 kg/m3'; below a water table that of the saturated ground."
             faults.add(("materials", name), "no-density", message, hint, key=True)
+
+
+def _check_seismic(section: CaseSection, faults: Faults) -> None:
+    """A seismic load is a part of the weight."""
+    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), section.loads)]
+    loads += [(("stages", n, "loads"), stage.loads) for n, stage in enumerate(section.stages)]
+    for path, given in loads:
+        for name, load in given.items():
+            if load.seismic is not None and section.gravity is None:
+                message = "a seismic load is a part of the weight, and there is no gravity"
+                place = (*path, name, "seismic")
+                faults.add(place, "no-gravity", message, "Add 'gravity: 9.81 m/s2'.", key=True)
 
 
 def _check_compression(section: CaseSection, faults: Faults) -> None:
@@ -305,6 +317,7 @@ _CHECKS: tuple[tuple[_Check, set[str], bool], ...] = (
     (_check_materials, {"materials"}, True),
     (_check_groups, {"groups", "stages"}, True),
     (_check_geostatic, {"groups", "materials", "gravity"}, True),
+    (_check_seismic, {"gravity"}, True),
     (_check_compression, {"parameters"}, True),
     (_check_stage_names, {"stages"}, False),
     (_check_structures, {"structures"}, False),

@@ -164,21 +164,14 @@ class CaseNumber:
         return [self]
 
 
+class Components(list[CaseNumber]):
+    """Numbers of which there is one for each axis of the model."""
+
+
 def tied_parameter(text: str) -> str | None:
     """The parameter to which a text such as ``0.6 $E_rock`` ties a number; None for another."""
     tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     return None if tie is None else tie[3]
-
-
-def in_si(value: Any) -> Any:
-    """What stands under a key as the model has it: numbers in SI units, tuples for lists."""
-    if isinstance(value, CaseNumber):
-        return value.value
-    if isinstance(value, list):
-        return tuple(map(in_si, value))
-    if isinstance(value, Mapping):
-        return {key: in_si(part) for key, part in value.items()}
-    return value
 
 
 def scalar_of(given: CaseNumber | None) -> Scalar | None:
@@ -597,6 +590,7 @@ def _in_order(bounds: list[CaseNumber]) -> list[CaseNumber]:
 _SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
 Coordinates = Annotated[
     list[FixedLength],
+    AfterValidator(Components),
     SharesUnit(),
     Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
 ]
@@ -608,14 +602,14 @@ Bounds = Annotated[
     Exactly(2),
     Field(description=f"Lower and upper bound{_SHARED}."),
 ]
-Accelerations = Annotated[list[FixedAcceleration], SharesUnit()]
-Stresses = Annotated[list[Stress], SharesUnit()]
-Forces = Annotated[list[Force], SharesUnit()]
-LineForces = Annotated[list[LineForce], SharesUnit()]
+Accelerations = Annotated[list[FixedAcceleration], AfterValidator(Components), SharesUnit()]
+Stresses = Annotated[list[Stress], AfterValidator(Components), SharesUnit()]
+Forces = Annotated[list[Force], AfterValidator(Components), SharesUnit()]
+LineForces = Annotated[list[LineForce], AfterValidator(Components), SharesUnit()]
 TemperatureValues = Annotated[
     list[Annotated[CaseNumber, QuantityType("temperature")]], SharesUnit()
 ]
-Coefficients = list[Coefficient]
+Coefficients = Annotated[list[Coefficient], AfterValidator(Components)]
 DirectionVector = list[Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[

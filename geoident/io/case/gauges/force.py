@@ -13,7 +13,6 @@ from geoident.io.case.gauges.value import (
     StressComponent,
     ValueGauge,
     check_component,
-    optional_vector,
     refuse_no_direction,
     unit_direction,
 )
@@ -147,7 +146,7 @@ class PressureCellSection(ValueGauge):
         """The one channel."""
         point = context.at("point").vector(self.point)
         normal = unit_direction(self.normal, context.at("normal"))
-        inside = optional_vector(self.towards, context.at("towards"), "the point")
+        inside = self.towards and context.at("towards").vector(self.towards)
         own: dict[str, Any] = {"structure": self.on or "", "towards": inside, "compression": True}
         return [self.at_point(name, point, normal, context, **own)]
 

@@ -245,7 +245,7 @@ class InclinometerSection(GaugeBase):
             return None
         given = axis_vector(0, context.dim, 1.0)
         if self.A is not None:
-            given = context.at("A").vector(self.A, "the direction")
+            given = context.at("A").vector(self.A)
         directions = []
         for tangent in casing.tangents:
             across = _across(given, tangent)

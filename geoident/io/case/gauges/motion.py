@@ -106,7 +106,7 @@ class TiltSection(GaugeBase):
                 context.refuse("missing-key", message, "Add 'towards: [1, 0, 0]'.", key=True)
             return axis_vector(0, context.dim, 1.0)
         place = context.at("towards")
-        level = unit_vector((*place.vector(self.towards, "the direction")[:-1], 0.0))
+        level = unit_vector((*place.vector(self.towards)[:-1], 0.0))
         if not any(level):
             message = "the direction is vertical or has length zero"
             place.refuse("zero-direction", message, "Give a horizontal direction.")
@@ -282,7 +282,7 @@ class LineOfSightSection(GaugeBase):
         """Unit vector (dim,) from a point to the sensor; zeros, with a fault, if there is none."""
         if self.direction is not None:
             place = context.at("direction")
-            vector = unit_vector(place.vector(self.direction, "the direction"))
+            vector = unit_vector(place.vector(self.direction))
         elif self.sensor is not None:
             place = context.at("sensor")
             vector = unit_vector(subtract(place.vector(self.sensor), point))

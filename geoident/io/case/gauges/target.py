@@ -153,7 +153,7 @@ class TargetSection(GaugeBase):
         if self.along is None or context.dim == 2:
             return None
         place = context.at("along")
-        level = unit_vector((*place.vector(self.along, "the direction")[:2], 0.0))
+        level = unit_vector((*place.vector(self.along)[:2], 0.0))
         if not any(level):
             message = "the direction along the axis is vertical or has length zero"
             place.refuse("zero-direction", message, "Give a horizontal direction.")

@@ -59,14 +59,9 @@ class ValueGauge(GaugeBase):
         return self.make_channel(channel, name, motion, place.path, **{"quantity": part, **given})
 
 
-def optional_vector(given: list[CaseNumber] | None, place: Context, what: str) -> Vector | None:
-    """Components (dim,), if they are given."""
-    return None if given is None else place.vector(given, what)
-
-
 def unit_direction(given: list[CaseNumber] | None, place: Context) -> Vector | None:
     """A unit vector (dim,), if one is given."""
-    return None if given is None else unit_vector(place.vector(given, "the direction"))
+    return None if given is None else unit_vector(place.vector(given))
 
 
 def check_component(component: str, place: Context) -> None:

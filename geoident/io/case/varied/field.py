@@ -282,7 +282,7 @@ def _point_value(
     section: PointValueSection, mean: CaseNumber, context: Context, origin: str
 ) -> PointValue | None:
     """One measured value; None, with a fault, where it is none."""
-    position = context.at("at").vector(section.at, "the point")
+    position = context.at("at").vector(section.at)
     whence = f" ({origin})" if origin else ""
     value, accuracy = section.value, section.accuracy
     wrong = False
