@@ -7,7 +7,7 @@ here, with its section and what this is built into. What takes more than one sec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -253,13 +253,19 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
 
 
-def build_case(section: CaseSection, faults: Faults) -> Case:
-    """The case in SI units, without mesh and readings; what does not fit its axes is a fault."""
+def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> Case:
+    """The case in SI units, without mesh and readings; what does not fit its axes is a fault.
+
+    Args:
+        section: the case.
+        faults: takes the faults.
+        wrong: sections that are left out because they are wrong.
+    """
     context = Context((), Analysis(section.analysis), faults)
     ties = [(path, given) for path, given in numbers_with_paths(section) if given.parameter]
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
-    if section.mesh is None and section.model is None:
+    if section.mesh is None and section.model is None and "mesh" not in wrong:
         _refuse_fields(materials, context)
     structures = {
         name: part.for_model(context.at("structures", name))

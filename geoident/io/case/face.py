@@ -142,37 +142,28 @@ ZeroValue = Annotated[
 ]
 """Where a gauge reads zero: the name of a stage, or the distance to the face there."""
 
-_Model = TypeVar("_Model", bound=BaseModel)
+_Gauge = TypeVar("_Gauge", bound=BaseModel)
 
 
-def with_zero_stages(
-    gauges: Mapping[str, _Model], stages: Sequence[StageSection], faults: Faults
-) -> dict[str, _Model]:
-    """The gauges with names of stages where their zeros are given by distances to the face.
+def with_zero_stage(
+    gauge: _Gauge, stages: Sequence[StageSection], path: KeyPath, faults: Faults
+) -> _Gauge:
+    """A gauge with the name of a stage where its zero is given by a distance to the face.
 
     Args:
-        gauges: by name.
+        gauge: of the case, or what a gauge says of one of its probes.
         stages: of the case.
-        faults: takes distances that no stage has.
+        path: of the gauge.
+        faults: takes a distance that no stage has.
     """
-    return {
-        name: _with_stages(gauge, stages, ("gauges", name), faults)
-        for name, gauge in gauges.items()
-    }
-
-
-def _with_stages(
-    node: _Model, stages: Sequence[StageSection], path: KeyPath, faults: Faults
-) -> _Model:
     changed: dict[str, Any] = {}
-    for key in type(node).model_fields:
-        value = getattr(node, key)
-        if isinstance(value, FirstReadingSection):
-            changed[key] = _stage_at(value.distance, stages, (*path, key, "distance"), faults)
-        elif isinstance(value, BaseModel):
-            below = _with_stages(value, stages, (*path, key), faults)
-            changed |= {} if below is value else {key: below}
-    return node.model_copy(update=changed) if changed else node
+    zero, distortions = getattr(gauge, "zero", None), getattr(gauge, "distortions", None)
+    if isinstance(zero, FirstReadingSection):
+        changed["zero"] = _stage_at(zero.distance, stages, (*path, "zero", "distance"), faults)
+    if distortions is not None:
+        place = (*path, "distortions")
+        changed["distortions"] = with_zero_stage(distortions, stages, place, faults)
+    return gauge.model_copy(update=changed) if changed else gauge
 
 
 def _stage_at(

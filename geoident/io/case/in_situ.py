@@ -314,5 +314,7 @@ def build_in_situ(
     """
     if section is None:
         return None, {}
-    zones = {name: zone.for_model(context.at("groups", name)) for name, zone in section.groups.items()}
+    zones = {
+        name: zone.for_model(context.at("groups", name)) for name, zone in section.groups.items()
+    }
     return section.for_model(context), zones

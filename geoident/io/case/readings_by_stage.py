@@ -28,7 +28,7 @@ from geoident.io.readings.table import FaultyReadings
 from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, Case, KeyPath
-from geoident.model.gauges import DAY, Reading, Reads, StageReadings, named_channels
+from geoident.model.gauges import DAY, Channel, Reading, Reads, StageReadings, named_channels
 from geoident.units import UnitError, read_quantity
 
 Find = Callable[[str, KeyPath], str]
@@ -85,15 +85,18 @@ class _Collected:
     zeros: dict[str, Reading] = field(default_factory=dict)
 
 
-def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
+def read_all(
+    section: CaseSection, channels: Sequence[Channel], find: Find, faults: Faults
+) -> ReadReadings:
     """Read what the case gives as readings; what is wrong in it is noted.
 
     Args:
         section: the case.
+        channels: of its gauges.
         find: finds the files that it names.
         faults: is told what is wrong.
     """
-    calendar = calendar_of(section, faults)
+    calendar = calendar_of(section, channels, faults)
     collected, checks = _Collected(), ReadingChecks(section, calendar, faults)
     for path, entry in _entries(section.readings):
         if isinstance(entry, ReadingSection):
@@ -173,7 +176,7 @@ def _of_file(
     collected.paths += paths
     if len(faults.found) > before:
         return [], True
-    survey = surveyed(described, checks.section, faults, path)
+    survey = surveyed(described, checks.section, calendar.channels.values(), faults, path)
     checks.mapped(described, path)
     declared = len(faults.found)
     rows = _rows(paths, described.described(calendar.dimensions, survey), faults, collected.notes)
@@ -365,7 +368,7 @@ def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     times = [reading.time for reading in good if reading.time is not None]
     accuracy, gauge = None, calendar.channels.get(good[0].channel)
     if gauge is not None and any(reading.accuracy is not None for reading in good):
-        each = (gauge.stated_errors.reading if r.accuracy is None else r.accuracy for r in good)
+        each = (gauge.own_accuracy if r.accuracy is None else r.accuracy for r in good)
         accuracy = math.hypot(*each) / n
     return replace(
         good[-1],

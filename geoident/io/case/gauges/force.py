@@ -93,10 +93,6 @@ class StressGaugeSection(ValueGauge):
         """Quantities that are read; an empty one for the normal stress."""
         return self.components or self.principal or [""]
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every component or principal value."""
-        return [f"{name}.{part}" if part else name for part in self.parts]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every component or principal value."""
         point = context.at("point").vector(self.point)

@@ -218,13 +218,9 @@ class GaugeBase(Section):
             return ErrorParts(self.plain_accuracy.factor)
         return error_parts(self.accuracy, self.kind_name, self.survey or "")
 
-    def channel_names(self, name: str) -> list[str]:
-        """Names of the channels of a gauge of this name."""
-        return [name]
-
-    def sections(self, name: str) -> dict[str, GaugeBase]:
-        """Names of the channels with what the case says of each: its dimension, errors and zero."""
-        return dict.fromkeys(self.channel_names(name), self)
+    def read_by(self, probe: str) -> GaugeBase:
+        """What says how accurate the channels of a probe are: mostly the gauge itself."""
+        return self
 
     @abstractmethod
     def channels(self, name: str, context: Context) -> list[Channel]:

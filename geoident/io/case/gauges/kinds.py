@@ -47,10 +47,6 @@ class ExtensometerSection(GaugeBase):
     head: Coordinates = Field(description="Coordinates of the head.")
     anchors: dict[Name, Coordinates] = Field(min_length=1, description="Name to coordinates.")
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every anchor."""
-        return [f"{name}.{anchor}" for anchor in self.anchors]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every anchor."""
         head = context.at("head").vector(self.head)
@@ -137,15 +133,6 @@ GaugeSection = Annotated[
     Field(discriminator="kind"),
 ]
 Gauges = Mapping[str, GaugeSection]
-
-
-def sections_of_channels(gauges: Gauges) -> dict[str, GaugeBase]:
-    """Names of all channels with what the case says of each."""
-    return {
-        channel: section
-        for name, gauge in gauges.items()
-        for channel, section in gauge.sections(name).items()
-    }
 
 
 def build_channels(

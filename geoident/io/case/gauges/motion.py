@@ -164,20 +164,9 @@ class LevellingSection(GaugeBase):
                     message = f"there is no point '{name}' in the line"
                     faults.add(path, "unknown-point", message, f"Its points: {known}.")
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every point that is read, then one for every pair."""
-        read = [f"{name}.{point}" for point in self.points if point != self.relative_to]
-        pairs = self.distortions.pairs if self.distortions else []
-        return read + [f"{name}.{a}-{b}" for a, b in pairs]
-
-    def sections(self, name: str) -> dict[str, GaugeBase]:
-        """Distortions are angles with errors of their own; they share the zero unless they say."""
-        sections, pairs = super().sections(name), self.distortions
-        if pairs is not None:
-            own_zero = "zero" in pairs.model_fields_set
-            own = pairs if own_zero else pairs.model_copy(update={"zero": self.zero})
-            sections |= dict.fromkeys((f"{name}.{a}-{b}" for a, b in pairs.pairs), own)
-        return sections
+    def read_by(self, probe: str) -> GaugeBase:
+        """Distortions are angles with errors of their own."""
+        return self.distortions if probe == "distortions" and self.distortions else self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point that is read, then one for every pair."""
@@ -253,10 +242,6 @@ class LineOfSightSection(GaugeBase):
         "towards", description="Which motion counts as positive: towards the sensor or away."
     )
     relative_to: Reference = Field("ground", description="A reference point, or fixed ground.")
-
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every point."""
-        return [name] if self.points is None else [f"{name}.{point}" for point in self.points]
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point."""

@@ -99,10 +99,6 @@ class TargetSection(GaugeBase):
         plane = self.point is not None and len(self.point) == 2
         return ["across", "up"] if plane else ["x", "y", "z"]
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every component."""
-        return [f"{name}.{component}" for component in self.chosen()]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every component."""
         if self.point is not None:

@@ -29,7 +29,6 @@ class ReadingChecks:
         dimensions: channel to the dimension of its readings.
         dates: stage to the date of its end, seconds since 1970.
         order: stage to its number, 0 for the virgin state.
-        owners: channel to the name of its gauge.
         seen: channel and stage to the first reading of them.
         hints: kind (gauge or stage) and unknown name to what to write in its place.
     """
@@ -42,11 +41,6 @@ class ReadingChecks:
         self.dimensions = calendar.dimensions
         self.dates = calendar.dates
         self.order = {name: n for n, name in enumerate(calendar.stages)}
-        self.owners = {
-            channel: name
-            for name, gauge in section.gauges.items()
-            for channel in gauge.channel_names(name)
-        }
         self.seen: dict[tuple[str, str], Reading] = {}
         self.hints: dict[tuple[str, str], str] = {}
 
@@ -98,12 +92,12 @@ class ReadingChecks:
         read: dict[str, list[Reading]] = {}
         for reading in readings:
             read.setdefault(reading.channel, []).append(reading)
-        for channel, section in self.calendar.channels.items():
-            if section.drift is None:
+        for channel in self.calendar.channels.values():
+            if channel.drift is None:
                 continue
-            gauge, zero = self.owners[channel], self.zeros[channel]
-            own = ("distortions",) if section.kind_name == "distortion" else ()
-            own_readings = [r for r in read.get(channel, ()) if r.value is not None]
+            gauge, zero = channel.gauge, channel.zero
+            own = ("distortions",) if channel.probe == "distortions" else ()
+            own_readings = [r for r in read.get(channel.name, ()) if r.value is not None]
             needed = {zero, *(r.stage or VIRGIN for r in own_readings if r.time is None)}
             for stage in sorted(needed - self.dates.keys()):
                 path: KeyPath = ("gauges", gauge, *own, "drift")
@@ -144,13 +138,9 @@ class ReadingChecks:
 
     def _gauge_hint(self, name: str) -> str:
         """What to write in place of the name of a gauge that there is not."""
-        gauge = self.section.gauges.get(name)
-        if gauge is not None and gauge.kind == "extensometer":
-            anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
-            return f"An extensometer has one reading per anchor: {anchors}."
-        if gauge is not None:
-            channels = listing(gauge.channel_names(name))
-            return f"It has readings of its own for each of its channels: {channels}."
+        channels = [c.name for c in self.calendar.channels.values() if c.gauge == name]
+        if channels:
+            return f"It has one reading for each of its channels: {listing(channels)}."
         return self.faults.did_you_mean(name, self.zeros, what="Gauges")
 
     def _stage(self, placed: Reading) -> None:

@@ -128,7 +128,9 @@ class SupportSection(Section):
 
     def support(self, name: str, context: Context) -> Support:
         """The support for the model; what cannot be is noted as a fault."""
-        measured = None if self.measured is None else self.measured.for_model(context.at("measured"))
+        measured = (
+            None if self.measured is None else self.measured.for_model(context.at("measured"))
+        )
         at = None if self.at is None else context.at("at").vector(self.at)
         wall = None if self.contraction is None else self._wall(self.contraction, context)
         held = [c for c, axis in enumerate(_AXES) if getattr(self, axis) is not None]
