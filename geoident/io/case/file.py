@@ -201,7 +201,7 @@ def _build(
         mesh_file=mesh_path,
         elsewhere=elsewhere,
     )
-    return case, read.paths
+    return case, tuple(read.paths)
 
 
 def _elsewhere(
