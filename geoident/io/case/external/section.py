@@ -85,10 +85,6 @@ TextLine = Annotated[
     Discriminator(_line_shape),
 ]
 
-WAYS = ("column", "pointer", "dataset", "line", "find", "instructions", "function")
-_WITH = {"row": "column", "index": "dataset", "after": "line", "word": "line", "columns": "line",
-         "occurrence": "find", "observation": "instructions"}  # fmt: skip
-
 
 class OutputSection(Section):
     """How readings are found in what a run of the program leaves.
@@ -97,6 +93,20 @@ class OutputSection(Section):
     `{stage}` and `{number}` (of the stage, from 1) stand for those of the reading that is looked
     for.
     """
+
+    one_of = (
+        Alternatives(
+            "file column row?",
+            "file pointer",
+            "file dataset index?",
+            "file line after? word",
+            "file line after? columns",
+            "file find occurrence?",
+            "file instructions observation?",
+            "function",
+            hint="Give the keys of one of these ways.",
+        ),
+    )
 
     gauges: list[Name] | None = Field(
         None, description="Gauges whose readings are found like this; all if missing."
@@ -166,31 +176,12 @@ class OutputSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """One way to find the number, with the keys that belong to it."""
-        given = [name for name in WAYS if getattr(self, name) is not None]
-        if len(given) != 1:
-            message = f"found {' and '.join(given) or 'nothing'} to find the number by; one of "
-            message += f"{', '.join(WAYS)} is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-            return
-        way = given[0]
-        for name, belongs in _WITH.items():
-            if getattr(self, name) is not None and belongs != way:
-                message = f"'{name}' belongs to '{belongs}', and '{way}' is given"
-                faults.add((name,), "wrong-pair", message, "Remove it.")
-        if way == "function" and self.file is not None:
-            message = "a function is given the folder of the run, not a file"
-            faults.add(("file",), "wrong-pair", message, "Remove it.")
-        elif way != "function" and self.file is None:
-            faults.add((), "missing-key", "'file' is missing", "Add 'file: ...'.")
-        if way == "line" and (self.word is None) == (self.columns is None):
-            message = "of 'word' and 'columns' one is expected"
-            faults.add((), "wrong-pair", message, "Give the word of the line, or the columns.")
+        """The keys that find the number can find one."""
         if self.columns is not None and self.columns[0] > self.columns[1]:
             message = f"column {self.columns[0]} does not come before {self.columns[1]}"
             faults.add(("columns",), "bad-order", message, "Write the first one first.")
         if self.find is not None and re.compile(self.find).groups != 1:
-            message = f"the expression has {re.compile(self.find).groups} groups; one is expected"
+            message = f"found {re.compile(self.find).groups} groups in the expression; expected one"
             faults.add(("find",), "bad-pattern", message, "Put the number, and only it, in ( ).")
         if self.pointer is not None and not self.pointer.startswith("/"):
             message = f"'{shorten(self.pointer)}' does not begin with /"
