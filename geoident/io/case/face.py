@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import pairwise
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, Tag
@@ -27,6 +27,7 @@ from geoident.model.case import VIRGIN, Analysis, KeyPath
 from geoident.model.parameter import Scalar
 
 if TYPE_CHECKING:
+    from geoident.io.case.case import CaseSection
     from geoident.io.case.stages import StageSection
 
 _AT: KeyPath = ("face",)
@@ -225,140 +226,110 @@ def build_face(
     )
 
 
-class FaceCheck:
-    """What of a face and its distances cannot be.
+def check_face(case: CaseSection, circle: float | None, faults: Faults) -> None:
+    """Note what of a face and its distances cannot be.
 
     Args:
-        section: the key `face`, or None.
-        stages: of the case.
-        parameters: of the case.
+        case: the case.
+        circle: radius of an opening without mesh, m, or None.
         faults: where to note.
     """
+    section = case.face
+    distances = [n for n, stage in enumerate(case.stages) if stage.distance is not None]
+    if section is None:
+        for n in distances:
+            message = "the case does not say how a distance to the face releases stress"
+            hint = "Add 'face: {profile: vlachopoulos-diederichs, radius: 4 m}'."
+            faults.add(("stages", n, "distance"), "no-face", message, hint, key=True)
+        return
+    if case.analysis != Analysis.PLANE_STRAIN.value:
+        message = f"'analysis' is {case.analysis}, in which the face is a part of the model"
+        hint = "Excavate the tunnel up to it, stage by stage; 'face' belongs to plane strain."
+        faults.add(_AT, "wrong-analysis", message, hint, key=True)
+    if not distances:
+        message = "no stage says how far its section is behind the face"
+        faults.add(_AT, "no-distance", message, "Add 'distance: 2.5 m' to stages.", key=True)
+    if section.radius is None and circle is None:
+        message = "the radius of the tunnel is missing"
+        hint = "Add 'radius: 4 m', of a tunnel that is not round that of the circle of its area."
+        faults.add(_AT, "missing-key", message, hint, key=True)
+    if section.conversion == "mesh" and circle is not None:
+        message = "the case has no mesh whose wall would tell"
+        hint = "Leave 'conversion' out: the closed form has its own reaction curve."
+        faults.add((*_AT, "conversion"), "no-mesh", message, hint)
+    for n, group in enumerate(section.groups or ()):
+        if group not in case.groups:
+            faults.add_unknown((*_AT, "groups", n), "group", group, case.groups)
+    _check_numbers(section, case.parameters, faults)
+    _check_distances(section, case, distances, faults)
 
-    def __init__(
-        self,
-        section: FaceSection | None,
-        stages: Sequence[StageSection],
-        parameters: Mapping[str, ParameterSection],
-        faults: Faults,
-    ) -> None:
-        self._section, self._stages = section, stages
-        self._parameters, self._faults = parameters, faults
 
-    def note(self, analysis: str, groups: Collection[str], *, circle: bool) -> None:
-        """Note all faults.
+def _range(
+    given: CaseNumber, parameters: Mapping[str, ParameterSection]
+) -> tuple[float, float] | None:
+    """The least and the largest value of a number; None where its parameter is not known."""
+    if given.parameter is None:
+        return given.factor, given.factor
+    if given.parameter not in parameters:
+        return None
+    low, high = sorted(given.factor * x.factor for x in parameters[given.parameter].bounds)
+    return low, high
 
-        Args:
-            analysis: kind of analysis, as written.
-            groups: element groups of the case.
-            circle: whether `fit.closed-form` gives the radius of an opening without mesh.
-        """
-        section = self._section
-        distances = [n for n, s in enumerate(self._stages) if s.distance is not None]
-        if section is None:
-            for n in distances:
-                message = "the case does not say how a distance to the face releases stress"
-                hint = "Add 'face: {profile: vlachopoulos-diederichs, radius: 4 m}'."
-                self._faults.add(("stages", n, "distance"), "no-face", message, hint, key=True)
-            return
-        if analysis != Analysis.PLANE_STRAIN.value:
-            message = f"'analysis' is {analysis}, in which the face is a part of the model"
-            hint = "Excavate the tunnel up to it, stage by stage; 'face' belongs to plane strain."
-            self._faults.add(_AT, "wrong-analysis", message, hint, key=True)
-        if not distances:
-            message = "no stage says how far its section is behind the face"
-            hint = "Add 'distance: 2.5 m' to stages."
-            self._faults.add(_AT, "no-distance", message, hint, key=True)
-        if section.radius is None and not circle:
-            message = "the radius of the tunnel is missing"
-            hint = (
-                "Add 'radius: 4 m', of a tunnel that is not round that of the circle of its area."
-            )
-            self._faults.add(_AT, "missing-key", message, hint, key=True)
-        if section.conversion == "mesh" and circle:
-            message = "the case has no mesh whose wall would tell"
-            hint = "Leave 'conversion' out: the closed form has its own reaction curve."
-            self._faults.add((*_AT, "conversion"), "no-mesh", message, hint)
-        for n, group in enumerate(section.groups or ()):
-            if group not in groups:
-                self._faults.add_unknown((*_AT, "groups", n), "group", group, groups)
-        self._note_numbers(section)
-        self._note_distances(section, distances)
 
-    def _note_numbers(self, section: FaceSection) -> None:
-        for key in ("radius", "plastic_radius", "m", "reach", "exponent"):
-            given = getattr(section, key, None)
-            if given is not None:
-                self._require(key, given, lambda low, _: low > 0.0, "positive")
-        if isinstance(section, PanetSection):
-            words = "0 or more, and less than 1"
-            self._require(
-                "alpha", section.alpha, lambda low, high: low >= 0.0 and high < 1.0, words
-            )
-        plastic = getattr(section, "plastic_radius", None)
-        radius = section.radius
-        if plastic is None or radius is None or plastic.parameter or radius.parameter:
-            return
-        if plastic.factor < radius.factor:
-            message = f"the plastic radius '{plastic.text}' is within the tunnel ('{radius.text}')"
-            hint = "It counts from the centre; where nothing yields it is the tunnel's."
-            self._faults.add((*_AT, "plastic_radius"), "out-of-range", message, hint)
-
-    def _require(self, key: str, given: CaseNumber, holds: Any, words: str) -> None:
-        """A number, or both bounds of its parameter, must be as they should."""
-        parameter = self._parameters.get(given.parameter or "")
-        if parameter is not None:
-            ends = sorted(given.factor * bound.factor for bound in parameter.bounds)
-            if not holds(*ends):
-                message = f"the bounds of {given.parameter} let '{key}' of the face be "
-                message += "what it cannot be"
-                place: KeyPath = ("parameters", str(given.parameter), "bounds")
-                self._faults.add(place, "out-of-range", message, f"It must be {words}.")
-        elif given.parameter is None and not holds(given.factor, given.factor):
+def _check_numbers(
+    section: FaceSection, parameters: Mapping[str, ParameterSection], faults: Faults
+) -> None:
+    """Numbers, or both bounds of their parameters, are in the ranges of the profile."""
+    for key in ("radius", "plastic_radius", "m", "reach", "exponent", "alpha"):
+        given: CaseNumber | None = getattr(section, key, None)
+        ends = None if given is None else _range(given, parameters)
+        if given is None or ends is None:
+            continue
+        good, words = ends[0] > 0.0, "positive"
+        if key == "alpha":
+            good, words = ends[0] >= 0.0 and ends[1] < 1.0, "0 or more, and less than 1"
+        if good:
+            continue
+        if given.parameter is not None:
+            message = f"the bounds of {given.parameter} are too wide for '{key}' of the face"
+            place: KeyPath = ("parameters", given.parameter, "bounds")
+            faults.add(place, "out-of-range", message, f"It must be {words}.")
+        else:
             message = f"'{given.text}': {key} must be {words}"
-            self._faults.add((*_AT, key), "out-of-range", message, "Correct the number.")
+            faults.add((*_AT, key), "out-of-range", message, "Correct the number.")
+    plastic, radius = getattr(section, "plastic_radius", None), section.radius
+    if plastic is None or radius is None or plastic.parameter or radius.parameter:
+        return
+    if plastic.factor < radius.factor:
+        message = f"the plastic radius '{plastic.text}' is within the tunnel ('{radius.text}')"
+        hint = "It counts from the centre; where nothing yields it is the tunnel's."
+        faults.add((*_AT, "plastic_radius"), "out-of-range", message, hint)
 
-    def _note_distances(self, section: FaceSection, distances: Sequence[int]) -> None:
-        groups = groups_released(section, self._stages)
-        for n in distances:
-            stage = self._stages[n]
-            given = stage.distance
-            assert given is not None
-            path: KeyPath = ("stages", n, "distance")
-            if isinstance(section, PanetSection) and self._lowest(given) < 0.0:
-                message = f"'{given.text}' is ahead of the face, where Panet's profile ends"
-                hint = "Take 'profile: vlachopoulos-diederichs' or 'chern', which cover this range."
-                self._faults.add(path, "out-of-range", message, hint)
-            for group in sorted(stage.release.keys() & set(groups)):
-                message = f"what '{group}' releases is given, and follows from the distance, too"
-                hint = "Remove one of the two."
-                self._faults.add(
-                    ("stages", n, "release", group), "contradiction", message, hint, key=True
-                )
-        for one, other in self._following(distances):
-            first, second = self._stages[one].distance, self._stages[other].distance
-            assert first is not None
-            assert second is not None
-            if second.factor < first.factor:
-                message = f"the face is {second.text} away, after {first.text} at "
-                message += f"'{self._stages[one].name}'"
-                hint = "A face advances or stops: correct one of the distances."
-                self._faults.add(("stages", other, "distance"), "face-order", message, hint)
 
-    def _lowest(self, given: CaseNumber) -> float:
-        parameter = self._parameters.get(given.parameter or "")
-        if parameter is None:
-            return given.factor if given.parameter is None else 0.0
-        return min(given.factor * bound.factor for bound in parameter.bounds)
-
-    def _following(self, distances: Sequence[int]) -> Iterator[tuple[int, int]]:
-        """Pairs of stages with given distances that follow each other."""
-        trunk: list[int] = []
-        for n in distances:
-            stage = self._stages[n]
-            given = stage.distance
-            if given is not None and given.parameter is None and not stage.independent:
-                if stage.base is not None:
-                    trunk = []
-                trunk.append(n)
-                yield from pairwise(trunk[-2:])
+def _check_distances(
+    section: FaceSection, case: CaseSection, distances: Sequence[int], faults: Faults
+) -> None:
+    """Distances fit the profile, release what nothing else does, and do not fall."""
+    groups = groups_released(section, case.stages)
+    before = -math.inf, ""
+    for n in distances:
+        stage = case.stages[n]
+        given = stage.distance
+        assert given is not None
+        path: KeyPath = ("stages", n, "distance")
+        least, _ = _range(given, case.parameters) or (0.0, 0.0)
+        if isinstance(section, PanetSection) and least < 0.0:
+            message = f"'{given.text}' is ahead of the face, where Panet's profile ends"
+            hint = "Take 'profile: vlachopoulos-diederichs' or 'chern', which cover this range."
+            faults.add(path, "out-of-range", message, hint)
+        for group in sorted(stage.release.keys() & set(groups)):
+            message = f"what '{group}' releases is given, and follows from the distance, too"
+            place = ("stages", n, "release", group)
+            faults.add(place, "contradiction", message, "Remove one of the two.", key=True)
+        if given.parameter is not None or stage.independent:
+            continue
+        if stage.base is None and given.factor < before[0]:
+            message = f"the face is {given.text} away, after {before[1]}"
+            hint = "A face advances or stops: correct one of the distances."
+            faults.add(path, "face-order", message, hint)
+        before = given.factor, f"{given.text} at '{stage.name}'"

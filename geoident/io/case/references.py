@@ -17,7 +17,7 @@ from geoident.io.case.case import (
     tied_parameters,
 )
 from geoident.io.case.external.section import ConvergenceLawSection
-from geoident.io.case.face import FaceCheck, groups_released
+from geoident.io.case.face import check_face, groups_released
 from geoident.io.case.fit import AxisSection
 from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
@@ -235,9 +235,7 @@ def _check_mesh(section: CaseSection, faults: Faults) -> None:
 
 def _check_face(section: CaseSection, faults: Faults) -> None:
     """The tunnel face and the distances to it."""
-    FaceCheck(section.face, section.stages, section.parameters, faults).note(
-        section.analysis, section.groups, circle=circle_of(section) is not None
-    )
+    check_face(section, circle_of(section), faults)
 
 
 def _check_sequence(section: CaseSection, faults: Faults) -> None:
