@@ -175,13 +175,14 @@ def _symmetric(
         place.refuse("bad-ladder", message, "Write this model with 'set'.")
         return _Changes()
     new = _NewParameters(tie[1:], parameters[tie[1:]])
-    wanted = _constants_of(str(section.elastic), have, new, solid=place.analysis is Analysis.SOLID)
+    lying: Mapping[str, Any] = {}
     if section.elastic != "isotropic":
-        wanted |= given or {key: written[key] for key in _LYING if key in written}
-        if wanted.keys().isdisjoint(_LYING):
-            wanted |= _unknown_dip(section, name, new, place)
+        lying = given or {key: written[key] for key in _LYING if key in written}
+        lying = lying or _unknown_dip(section, name, new, place)
+    solid = place.analysis is Analysis.SOLID
+    constants = _constants_of(str(section.elastic), have, new, solid=solid)
     kept = {key: written[key] for key in ("density", "expansion", "yield") if key in written}
-    changed = {"elastic": section.elastic, **wanted, **kept}
+    changed = {"elastic": section.elastic, **constants, **lying, **kept}
     overrides = [f'materials["{name}"]={json.dumps(changed)}']
     overrides += [f"parameters.{key}={json.dumps(text)}" for key, text in new.made.items()]
     return _Changes(tuple(overrides), new.origins)
