@@ -240,7 +240,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
         faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
     if not isinstance(places.data, dict):
         hint = "Begin with 'format: geoident-case/1'."
-        message = f"found {kind_of(places.data)}; a mapping is expected"
+        message = f"found {kind_of(places.data)}; expected a mapping"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
     places = with_tables(places, folder, faults)
@@ -287,7 +287,7 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
         hint = faults.did_you_mean(path.name, beside, what=what)
         message = f"there is no file '{shorten(path)}'"
         if _is_folder(path):
-            message = f"'{shorten(path)}' is a folder; a file is expected"
+            message = f"'{shorten(path)}' is a folder; expected a file"
         faults.add(key, "missing-file", message, hint)
     return str(path)
 

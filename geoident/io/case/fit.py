@@ -77,7 +77,7 @@ _USES: Mapping[str, bool | str] = {
 def _known_use(value: object) -> bool | str:
     use = _USES.get(str(value).lower())
     if use is None:
-        message = f"found '{shorten(str(value))}'; true, false or keep is expected"
+        message = f"found '{shorten(str(value))}'; expected true, false or keep"
         raise Refusal("wrong-kind", message, "Write one of them, without quotes.")
     return use
 
@@ -222,7 +222,9 @@ def _option_model(kind: type[MethodOptions | LossOptions]) -> type[Section]:
     definitions: dict[str, Any] = {}
     for option in fields(kind):
         annotation = _annotation(hints[option.name], option.metadata)
-        default: Any = option.default_factory() if option.default is MISSING else option.default
+        default: Any = option.default
+        if option.default_factory is not MISSING:
+            default = option.default_factory()
         if isinstance(default, float):
             default = CaseNumber(f"{default:g}", default, None, DIMENSIONLESS)
         field = Field(default, description=option.metadata["description"])

@@ -73,7 +73,7 @@ def build_ladder(
     """
     if not (materials and parameters):
         return ()  # there is nothing that could be simpler
-    ties = [(format_path(path), tie.parameter) for path, tie in ties]
+    tied = [(format_path(path), tie.parameter) for path, tie in ties]
     rungs: list[Rung] = []
     for n, entry in enumerate(entries):
         place = context.at(n)
@@ -93,10 +93,10 @@ def build_ladder(
             gone.append(format_path(("materials", material)))
         sets = [f"{path}={json.dumps(value)}" for path, value in section.set.items()]
         # parameters of which nothing is made any more are left out
-        used = {name for path, name in ties if not any(_below(path, other) for other in gone)}
+        used = {tie for path, tie in tied if not any(_below(path, other) for other in gone)}
         used.update(*map(names_in_text, (*changes.overrides, *sets)))
         used.update(path.removeprefix("parameters.") for path in section.set)
-        idle = [f"parameters.{name}=null" for name in parameters if name not in used]
+        idle = [f"parameters.{key}=null" for key in parameters if key not in used]
         rungs.append(Rung(name, (*changes.overrides, *idle, *sets), changes.origins))
     return tuple(rungs)
 
@@ -171,7 +171,7 @@ def _symmetric(
         return _Changes()
     tie = have["E_1"].strip()
     if not tie.startswith("$") or tie[1:] not in parameters:
-        message = f"its Young's modulus is '{tie}'; one parameter alone is expected there"
+        message = f"its Young's modulus is '{tie}'; expected one parameter alone there"
         place.refuse("bad-ladder", message, "Write this model with 'set'.")
         return _Changes()
     new = _NewParameters(tie[1:], parameters[tie[1:]])
@@ -182,7 +182,7 @@ def _symmetric(
     solid = place.analysis is Analysis.SOLID
     constants = _constants_of(str(section.elastic), have, new, solid=solid)
     kept = {key: written[key] for key in ("density", "expansion", "yield") if key in written}
-    changed = {"elastic": section.elastic, **constants, **lying, **kept}
+    changed: dict[str, Any] = {"elastic": section.elastic, **constants, **lying, **kept}
     overrides = [f'materials["{name}"]={json.dumps(changed)}']
     overrides += [f"parameters.{key}={json.dumps(text)}" for key, text in new.made.items()]
     return _Changes(tuple(overrides), new.origins)

@@ -139,7 +139,7 @@ def _check_compression(section: CaseSection, faults: Faults) -> None:
             hint = f"Write '{given.text.strip().removeprefix('-').strip()}'."
             if tied:
                 hint = f"Turn the sign of the tie, or of the bounds of '{given.parameter}'."
-            message += "; a vertical pressure, compression positive, is expected"
+            message += "; expected a vertical pressure, compression positive"
             faults.add((*path, key), "tension", message, hint)
 
 
@@ -272,7 +272,7 @@ def _check_external_fit(section: CaseSection, faults: Faults) -> None:
 def _check_dimension(path: KeyPath, given: CaseNumber, start: CaseNumber, faults: Faults) -> None:
     if given.dimension != start.dimension:
         message = f"'{given.text}' is {with_article(given.dimension)}; "
-        message += f"{with_article(start.dimension)} is expected, as for the start '{start.text}'"
+        message += f"expected {with_article(start.dimension)}, as for the start '{start.text}'"
         faults.add(path, "unit", message)
 
 
@@ -303,7 +303,7 @@ def _check_tie(
         faults.add_unknown(path, "parameter", name, section.parameters)
     elif given.dimension and parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
-        message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
+        message += f"(start: {parameter.start.text}); expected {with_article(given.dimension)}"
         hint = "Change the unit of its start, or use another parameter."
         faults.add(path, "unit", message, hint)
 

@@ -83,7 +83,7 @@ class BeamSection(Section):
         """Its weight is given in one way, and is not negative."""
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
-            message = f"found density and {other}; density with a thickness, or weight is expected"
+            message = f"found density and {other}; expected density with a thickness, or weight"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
         for key in ("density", "weight"):
             given: CaseNumber | None = getattr(self, key)

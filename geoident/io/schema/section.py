@@ -215,7 +215,7 @@ class Context:
         """Whether there is one component for each axis; a fault where there are more or fewer."""
         if len(given) != self.dim:
             axes = ", ".join("xyz"[: self.dim])
-            message = f"found {len(given)} components; expected {self.dim} ({axes})"
+            message = f"found {len(given)}; expected {self.dim} components ({axes})"
             hint = f"'analysis' says that there are {self.dim}: correct it or the components."
             self.refuse("wrong-dimension", message, hint)
         return len(given) == self.dim

@@ -80,7 +80,7 @@ def require_text(value: object, expected: str) -> str:
     """
     if isinstance(value, str):
         return value
-    raise Refusal("wrong-kind", f"found {kind_of(value)}; {expected} is expected")
+    raise Refusal("wrong-kind", f"found {kind_of(value)}; expected {expected}")
 
 
 def kind_of(value: object) -> str:
@@ -97,7 +97,7 @@ def _flag(value: object) -> bool:
         return value
     text = require_text(value, "true or false")
     if text not in {"true", "false"}:
-        raise Refusal("not-listed", f"found '{shorten(text)}'; true or false is expected")
+        raise Refusal("not-listed", f"found '{shorten(text)}'; expected true or false")
     return text == "true"
 
 
@@ -205,7 +205,7 @@ class QuantityType:
         if isinstance(value, CaseNumber):
             return value
         if isinstance(value, dict) and "field" in value:
-            message = f"found a field; {self.words()} is expected"
+            message = f"found a field; expected {self.words()}"
             raise Refusal("no-field", message, "Moduli and strengths of materials may be fields.")
         text = require_text(value, self.words())
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
@@ -244,7 +244,7 @@ class QuantityType:
         if self.tied and not well_formed:
             hint = "Write $NAME or FACTOR $NAME, such as 0.6 $E_rock."
             return Refusal("bad-tie", f"'{shorten(text)}' is not a tie to a parameter", hint)
-        message = f"'{shorten(text)}': a parameter cannot be used here; {self.words()} is expected"
+        message = f"'{shorten(text)}': a parameter cannot be used here; expected {self.words()}"
         return Refusal("bad-tie", message, "Write the number itself.")
 
     def _in_range(self, given: CaseNumber) -> CaseNumber:
@@ -332,8 +332,12 @@ def _factor(number: str, text: str) -> float:
         message = f"'{shorten(text)}' is zero, whatever the parameter is"
         raise Refusal("out-of-range", message, "Write the number itself, or another factor.")
     if not _LEAST_FACTOR <= abs(factor) <= _MOST_FACTOR:
-        message = f"'{shorten(text)}': a factor from {_LEAST_FACTOR:g} to {_MOST_FACTOR:g} is "
-        raise Refusal("out-of-range", f"{message}expected", "Check its exponent.")
+        message = f"'{shorten(text)}': expected a factor "
+        raise Refusal(
+            "out-of-range",
+            f"{message}from {_LEAST_FACTOR:g} to {_MOST_FACTOR:g}",
+            "Check its exponent.",
+        )
     return factor
 
 
@@ -349,7 +353,7 @@ def _require_angle(given: CaseNumber) -> None:
     hint = "Correct the number or its unit."
     if given.unit == "rad":
         hint = f"Write '{given.text.replace('rad', 'deg')}' if these are degrees."
-    raise Refusal("out-of-range", f"{message}360 at most are expected", hint)
+    raise Refusal("out-of-range", f"{message}expected at most 360", hint)
 
 
 @dataclass(frozen=True)
@@ -470,7 +474,7 @@ class Exactly:
                 hint = f"If a number has a decimal comma, write a point: [{', '.join(meant)}]."
                 if len(value) == 1:
                     hint = f"Write [{', '.join(meant)}]."
-            raise Refusal("wrong-kind", f"{count}; {self.entries} entries expected", hint)
+            raise Refusal("wrong-kind", f"{count}; expected {self.entries}", hint)
         return value
 
     def __get_pydantic_json_schema__(

@@ -131,7 +131,7 @@ class StandardDeviationOf(QuantityType):
             return CaseNumber(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
         given = self._along(text) if self.per_root_length else super().parse(text)
         if not given.factor >= 0.0:
-            message = f"'{shorten(text)}' is negative; a standard deviation is expected"
+            message = f"'{shorten(text)}' is negative; expected a standard deviation"
             raise Refusal("out-of-range", message, "Write it positive, or 0 for none.")
         return computable(given)
 
@@ -268,7 +268,7 @@ def check_parts(
             faults.add((key, name), "no-size", *UNKNOWN_SIZE)
         elif part.text != ESTIMATE and part.dimension != dimension:
             message = f"'{shorten(part.text)}' is {with_article(part.dimension)}; "
-            message += f"{with_article(dimension)} is expected"
+            message += f"expected {with_article(dimension)}"
             faults.add((key, name), "unit", message, f"Its units: {unit_list(dimension)}.")
     if given.reading is None and kind not in TYPICAL:
         hint = f"Write 'reading: ...' in a unit of {dimension}."

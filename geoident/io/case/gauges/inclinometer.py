@@ -93,7 +93,7 @@ class InclinometerSection(GaugeBase):
         """Rings have an accuracy, and no axis and no depth is listed twice."""
         super().check(faults)
         if (self.ring_accuracy is None) == bool(self.rings):
-            message = "found one of rings and ring_accuracy; both or none are expected"
+            message = "found one of rings and ring_accuracy; expected both or none"
             hint = "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
             faults.add((), "wrong-pair", message, hint)
         if len(set(self.axes)) < len(self.axes):

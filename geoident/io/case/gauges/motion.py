@@ -157,7 +157,7 @@ class LevellingSection(GaugeBase):
         for n, pair in enumerate(self.distortions.pairs if self.distortions else []):
             path = ("distortions", "pairs", n)
             if len(pair) != 2 or pair[0] == pair[1]:
-                message = "two different points are expected"
+                message = "expected two different points"
                 faults.add(path, "wrong-pair", message, f"Points of the line: {known}.")
             for name in pair:
                 if name not in self.points:

@@ -93,7 +93,7 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
         hint = "Remove 'point', and say with 'bar' which of them."
         place.at("point").refuse("wrong-structure", message, hint, key=True)
     elif channel.quantity in ("M", "Q"):
-        message = f"'{name}' are bars, which bear no {channel.quantity}; N is expected"
+        message = f"'{name}' are bars, which bear no {channel.quantity}; expected N"
         place.at("quantity").refuse("wrong-structure", message, "Correct it, or name a beam.")
     elif bar is None and count > 1:
         message = f"'{name}' has {count} bars; which of them is missing"

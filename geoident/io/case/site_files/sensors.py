@@ -135,7 +135,7 @@ class TransformationSection(Section):
         """The axes are at right angles."""
         given = self.axes or {}
         if self.axes is not None and len(given) < 2:
-            message = f"found {len(given)} axes; two or three are expected"
+            message = f"found {len(given)} axes; expected two or three"
             faults.add(("axes",), "wrong-kind", message, "Write x and y, for example.")
         units = {}
         for name, vector in given.items():

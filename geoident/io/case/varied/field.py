@@ -102,9 +102,9 @@ def _wrong_lengths(number: int, dim: int) -> tuple[str, str]:
     count = "found no length" if number == 0 else f"found {number} lengths"
     if dim == 2:
         hint = "Write one length, or [along the dip, normal to it], such as [20 m, 5 m]."
-        return f"{count}; one, or two for the axes of a plane model, expected", hint
+        return f"{count}; expected one, or two for the axes of a plane model", hint
     hint = "Write one length, or one for each axis of `along`, such as [30 m, 20 m, 5 m]."
-    return f"{count}; one, two or three expected", hint
+    return f"{count}; expected one, two or three", hint
 
 
 def _entry(value: object) -> str:
@@ -178,8 +178,10 @@ class FieldBase(Section):
             message = f"'{mean.text}': the mean of a field must be positive"
             faults.add(("mean",), "out-of-range", message, "A field is lognormal.")
         elif sd.dimension not in (DIMENSIONLESS, mean.dimension):
-            message = f"'{sd.text}' is {with_article(sd.dimension)}; a part of the mean in % or "
-            message += f"{with_article(mean.dimension)} is expected"
+            message = (
+                f"'{sd.text}' is {with_article(sd.dimension)}; expected a part of the mean in "
+            )
+            message += f"% or {with_article(mean.dimension)}"
             faults.add(("sd",), "unit", message, "Write it such as 30 %.")
         elif sd.dimension != DIMENSIONLESS and mean.parameter is not None:
             message = f"'{sd.text}': where the mean is a parameter, the scatter is a part of it"
@@ -288,7 +290,7 @@ def _point_value(
     wrong = False
     if value.dimension != mean.dimension:
         message = f"'{value.text}' is {with_article(value.dimension)}; "
-        message += f"{with_article(mean.dimension)} is expected{whence}"
+        message += f"expected {with_article(mean.dimension)}{whence}"
         context.at("value").refuse("unit", message, "Write it in the dimension of the mean.")
         wrong = True
     elif value.factor <= 0:
@@ -296,8 +298,10 @@ def _point_value(
         context.at("value").refuse("out-of-range", message, "Correct the number, or remove it.")
         wrong = True
     if accuracy is not None and accuracy.dimension not in (DIMENSIONLESS, mean.dimension):
-        message = f"'{accuracy.text}' is {with_article(accuracy.dimension)}; a part of the value "
-        message += f"in % or {with_article(mean.dimension)} is expected{whence}"
+        message = (
+            f"'{accuracy.text}' is {with_article(accuracy.dimension)}; expected a part of the "
+        )
+        message += f"value in % or {with_article(mean.dimension)}{whence}"
         context.at("accuracy").refuse("unit", message, "Write it in the unit of the value.")
         wrong = True
     elif accuracy is not None and accuracy.factor < 0:
