@@ -250,7 +250,7 @@ def test_line_of_sight(project, changed):
         ),
         (
             "«{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], accuracy: 1 mm}»",
-            "found neither; expected is depths, or interval",
+            "found neither; expected depths, or interval",
             "Give exactly one of them.",
         ),
         (
@@ -260,7 +260,7 @@ def test_line_of_sight(project, changed):
         ),
         (
             "{kind: tilt, between: [[0, 0 m], [0, 3 m]], accuracy: «1 mm»}",
-            "'1 mm' is a length; an angle is expected",
+            "'1 mm' is a length; expected an angle",
             None,
         ),
         (
@@ -270,7 +270,7 @@ def test_line_of_sight(project, changed):
         ),
         (
             "{kind: tilt, point: [0, 3 m], drift: «1 mm/year», accuracy: 1 mrad}",
-            "'1 mm/year' is a velocity; an angle rate is expected",
+            "'1 mm/year' is a velocity; expected an angle rate",
             "Its units: mrad/month, rad/month, urad/month, deg/month, arcsec/month, mrad/year, "
             "rad/year, urad/year, deg/year, arcsec/year, mrad/day, rad/day, urad/day, deg/day, "
             "arcsec/day, mrad/week, rad/week and 13 more.",
@@ -289,7 +289,7 @@ def test_line_of_sight(project, changed):
         ),
         (
             "«{kind: line-of-sight, point: [0, 0 m], accuracy: 1 mm}»",
-            "found none of them; expected is direction, or sensor, or incidence (with azimuth)",
+            "found none of them; expected direction, or sensor, or incidence (with azimuth)",
             "Give one of them.",
         ),
         (
@@ -349,7 +349,7 @@ def test_a_tilt_sits_on_a_structure_that_the_case_has(project, changed):
     assert fault.message == "there is no structure 'wall'"
     gauge = "«{kind: tilt, on: wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "found on and between; expected is point (with on), or between"
+    assert fault.message == "found on and between; expected point (with on), or between"
 
 
 def test_rings_are_read_by_another_probe(project, changed):
@@ -358,7 +358,7 @@ def test_rings_are_read_by_another_probe(project, changed):
         " accuracy: 1 mm}"
     )
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "found one of rings and ring_accuracy; both or none are expected"
+    assert fault.message == "found one of rings and ring_accuracy; expected both or none"
     assert fault.hint == "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
     sound = gauge.replace("«", "").replace("accuracy: 1 mm", "accuracy: 1 mm, ring_accuracy: 4 mm")
     found = channels(project, plane(changed, sound))
@@ -373,7 +373,7 @@ def test_a_reading_of_a_gauge_of_several_channels_names_them(project, changed):
     with pytest.raises(InputError) as error:
         project.read(text)
     assert [fault.hint for fault in error.value.faults] == [
-        "It has readings of its own for each of its channels: G.P2, G.P3."
+        "It has one reading for each of its channels: G.P2, G.P3."
     ]
 
 
@@ -383,7 +383,7 @@ def test_the_sizes_of_errors_of_rings_are_checked(project, changed):
         " accuracy: 1 mm, ring_accuracy: {reading: «5 kPa}}"
     )
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "'5 kPa' is a pressure; a length is expected"
+    assert fault.message == "'5 kPa' is a pressure; expected a length"
 
 
 def test_a_casing_is_not_read_at_a_million_depths(project, changed):
