@@ -66,7 +66,7 @@ def test_dismantled_and_built_again(project, built):
          "wrong-pair", "found E, thickness and EA"),
         ({"shell": "{kind: beam, on: wall, E: 15 GPa, thickness: «-0.2 m}"},
          "out-of-range", "it must be positive"),
-        ({"shell": "{kind: beam, on: wall, EA: «4 GPa, EI: 30 MNm2/m}"}, "unit", "expected a line load"),
+        ({"shell": "{kind: beam, on: wall, EA: «4 GPa, EI: 30 MNm2/m}"}, "unit", "a line load"),
         ({"shell": "{kind: «rope, on: wall}"}, "not-listed", "rope"),
         ({"bolt": "{kind: bolt, EA: 1 MN, spacing: 1 m, ends: [[[3, 0 m], «[3, 0 m]]]}"},
          "zero-length", "begins and ends at one point"),

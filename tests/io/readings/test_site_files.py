@@ -395,7 +395,7 @@ def test_an_azimuth_and_a_scale_turn_coordinates(read):
         ("height: H", "height: Z", "columns missing in the header: z", "columns: {point: NAME"),
         ("x: [3, 4, 0]", "x: [3, 4, 1]", "the axes x and y are not at right angles", "Correct"),
         ("x: [3, 4, 0], y", "x: [3, 4], y", "the axis x is not a vector of", "[0.6, 0.8, 0]"),
-        ("axes: {x: [3, 4, 0], y: [0, 0, 1]}, ", "", "found neither; expected azimuth, or axes", ""),
+        ("axes: {x: [3, 4, 0], y: [0, 0, 1]}, ", "", "found neither; expected azimuth", ""),
         ("  transformation:", "  #", "'transformation' is missing", "azimuth: 37.5 deg"),
         ("[1000, 2000, 50 m]", "[1000, 2000, 60 m]", "the case has 'S' at (5, 1) m, the survey "
          "'P7' at (5, -9) m", "Correct the origin, the axes or the point"),
