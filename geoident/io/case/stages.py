@@ -192,10 +192,9 @@ class _Ground:
     def copy(self) -> _Ground:
         """The same, to go on from here in another way."""
         other = copy(self)
-        other.present, other.installed = dict(self.present), dict(self.installed)
-        other.loads, other.excavated = set(self.loads), dict(self.excavated)
-        other.partly, other.structures = set(self.partly), set(self.structures)
-        other.supports = set(self.supports)
+        for name, value in vars(self).items():
+            if isinstance(value, dict | set):
+                setattr(other, name, value.copy())
         return other
 
     def build(self, path: KeyPath, stage: StageSection) -> None:

@@ -93,13 +93,17 @@ class ReadingsFileSection(Section):
     )
     range: Cells | None = Field(None, description="Excel: cells of the table with its header.")
     header_row: HeaderRow = Field(
-        0, description="Line or row of the header; the first that holds something if missing."
+        0,
+        description="Line or row of the header, counted from 1; 0 for the first that is not empty.",
     )
     header_rows: HeaderRows = Field(
         1,
-        description="Rows over which names of columns are spread: EX1 above a5 is EX1 a5.",
+        description="Number of rows with names of columns: EX1 above a5 is EX1 a5.",
     )
-    data_row: HeaderRow = Field(0, description="First line or row of readings, if not the next.")
+    data_row: HeaderRow = Field(
+        0,
+        description="First line or row of readings, counted from 1; 0: the one below the header.",
+    )
     blank: list[Text] = Field(
         [], description="Texts of cells that stand for no reading.", examples=[["n/a", "---"]]
     )

@@ -6,6 +6,7 @@ Written as `E: {field: {mean: $E_rock, sd: 30 %, length: [20 m, 5 m], along: {di
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import (
@@ -261,13 +262,23 @@ class AngleFieldSection(FieldBase):
     mean: Angle = Field(description="Median of the values.", examples=["35 deg"])
 
 
-class VariedModulusSection(Section):
+class VariedSection(Section):
+    """In place of one number: a field."""
+
+    field: FieldBase
+
+    def number(self) -> CaseNumber:
+        """The mean of the field."""
+        return replace(self.field.mean, varied_by=self)
+
+
+class VariedModulusSection(VariedSection):
     """In place of one number: a field."""
 
     field: ModulusFieldSection = Field(description="How it varies from place to place.")
 
 
-class VariedAngleSection(Section):
+class VariedAngleSection(VariedSection):
     """In place of one number: a field."""
 
     field: AngleFieldSection = Field(description="How it varies from place to place.")
