@@ -181,7 +181,9 @@ def _symmetric(
         lying = lying or _unknown_dip(section, name, new, place)
     solid = place.analysis is Analysis.SOLID
     constants = _constants_of(str(section.elastic), have, new, solid=solid)
-    kept = {key: written[key] for key in ("density", "expansion", "yield") if key in written}
+    kept: dict[str, Any] = {
+        key: written[key] for key in ("density", "expansion", "yield") if key in written
+    }
     changed: dict[str, Any] = {"elastic": section.elastic, **constants, **lying, **kept}
     overrides = [f'materials["{name}"]={json.dumps(changed)}']
     overrides += [f"parameters.{key}={json.dumps(text)}" for key, text in new.made.items()]

@@ -37,7 +37,7 @@ def faults_of(folder, text):
         ("name: B", "name: A", "two sections are called 'A'"),
         ("shared: [K0]", "shared: [K0, E_rock]", "'E_rock' is shared and has a law"),
         ("shared: [K0]", "shared: [K0, K0]", "'K0' is given twice"),
-        ("scatter: none", "scatter: 2 GPa", "expected a number without unit"),
+        ("scatter: none", "scatter: 2 GPa", "a number without unit is expected"),
         ("scatter: none", "scatter: nine", "Did you mean 'none'?"),
         ("scatter: none", "scatter: -20 %", "a standard deviation is above zero"),
         ("start: 1 GPa, bounds: [0.01 GPa, 20 GPa]", "start: 1, bounds: [0.01, 20]",

@@ -275,14 +275,6 @@ def test_the_accuracy_of_a_frequency_is_carried_through():
     assert known.reading(2900.0) == 0.0
 
 
-@pytest.mark.parametrize("unit", ["Hz", "digits", "mV/V"])
-def test_what_a_sensor_gives_needs_its_calibration(refused, unit):
-    text = f"gauge,stage,value,unit\nCV1,bench 1,2900,{unit}\n"
-    (fault,) = refused("readings: r.csv", files={"r.csv": text})
-    assert fault.message == f"'{unit}' is what the sensor gives; expected a length"
-    assert f"calibration: {{reads: {unit}, factor: ..., zero: ..., difference" in fault.hint
-
-
 @pytest.mark.parametrize(
     ("calibration", "words"),
     [
