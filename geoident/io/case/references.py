@@ -17,7 +17,8 @@ from geoident.io.case.case import (
     tied_parameters,
 )
 from geoident.io.case.external.section import ConvergenceLawSection
-from geoident.io.case.face import check_face, groups_released
+from geoident.io.case.face import groups_released
+from geoident.io.case.face_checks import check_face
 from geoident.io.case.fit import AxisSection
 from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
