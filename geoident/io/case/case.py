@@ -29,7 +29,7 @@ from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
 from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
-from geoident.io.case.gauges.reading import PlainReadingSection
+from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder

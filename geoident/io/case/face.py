@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, Field, Tag
 
@@ -27,11 +27,12 @@ from geoident.model.parameter import Scalar
 if TYPE_CHECKING:
     from geoident.io.case.stages import StageSection
 
-_AT: KeyPath = ("face",)
-
 
 class FaceBase(Section):
     """What every profile needs to know beside its constants."""
+
+    constants: ClassVar[tuple[str, ...]] = ()
+    """Keys of those constants of the profile that may be parameters."""
 
     radius: Size | None = Field(
         None,
@@ -60,11 +61,6 @@ class FaceBase(Section):
         "takes some analyses more. direct: the part s itself. In elastic ground all are the same.",
     )
 
-    @property
-    def constants(self) -> tuple[CaseNumber, ...]:
-        """Those of the profile that may be parameters."""
-        return ()
-
 
 class VlachopoulosDiederichsSection(FaceBase):
     """Vlachopoulos & Diederichs (2009): s = 1 - (1 - s0) exp(-3 x / (2 Rp)) behind the face.
@@ -84,6 +80,8 @@ class VlachopoulosDiederichsSection(FaceBase):
 class PanetSection(FaceBase):
     """Panet (1995): s = alpha + (1 - alpha) [1 - (m / (m + x / R))^2] behind the face."""
 
+    constants = ("alpha", "m")
+
     profile: Literal["panet"]
     alpha: Coefficient = Field(
         CaseNumber("0.25", 0.25, None, "dimensionless"),
@@ -96,14 +94,11 @@ class PanetSection(FaceBase):
         examples=[0.75],
     )
 
-    @property
-    def constants(self) -> tuple[CaseNumber, ...]:
-        """Alpha and m."""
-        return self.alpha, self.m
-
 
 class ChernSection(FaceBase):
     """Chern et al. (1998): s = [1 + exp(-(x / R) / reach)]^-exponent, ahead of the face, too."""
+
+    constants = ("reach", "exponent")
 
     profile: Literal["chern"]
     reach: Multiple = Field(
@@ -114,11 +109,6 @@ class ChernSection(FaceBase):
     exponent: Multiple = Field(
         CaseNumber("1.7", 1.7, None, "dimensionless"), description="Exponent.", examples=[1.7]
     )
-
-    @property
-    def constants(self) -> tuple[CaseNumber, ...]:
-        """Reach and exponent."""
-        return self.reach, self.exponent
 
 
 FaceSection = Annotated[
@@ -218,6 +208,6 @@ def build_face(
         law=section.profile,
         groups=groups_released(section, stages),
         radius=radius or Scalar(1.0),  # where it is missing, that is a fault
-        constants=tuple(number.scalar for number in section.constants),
+        constants=tuple(getattr(section, key).scalar for key in section.constants),
         centre=centre,
     )

@@ -69,7 +69,7 @@ def _check_numbers(
     section: FaceSection, parameters: Mapping[str, ParameterSection], faults: Faults
 ) -> None:
     """Numbers, or both bounds of their parameters, are in the ranges of the profile."""
-    for key in ("radius", "plastic_radius", "m", "reach", "exponent", "alpha"):
+    for key in ("radius", "plastic_radius", *section.constants):
         given: CaseNumber | None = getattr(section, key, None)
         ends = None if given is None else _range(given, parameters)
         if given is None or ends is None:

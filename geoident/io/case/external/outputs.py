@@ -8,7 +8,6 @@ from functools import partial
 
 from geoident.errors import InputError
 from geoident.io.case.external.function import function_of
-from geoident.io.case.external.run_folder import check_inside
 from geoident.io.case.external.section import OutputSection
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.external.pest_instructions import DUMMY, OBSERVATIONS, read_instructions
@@ -47,7 +46,7 @@ def build_outputs(sections: Sequence[OutputSection], around: ModelContext) -> It
     for number, section in enumerate(sections):
         path: KeyPath = (*_AT, "outputs", number)
         if section.file is not None:
-            check_inside(section.file, (*path, "file"), around.faults)
+            around.check_inside(section.file, (*path, "file"))
         how = _finder(section, path, around)
         gauges = _named(section.gauges, rows, (*path, "gauges"), "gauge", around.faults)
         stages = _named(section.stages, columns, (*path, "stages"), "stage", around.faults)

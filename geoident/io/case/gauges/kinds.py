@@ -24,10 +24,9 @@ from geoident.io.case.gauges.gauge import (
 from geoident.io.case.gauges.inclinometer import InclinometerSection
 from geoident.io.case.gauges.motion import MotionSection
 from geoident.io.case.gauges.on_structure import on_structures
-from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
-from geoident.io.case.gauges.value import refuse_no_direction, unit_direction
+from geoident.io.case.gauges.value import PlainReadingSection, refuse_no_direction, unit_direction
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector
