@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Coefficients,
@@ -23,6 +20,7 @@ from geoident.io.schema.values import (
     TemperatureChange,
     TemperatureValues,
     Text,
+    TextOrMapping,
     UnitWeight,
 )
 from geoident.model.actions import (
@@ -191,7 +189,4 @@ class TemperatureFieldSection(Section):
             faults.add(("values",), "wrong-number", message, "Write one value for each point.")
 
 
-TemperatureSection = Annotated[
-    Annotated[TemperatureChange, Tag("text")] | Annotated[TemperatureFieldSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+TemperatureSection = TextOrMapping[TemperatureChange, TemperatureFieldSection]

@@ -16,7 +16,6 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    Tag,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
@@ -43,13 +42,13 @@ from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     Accelerations,
     CaseNumber,
     FixedAcceleration,
     Name,
     ParameterName,
     Text,
+    TextOrList,
 )
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, Case, KeyPath, Material
@@ -65,10 +64,7 @@ class MeshSection(Section):
     )
 
 
-Gravity = Annotated[
-    Annotated[FixedAcceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
-    TEXT_OR_LIST,
-]
+Gravity = TextOrList[FixedAcceleration, Accelerations]
 
 
 ONE_STAGE = "end"

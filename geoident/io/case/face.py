@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, Field, Tag
+from pydantic import BaseModel, Field
 
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Coordinates,
@@ -17,6 +16,7 @@ from geoident.io.schema.values import (
     Multiple,
     Name,
     Size,
+    TextOrMapping,
     scalar_of,
 )
 from geoident.io.text.faults import Faults
@@ -124,10 +124,7 @@ class FirstReadingSection(Section):
     )
 
 
-ZeroValue = Annotated[
-    Annotated[Name, Tag("text")] | Annotated[FirstReadingSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+ZeroValue = TextOrMapping[Name, FirstReadingSection]
 """Where a gauge reads zero: the name of a stage, or the distance to the face there."""
 
 _Gauge = TypeVar("_Gauge", bound=BaseModel)

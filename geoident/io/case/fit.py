@@ -9,14 +9,13 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from pydantic import BeforeValidator, Field, Tag, WithJsonSchema, create_model
+from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     AnyQuantity,
     CaseNumber,
     Count,
@@ -27,6 +26,7 @@ from geoident.io.schema.values import (
     ParameterName,
     QuantityType,
     SharesUnit,
+    TextOrList,
     require_text,
 )
 from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
@@ -104,14 +104,7 @@ class AxisSection(Section):
 class FitBase(Section):
     """How the parameters are identified."""
 
-    method: (
-        Annotated[
-            Annotated[MethodName, Tag("text")]
-            | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
-            TEXT_OR_LIST,
-        ]
-        | None
-    ) = Field(
+    method: TextOrList[MethodName, Annotated[list[MethodName], Field(min_length=1)]] | None = Field(
         None,
         description=f"A method, or several that follow each other; without it {DEFAULT_METHOD}, "
         f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters.",

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     Angle,
     CaseNumber,
     Coefficient,
@@ -16,6 +15,7 @@ from geoident.io.schema.values import (
     LevelOrGroup,
     Name,
     Stress,
+    TextOrMapping,
     UnitWeight,
     scalar_of,
 )
@@ -52,10 +52,7 @@ _EQUILIBRIUM = (
 )
 
 
-RatioByGroup = Annotated[
-    Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+RatioByGroup = TextOrMapping[Coefficient, dict[Name, Coefficient]]
 """One number, or element group to number."""
 
 Equilibrium = Literal["required", "accept"]

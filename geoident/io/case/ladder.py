@@ -11,14 +11,14 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import NAME_PATTERN, TEXT_OR_MAPPING, Angle, CaseNumber, Name, Text
+from geoident.io.schema.values import NAME_PATTERN, Angle, CaseNumber, Name, Text, TextOrMapping
 from geoident.io.text.wording import listing
 from geoident.model.case import Analysis, KeyPath, Rung, format_path
 
@@ -49,10 +49,7 @@ class RungSection(Section):
     )
 
 
-LadderEntry = Annotated[
-    Annotated[Symmetry, Tag("text")] | Annotated[RungSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+LadderEntry = TextOrMapping[Symmetry, RungSection]
 
 
 def build_ladder(

@@ -5,32 +5,32 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     Area,
     AxialStiffness,
     BendingStiffness,
     CaseNumber,
     Coordinates,
     Density,
+    FixedSize,
     Force,
     Line,
     Modulus,
     Multiple,
     Name,
-    QuantityType,
     Ratio,
     Size,
     Stress,
+    TextOrList,
     WallStiffness,
 )
 from geoident.model.case import Analysis
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
 
-Hinge = Annotated[Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], TEXT_OR_LIST]
+Hinge = TextOrList[Name, Coordinates]
 
 
 class BeamSection(Section):
@@ -230,7 +230,7 @@ class AnchorSection(_BarSection):
     what, builds = "anchor", Anchors
 
     kind: Literal["anchor"]
-    grouted: Annotated[CaseNumber, QuantityType("length", above=0.0)] = Field(
+    grouted: FixedSize = Field(
         description="Length at the second end, the toe, along which grout ties the bar to the "
         "ground; before it the bar is free.",
         examples=["6 m"],

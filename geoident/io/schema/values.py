@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -543,8 +543,18 @@ def shape_of(value: object) -> str:
     return "list" if isinstance(value, list | tuple) else "text"
 
 
-TEXT_OR_LIST = Discriminator(lambda value: "list" if shape_of(value) == "list" else "text")
-TEXT_OR_MAPPING = Discriminator(lambda value: "mapping" if shape_of(value) == "mapping" else "text")
+_A = TypeVar("_A")
+_B = TypeVar("_B")
+TextOrList = Annotated[
+    Annotated[_A, Tag("text")] | Annotated[_B, Tag("list")],
+    Discriminator(lambda value: "list" if shape_of(value) == "list" else "text"),
+]
+"""One value, or a list: ``TextOrList[VALUE, LIST]``."""
+TextOrMapping = Annotated[
+    Annotated[_A, Tag("text")] | Annotated[_B, Tag("mapping")],
+    Discriminator(lambda value: "mapping" if shape_of(value) == "mapping" else "text"),
+]
+"""One value, or a mapping: ``TextOrMapping[VALUE, MAPPING]``."""
 TEXT_LIST_OR_MAPPING = Discriminator(shape_of)
 
 # A number that may be tied to a parameter has a plain name; of one that may not it is `Fixed...`.

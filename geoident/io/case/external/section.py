@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -12,7 +12,6 @@ from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Count,
@@ -22,6 +21,7 @@ from geoident.io.schema.values import (
     QuantityType,
     Size,
     Text,
+    TextOrMapping,
     Time,
     require_text,
 )
@@ -203,10 +203,7 @@ class TemplateSection(Section):
     )
 
 
-AnyTemplateSection = Annotated[
-    Annotated[Text, Tag("text")] | Annotated[TemplateSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+AnyTemplateSection = TextOrMapping[Text, TemplateSection]
 
 
 class ExternalModelSection(Section):
@@ -308,30 +305,12 @@ def _by_gauge(value: object) -> str:
     return "<by gauge>" if isinstance(value, Mapping) else "text"
 
 
-_BY_GAUGE = Discriminator(_by_gauge)
-LimitConstant = Annotated[
-    Annotated[CaseNumber, QuantityType(None, tied=True), Tag("text")]
-    | Annotated[
-        dict[Name, Annotated[CaseNumber, QuantityType(None, tied=True)]], Tag("<by gauge>")
-    ],
-    _BY_GAUGE,
+_T = TypeVar("_T")
+ByGauge = Annotated[
+    Annotated[_T, Tag("text")] | Annotated[dict[Name, _T], Tag("<by gauge>")],
+    Discriminator(_by_gauge),
 ]
-LengthConstant = Annotated[
-    Annotated[Size, Tag("text")] | Annotated[dict[Name, Size], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
-TimeConstant = Annotated[
-    Annotated[Time, Tag("text")] | Annotated[dict[Name, Time], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
-PartConstant = Annotated[
-    Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
-ExponentConstant = Annotated[
-    Annotated[Multiple, Tag("text")] | Annotated[dict[Name, Multiple], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
+"""One number for all gauges, or gauge to number."""
 Constant = CaseNumber | dict[str, CaseNumber]
 """A constant of all gauges, or one for each."""
 
@@ -358,17 +337,17 @@ class ConvergenceLawSection(Section):
         min_length=1, description="Sections of the tunnel by name.",
         examples=[{"A": {"chainage": "1250 m", "excavated": "2024-03-01"}}],
     )  # fmt: skip
-    C_inf: LimitConstant = Field(
+    C_inf: ByGauge[Annotated[CaseNumber, QuantityType(None, tied=True)]] = Field(
         description="Convergence far from the face before time adds to it, since the ground was "
         "undisturbed.",
         examples=["$C_inf"],
     )
-    X: LengthConstant = Field(description="Length of the influence of the face.", examples=["$X"])
-    m: PartConstant | None = Field(
+    X: ByGauge[Size] = Field(description="Length of the influence of the face.", examples=["$X"])
+    m: ByGauge[Coefficient] | None = Field(
         None, description="Part of `C_inf` that time adds in the end.", examples=["$m"]
     )
-    T: TimeConstant | None = Field(None, description="Time of the growth.", examples=["$T"])
-    n: ExponentConstant | None = Field(
+    T: ByGauge[Time] | None = Field(None, description="Time of the growth.", examples=["$T"])
+    n: ByGauge[Multiple] | None = Field(
         None, description="Exponent of the growth in time, often 0.3.", examples=["0.3"]
     )
 

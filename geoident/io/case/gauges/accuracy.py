@@ -14,14 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     CaseNumber,
     QuantityType,
+    TextOrMapping,
     or_words,
     quantity_pattern,
     require_text,
@@ -222,25 +222,15 @@ class ErrorsSection(Section):
     )
 
 
-Accuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf(None, above=0.0), Tag("text")]
-    | Annotated[ErrorsSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
-LengthAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0), Tag("text")]
-    | Annotated[ErrorsSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
+Accuracy = TextOrMapping[Annotated[CaseNumber, StandardDeviationOf(None, above=0.0)], ErrorsSection]
+LengthAccuracy = TextOrMapping[
+    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0)], ErrorsSection
 ]
 AnyAccuracy = CaseNumber | ErrorsSection
 FORCES = ("force", "line load", "moment per length")
 """Dimensions of forces of structures; the accuracy of a load cell may have any of them."""
 
-EstimatedKinds = Annotated[
-    Annotated[Literal["estimate"], Tag("text")]
-    | Annotated[dict[str, Literal["estimate"]], Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+EstimatedKinds = TextOrMapping[Literal["estimate"], dict[str, Literal["estimate"]]]
 
 
 def check_parts(

@@ -15,7 +15,6 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
-    Tag,
     ValidationInfo,
     field_validator,
     model_serializer,
@@ -34,11 +33,11 @@ from geoident.io.case.gauges.accuracy import (
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     CaseNumber,
     Coordinates,
     Name,
     QuantityType,
+    TextOrList,
     shape_of,
 )
 from geoident.model.arrays import Vector
@@ -259,10 +258,7 @@ class GaugeBase(Section):
         )
 
 
-Reference = Annotated[
-    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
-    TEXT_OR_LIST,
-]
+Reference = TextOrList[Literal["ground"], Coordinates]
 """What a motion is relative to: fixed ground, or a point."""
 
 

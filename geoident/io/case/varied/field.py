@@ -18,7 +18,6 @@ from pydantic import (
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     Angle,
     AnyQuantity,
     CaseNumber,
@@ -31,6 +30,7 @@ from geoident.io.schema.values import (
     Modulus,
     SharesUnit,
     Text,
+    TextOrList,
 )
 from geoident.model.ground import Attitude, Axes, PointValue, RandomField
 from geoident.units import (
@@ -121,15 +121,11 @@ Measured = Annotated[
     | Annotated[PointValueSection, Tag("<point>")],
     Discriminator(_entry),
 ]
-Lengths = Annotated[
-    Annotated[FixedSize, Tag("text")]
-    | Annotated[
-        list[FixedSize],
-        SharesUnit(),
-        Field(json_schema_extra={"minItems": 1, "maxItems": 3}),
-        Tag("list"),
+Lengths = TextOrList[
+    FixedSize,
+    Annotated[
+        list[FixedSize], SharesUnit(), Field(json_schema_extra={"minItems": 1, "maxItems": 3})
     ],
-    TEXT_OR_LIST,
 ]
 
 
