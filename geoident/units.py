@@ -438,12 +438,10 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         return Quantity(value, dimension, quantity.unit)
     units = unit_list(dimension)
     if dimension == DIMENSIONLESS:
-        message = (
-            f"'{text}' is {with_article(quantity.dimension)}; a number without unit is expected"
-        )
+        message = f"'{text}' is {with_article(quantity.dimension)}; expected a number without unit"
         raise UnitError(message, "Remove the unit.")
     if quantity.unit == "":
-        message = f"'{text}' has no unit; {with_article(dimension)} is expected"
+        message = f"'{text}' has no unit; expected {with_article(dimension)}"
         meant = {"angle": "deg", "strain": "microstrain"}.get(dimension)
         if meant:  # whoever writes 30 means degrees, and 250 of a strain gauge millionths
             raise UnitError(message, f"Write '{text.strip()} {meant}', or one of {units}.")
@@ -451,9 +449,7 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         raise UnitError(
             message, f"The SI unit is {si}: write '{text.strip()} {si}', or one of {units}."
         )
-    message = (
-        f"'{text}' is {with_article(quantity.dimension)}; {with_article(dimension)} is expected"
-    )
+    message = f"'{text}' is {with_article(quantity.dimension)}; expected {with_article(dimension)}"
     raise UnitError(message, f"Its units: {units}.")
 
 
@@ -602,7 +598,7 @@ def _not_a_quantity(text: str) -> UnitError:
     if _NOT_FINITE.match(text):
         return UnitError(f"'{shown}' is not a finite number", "Write a finite number.")
     if not text:
-        return UnitError("nothing is written here; a number is expected")
+        return UnitError("nothing is written here; expected a number")
     return UnitError(
         f"'{shown}' is not a number with a unit",
         "Write it like '12.5 MPa' or '1e-3 m', and like '0.25' where there is no unit.",

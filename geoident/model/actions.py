@@ -11,6 +11,9 @@ from typing import Literal
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar
 
+WATER = Scalar(9.81e3)
+"""Unit weight of water, N/m3."""
+
 
 @dataclass(frozen=True)
 class Pressure:
@@ -56,7 +59,7 @@ class WaterPressure:
 
     group: str
     level: Scalar
-    unit_weight: Scalar
+    unit_weight: Scalar = WATER
     falls: HeadLine | None = None
 
 
@@ -130,7 +133,7 @@ class Water:
     """
 
     table: Surface
-    unit_weight: Scalar
+    unit_weight: Scalar = WATER
     groups: tuple[str, ...] | None = None
 
 

@@ -1,7 +1,7 @@
 """Names and options of the identifiers, as users write them.
 
-One table, `METHOD_OPTIONS`, maps the names to the option types; the schema, the help texts and the
-message on an unknown method are made from it, and `geoident.identify.METHODS` has the same keys.
+One table, `METHOD_OPTIONS`, maps the names to the option types; the keys of `fit`, the schema and
+the message on an unknown method are made from it. `geoident.identify.METHODS` has the same keys.
 
 Losses: how much a large residual counts, as users write them.
 
@@ -15,62 +15,98 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
+
+
+def _option(default: Any, description: str, **limits: object) -> Any:
+    """An option of a method or a loss, from which its key of `fit` is made.
+
+    Args:
+        default: its value if missing, or the type of an empty one.
+        description: for the page of keys and the JSON schema.
+        limits: ``above`` and ``below`` of a number (above 0 if missing), ``least`` of a whole one
+            (1 if missing), and the ``dimension`` of a quantity.
+    """
+    metadata = {"description": description, **limits}
+    if isinstance(default, type):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
 class GaussNewtonOptions:
-    """Weighted least squares by a trust region with bounds.
+    """Weighted least squares by a trust region with bounds."""
 
-    Args:
-        tolerance: relative size of a step, or of the reduction it predicts, that ends the search.
-        max_iterations: steps at most.
-        starts: number of starts (the first is given, the others are spread over the bounds), or
-            automatic: 1, or 5 where an angle of axes or planes is sought or the search met a sign
-            of another minimum.
-    """
-
-    tolerance: float = 1e-8
-    max_iterations: int = 50
-    starts: int | Literal["automatic"] = "automatic"
+    tolerance: float = _option(
+        1e-8,
+        "Relative size of a step, or of the reduction it predicts, that ends the search.",
+    )
+    max_iterations: int = _option(
+        50,
+        "Most steps.",
+    )
+    starts: int | Literal["automatic"] = _option(
+        "automatic",
+        "Number of starts (the first is given, the others are spread over the bounds); "
+        "`automatic` makes 1, or 5 where an angle of axes or planes is sought or the search met"
+        " a sign of another minimum.",
+    )
 
 
 @dataclass(frozen=True)
 class CondensationOptions:
-    """Condensation with iterated least squares (Maier & Gioda, section 4).
+    """Condensation with iterated least squares (Maier & Gioda, section 4)."""
 
-    Args:
-        weighting: ``output`` measures the error in readings, ``equation`` in forces, as the paper.
-        tolerance: relative change of the parameters that ends the iteration.
-        max_iterations: iterations at most.
-    """
-
-    weighting: Literal["output", "equation"] = "output"
-    tolerance: float = 1e-8
-    max_iterations: int = 50
+    weighting: Literal["output", "equation"] = _option(
+        "output",
+        "`output` measures the error in readings, `equation` in forces, as the paper does.",
+    )
+    tolerance: float = _option(
+        1e-8,
+        "Relative change of the parameters that ends the iteration.",
+    )
+    max_iterations: int = _option(
+        50,
+        "Most iterations.",
+    )
 
 
 @dataclass(frozen=True)
 class SimplexOptions:
-    """Simplex search (Maier & Gioda, section 5, figure 7; Nelder & Mead).
+    """Simplex search (Maier & Gioda, section 5, figure 7; Nelder & Mead)."""
 
-    Args:
-        alpha: reflection.
-        beta: contraction.
-        gamma: expansion.
-        delta: tolerance: relative spread of the discrepancy over the vertices that ends the search.
-        max_evaluations: evaluations of the discrepancy at most.
-        restarts: new simplexes built around the best vertex.
-        size: edge of the first simplex in scaled parameters.
-    """
-
-    alpha: float = 1.0
-    beta: float = 0.5
-    gamma: float = 2.0
-    delta: float = 1e-10
-    max_evaluations: int = 2000
-    restarts: int = 1
-    size: float = 0.1
+    alpha: float = _option(
+        1.0,
+        "Factor of reflection.",
+    )
+    beta: float = _option(
+        0.5,
+        "Factor of contraction.",
+        above=0.0,
+        below=1.0,
+    )
+    gamma: float = _option(
+        2.0,
+        "Factor of expansion.",
+        above=1.0,
+    )
+    delta: float = _option(
+        1e-10,
+        "Relative spread of the misfit over the vertices that ends the search.",
+    )
+    max_evaluations: int = _option(
+        2000,
+        "Most evaluations of the misfit.",
+    )
+    restarts: int = _option(
+        1,
+        "Number of new simplexes that are built around the best vertex.",
+        least=0,
+    )
+    size: float = _option(
+        0.1,
+        "Edge of the first simplex, in scaled parameters.",
+    )
 
 
 @dataclass(frozen=True)
@@ -84,75 +120,100 @@ class ScanAxis:
 
 @dataclass(frozen=True)
 class ScanOptions:
-    """The discrepancy on a grid of one or two parameters (the paper's parametric analysis).
+    """The misfit on a grid of one or two parameters (the paper's parametric analysis)."""
 
-    Args:
-        grid: parameter name to axis. Empty: the first one or two parameters between their bounds.
-        points: number of points of axes that ``grid`` does not give.
-    """
-
-    grid: Mapping[str, ScanAxis] = field(default_factory=dict)
-    points: int = 21
+    grid: Mapping[str, ScanAxis] = _option(
+        dict,
+        "Parameter to its axis; the first one or two parameters between their bounds if missing.",
+    )
+    points: int = _option(
+        21,
+        "Number of points of axes that `grid` does not give.",
+        least=2,
+    )
 
 
 @dataclass(frozen=True)
 class ClosedFormOptions:
-    """Circular opening in elastic or Mohr-Coulomb ground, by formulas (Lame, Kirsch, Salencon).
+    """Circular opening in elastic or Mohr-Coulomb ground, by formulas (Lame, Kirsch, Salencon)."""
 
-    Args:
-        centre: centre of the opening; None: not given, and the method refuses.
-        radius: radius of the opening; None likewise.
-        starts: number of starts (the first is given, the others are spread over the bounds).
-        tolerance: relative size of a step, or of the reduction it predicts, that ends the search.
-        max_iterations: steps of a start at most.
-    """
-
-    centre: tuple[float, float] | None = None
-    radius: float | None = None
-    starts: int = 10
-    tolerance: float = 1e-8
-    max_iterations: int = 100
+    centre: tuple[float, float] | None = _option(
+        None,
+        "Centre of the opening, which the method needs.",
+    )
+    radius: float | None = _option(
+        None,
+        "Radius of the opening, which the method needs.",
+        dimension="length",
+    )
+    starts: int = _option(
+        10,
+        "Number of starts: the first is given, the others are spread over the bounds.",
+    )
+    tolerance: float = _option(
+        1e-8,
+        "Relative size of a step, or of the reduction it predicts, that ends the search.",
+    )
+    max_iterations: int = _option(
+        100,
+        "Most steps of a start.",
+    )
 
 
 @dataclass(frozen=True)
 class ComplementarityOptions:
-    """Yield limits by complementarity (Maier & Gioda, section 5).
+    """Yield limits by complementarity (Maier & Gioda, section 5)."""
 
-    Args:
-        formulation: ``implicit`` solves the stages for every trial, ``full-space`` is a nonlinear
-            program in all unknowns (extra full-space), ``global`` proves a bound for small cases
-            (extra global).
-        restarts: most descents that start anew around the best point, in search of a better one.
-        max_evaluations: analyses of all stages at most.
-        tolerance: relative size of a step, or of the reduction it predicts, that ends a descent.
-        seed: seed of the random directions of the restarts.
-        gap: of ``global``: difference between discrepancy and proven bound that ends the search,
-            relative to the discrepancy (to 1 where that is less).
-        max_regions: of ``global``: most boxes of parameters that are examined.
-    """
-
-    formulation: Literal["implicit", "full-space", "global"] = "implicit"
-    restarts: int = 100
-    max_evaluations: int = 1000
-    tolerance: float = 1e-8
-    seed: int = 1
-    gap: float = 1e-4
-    max_regions: int = 2000
+    formulation: Literal["implicit", "full-space", "global"] = _option(
+        "implicit",
+        "`implicit` solves the stages for every trial; `full-space` is a nonlinear program in "
+        "all unknowns (extra full-space); `global` proves a bound for small cases (extra "
+        "global).",
+    )
+    restarts: int = _option(
+        100,
+        "Most descents that start anew around the best point, in search of a better one.",
+        least=0,
+    )
+    max_evaluations: int = _option(
+        1000,
+        "Most analyses of all stages.",
+    )
+    tolerance: float = _option(
+        1e-8,
+        "Relative size of a step, or of the reduction it predicts, that ends a descent.",
+    )
+    seed: int = _option(
+        1,
+        "Seed of the random directions of the restarts.",
+    )
+    gap: float = _option(
+        1e-4,
+        "For `global`: difference between the misfit and the proven bound that ends the search,"
+        " relative to the misfit (to 1 where that is less).",
+    )
+    max_regions: int = _option(
+        2000,
+        "For `global`: most boxes of parameters that are examined.",
+    )
 
 
 @dataclass(frozen=True)
 class EnsembleSmootherOptions:
-    """Ensemble smoother with multiple data assimilation: no derivatives (extra ensemble).
+    """Ensemble smoother with multiple data assimilation: no derivatives (extra ensemble)."""
 
-    Args:
-        ensemble: members of the ensemble; its sampling error falls with the root of their number.
-        assimilations: steps in which the readings are taken in.
-        seed: of the ensemble and of the perturbed readings.
-    """
-
-    ensemble: int = 200
-    assimilations: int = 4
-    seed: int = 1
+    ensemble: int = _option(
+        200,
+        "Number of members; the sampling error falls with the root of it.",
+    )
+    assimilations: int = _option(
+        4,
+        "Number of steps in which the readings are taken in.",
+    )
+    seed: int = _option(
+        1,
+        "Seed of the ensemble and of the perturbed readings.",
+    )
 
 
 MethodOptions = (
@@ -188,25 +249,23 @@ class SquaredOptions:
 
 @dataclass(frozen=True)
 class HuberOptions:
-    """Huber's loss: quadratic for small residuals, linear for large ones: no reading dominates.
+    """Huber's loss: quadratic for small residuals, linear for large ones: no reading dominates."""
 
-    Args:
-        delta: residual, in standard deviations, from which on a reading counts less. 1.345 loses
-            5 % of the information if no reading is wrong.
-    """
-
-    delta: float = 1.345
+    delta: float = _option(
+        1.345,
+        "Residual, in standard deviations, from which on a reading counts less. 1.345 loses 5 %"
+        " of the information if no reading is wrong.",
+    )
 
 
 @dataclass(frozen=True)
 class StudentOptions:
-    """The loss of Student's t distribution: the influence of a reading that is far off vanishes.
+    """The loss of Student's t distribution: the influence of a reading that is far off vanishes."""
 
-    Args:
-        nu: degrees of freedom; few for many wrong readings, many for nearly least squares.
-    """
-
-    nu: float = 4.0
+    nu: float = _option(
+        4.0,
+        "Degrees of freedom: few for many wrong readings, many for nearly least squares.",
+    )
 
 
 LossOptions = SquaredOptions | HuberOptions | StudentOptions

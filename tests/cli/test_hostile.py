@@ -321,4 +321,4 @@ def test_offsets_from_utc_are_not_dropped(trench, run, run_json):
     assert second["first"] == "2024-03-02T01:30:00"  # half past eleven in the evening of Greenwich
     refused = run("check", "case.yaml", "--set", "dates.first=2024-03-01T00:00+01:00")
     assert refused.exit_code == 3
-    assert "has an offset from UTC; the local time of the site is expected" in refused.stderr
+    assert "has an offset from UTC; expected the local time of the site" in refused.stderr

@@ -41,10 +41,10 @@ def written(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("case", "mark", "said"),
     [
-        (block("1e300 $E"), "1e300", "a factor from 1e-12 to 1e+12 is expected"),
-        (block("-1e13 $E"), "-1e13", "a factor from 1e-12 to 1e+12 is expected"),
-        (block("1e-300 $E"), "1e-300", "a factor from 1e-12 to 1e+12 is expected"),
-        (block("1e999 $E"), "1e999", "a factor from 1e-12 to 1e+12 is expected"),
+        (block("1e300 $E"), "1e300", "expected a factor from 1e-12 to 1e+12"),
+        (block("-1e13 $E"), "-1e13", "expected a factor from 1e-12 to 1e+12"),
+        (block("1e-300 $E"), "1e-300", "expected a factor from 1e-12 to 1e+12"),
+        (block("1e999 $E"), "1e999", "expected a factor from 1e-12 to 1e+12"),
         (block("0 $E"), "0 $E", "is zero, whatever the parameter is"),
         (block("-1 $E"), "-1 $E", "it must be positive"),
         (block("1e308 GPa"), "1e308", "'1e308 GPa' is too large to be computed with"),

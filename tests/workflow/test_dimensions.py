@@ -88,7 +88,7 @@ def test_a_unit_of_another_quantity_is_refused_with_those_that_fit():
     with pytest.raises(InputError) as caught:
         parse_readings(b"gauge,stage,value,unit\nB1,drift,1,mm\n", "r.csv", LAYOUT)
     (fault,) = caught.value.faults
-    assert fault.message == "'mm' is the unit of a length; a force is expected"
+    assert fault.message == "'mm' is the unit of a length; expected a force"
     assert fault.hint == "Units of force: N, kN, MN, GN, kgf, tf, lbf, kip."
 
 
@@ -200,4 +200,4 @@ def test_a_reading_in_the_case_must_be_of_the_quantity_of_its_channel(tmp_path, 
         "readings[0].value",
         "readings[0].accuracy",
     ]
-    assert caught.value.faults[0].message == "'-0.6 mm' is a length; a force is expected"
+    assert caught.value.faults[0].message == "'-0.6 mm' is a length; expected a force"

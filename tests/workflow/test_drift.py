@@ -137,7 +137,7 @@ def test_a_drift_of_another_dimension_is_refused_at_its_place(tmp_path):
     text = text.replace("[-1, 1 mrad/month]", "[-1, 1 kPa/month]")
     (tmp_path / "squares.msh").write_text(grid())
     (tmp_path / "case.yaml").write_text(text)
-    with pytest.raises(InputError, match="an angle rate is expected"):
+    with pytest.raises(InputError, match="expected an angle rate"):
         load_inputs(str(tmp_path / "case.yaml"))
 
 

@@ -96,7 +96,7 @@ def test_it_answers_without_mesh_and_readings(kept, fitted, tmp_path):
     ("values", "why"),
     [
         ({"G": 1.0}, "There is no parameter 'G'"),
-        ({"E": "5 m"}, "a pressure is expected"),
+        ({"E": "5 m"}, "expected a pressure"),
         ({"E": 1e12}, "E is beyond the bounds"),
         ([1.0, 2.0, 3.0], "Vectors of 2 parameters"),
     ],

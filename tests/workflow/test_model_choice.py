@@ -140,7 +140,7 @@ def test_a_wrong_model_is_refused_before_anything_is_computed(tmp_path):
         ("{set: {}}", "needs a name"),
         ("isotropic", "two models of the ladder are named 'isotropic'"),
         ("cubic", "cubic"),
-        (None, "fit.ladder: found 1 entry; at least 2 entries expected"),
+        (None, "fit.ladder: found 1 entry; expected at least 2"),
     ],
 )
 def test_faults_of_a_ladder_are_said_where_they_stand(tmp_path, entry, words):

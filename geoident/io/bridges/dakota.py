@@ -147,7 +147,7 @@ def _block(kind: str, entries: list[_Entry], path: str) -> tuple[list[_Entry], l
         raise InputError([Fault("cut-short", message, "", Location(path))])
     head, *rest = entries
     if head.name not in (_BLOCKS[kind], kind) or not _COUNT.fullmatch(head.text):
-        message = f"found '{shorten(head.text)} {shorten(head.name)}'; {expected} is expected"
+        message = f"found '{shorten(head.text)} {shorten(head.name)}'; expected {expected}"
         hint = "Is this the file of parameters that Dakota writes (standard or aprepro)?"
         raise InputError([Fault("bad-line", message, hint, head.text_place)])
     n = int(head.text)

@@ -7,7 +7,7 @@ here, with its section and what this is built into. What takes more than one sec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -16,20 +16,19 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    Tag,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
 )
 from pydantic_core import PydanticKnownError
 
-from geoident.io.case.actions import LoadSection, WaterSection, build_loads
+from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
 from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
-from geoident.io.case.gauges.reading import PlainReadingSection
+from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder
@@ -43,13 +42,13 @@ from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     Accelerations,
     CaseNumber,
     FixedAcceleration,
     Name,
     ParameterName,
     Text,
+    TextOrList,
 )
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, Case, KeyPath, Material
@@ -65,10 +64,7 @@ class MeshSection(Section):
     )
 
 
-Gravity = Annotated[
-    Annotated[FixedAcceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
-    TEXT_OR_LIST,
-]
+Gravity = TextOrList[FixedAcceleration, Accelerations]
 
 
 ONE_STAGE = "end"
@@ -253,21 +249,27 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
 
 
-def build_case(section: CaseSection, faults: Faults) -> Case:
-    """The case in SI units, without mesh and readings; what does not fit its axes is a fault."""
+def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> Case:
+    """The case in SI units, without mesh and readings; what does not fit its axes is a fault.
+
+    Args:
+        section: the case.
+        faults: takes the faults.
+        wrong: sections that are left out because they are wrong.
+    """
     context = Context((), Analysis(section.analysis), faults)
-    gravity = section.gravity is not None
     ties = [(path, given) for path, given in numbers_with_paths(section) if given.parameter]
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
-    if section.mesh is None and section.model is None:
+    if section.mesh is None and section.model is None and "mesh" not in wrong:
         _refuse_fields(materials, context)
     structures = {
-        name: part.structure(context.at("structures", name))
+        name: part.for_model(context.at("structures", name))
         for name, part in section.structures.items()
     }
-    return Case(
-        title=section.title,
+    return section.to_model(
+        Case,
+        context,
         analysis=context.analysis,
         mesh_file=None,
         parameters=with_periods(
@@ -278,13 +280,9 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         supports=tuple(build_supports(section.supports, context.at("supports")).values()),
         in_situ=in_situ,
         gravity=_gravity(section.gravity, context.at("gravity")),
-        loads=build_loads(section.loads, context.at("loads"), gravity=gravity),
-        stages=tuple(
-            stage.stage(context.at("stages", n), gravity=gravity)
-            for n, stage in enumerate(section.stages)
-        ),
         channels=build_channels(section.gauges, structures, context.at("gauges")),
         readings=(),
+        dates={},
         fit=replace(
             section.fit.settings(strengths=_seek_strengths(materials)),
             ladder=build_ladder(
@@ -298,7 +296,6 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         source=faults.places.source(),
         in_situ_of=zones,
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
-        water=None if section.water is None else section.water.water(),
         structures=structures,
         face=build_face(section.face, section.stages, circle_of(section), context.at("face")),
     )
@@ -327,7 +324,7 @@ def _gravity(given: Gravity | None, context: Context) -> tuple[float, ...] | Non
     if given is None:
         return None
     if isinstance(given, list):
-        return context.vector(given, "gravity")
+        return context.vector(given)
     if given.factor < 0:
         hint = "A single value is downwards; write it positive, or as a vector."
         context.refuse("out-of-range", f"'{given.text}' is negative", hint)

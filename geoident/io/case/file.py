@@ -22,7 +22,7 @@ from geoident.io.case.case import LEFT_OUT, CaseSection, build_case, tied_parame
 from geoident.io.case.external.build import build_elsewhere
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
-from geoident.io.case.face import with_zero_stages
+from geoident.io.case.face import with_zero_stage
 from geoident.io.case.gauges.channel_errors import described_channels
 from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
@@ -150,9 +150,7 @@ def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
     return (f"{', '.join(names)} {word}: overrides took away what depended on {them}",)
 
 
-_GIVES_AXES = {"analysis", "mesh", "gravity"}
-"""Sections without which no other can be built."""
-_OF_READINGS = {"gauges", "stages", "dates", "readings", "bad", "analysis"}
+_OF_READINGS = {"gauges", "structures", "stages", "dates", "readings", "bad"}
 
 
 def _build(
@@ -174,17 +172,24 @@ def _build(
         with_mesh: whether the file of the mesh has to be there.
     """
     if "stages" not in wrong:
-        gauges = with_zero_stages(section.gauges, section.stages, faults)
+        gauges = {
+            name: with_zero_stage(gauge, section.stages, ("gauges", name), faults)
+            for name, gauge in section.gauges.items()
+        }
         section = section.model_copy(update={"gauges": gauges})
     mesh_path = None if section.mesh is None else section.mesh.file
     if mesh_path is not None and with_mesh:
         mesh_path = _find(folder, mesh_path, ("mesh", "file"), faults=faults)
     check_references(section, faults, wrong)
-    find = partial(_find, folder, faults=faults)
-    read = read_all(section, find, faults) if _OF_READINGS.isdisjoint(wrong) else ReadReadings()
-    if not _GIVES_AXES.isdisjoint(wrong):
-        faults.raise_any()
-    built = build_case(section, faults)
+    if "analysis" in wrong:
+        raise InputError(faults.shown())  # nobody knows the axes
+    before = len(faults.of_keys())
+    built = build_case(section, faults, wrong)
+    # of a gauge that cannot be built nobody knows the channels
+    gauges_wrong = any(path[0] == "gauges" for path in faults.of_keys()[before:])
+    read = ReadReadings()
+    if _OF_READINGS.isdisjoint(wrong) and not gauges_wrong:
+        read = read_all(section, built.channels, partial(_find, folder, faults=faults), faults)
     if wrong:
         faults.raise_any()
     elsewhere = _elsewhere(section, built, read.dates, folder, faults) if with_mesh else None
@@ -196,7 +201,7 @@ def _build(
         mesh_file=mesh_path,
         elsewhere=elsewhere,
     )
-    return case, read.paths
+    return case, tuple(read.paths)
 
 
 def _elsewhere(
@@ -235,7 +240,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
         faults.add(path, "fill-in", f"{BLANK} is to be replaced", hint or "Give the value.")
     if not isinstance(places.data, dict):
         hint = "Begin with 'format: geoident-case/1'."
-        message = f"found {kind_of(places.data)}; a mapping is expected"
+        message = f"found {kind_of(places.data)}; expected a mapping"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
     places = with_tables(places, folder, faults)
@@ -282,7 +287,7 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
         hint = faults.did_you_mean(path.name, beside, what=what)
         message = f"there is no file '{shorten(path)}'"
         if _is_folder(path):
-            message = f"'{shorten(path)}' is a folder; a file is expected"
+            message = f"'{shorten(path)}' is a folder; expected a file"
         faults.add(key, "missing-file", message, hint)
     return str(path)
 

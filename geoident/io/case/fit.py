@@ -5,30 +5,28 @@ The section `fit` is made from the table of methods and their option types.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from pydantic import BeforeValidator, Field, Tag, WithJsonSchema, create_model
+from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 
 from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     AnyQuantity,
     CaseNumber,
     Count,
     CountOr,
     Exactly,
     FixedLength,
-    FixedMultiple,
     Name,
     ParameterName,
     QuantityType,
     SharesUnit,
+    TextOrList,
     require_text,
 )
 from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
@@ -47,20 +45,12 @@ DEFAULT_METHOD = "gauss-newton"
 DEFAULT_FOR_STRENGTHS = "complementarity"
 """What identifies strengths of yield limits where the case names no method."""
 
-_RANGES: Mapping[str, Any] = {
-    "restarts": Annotated[int, Count(least=0)],
-    "points": Annotated[int, Count(least=2)],
-    "beta": Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0, below=1.0)],
-    "gamma": Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=1.0)],
-}
 PlanePoint = Annotated[
     list[FixedLength],
     SharesUnit(),
     Exactly(2),
     Field(description="Coordinates x and y.", examples=[["0 m", "3 m"]]),
 ]
-Radius = Annotated[CaseNumber, QuantityType("length", above=0.0)]
-_KINDS: Mapping[Any, Any] = {float: FixedMultiple, int: Annotated[int, Count(least=1)]}
 
 
 def _known_method(value: object) -> str:
@@ -87,7 +77,7 @@ _USES: Mapping[str, bool | str] = {
 def _known_use(value: object) -> bool | str:
     use = _USES.get(str(value).lower())
     if use is None:
-        message = f"found '{shorten(str(value))}'; true, false or keep is expected"
+        message = f"found '{shorten(str(value))}'; expected true, false or keep"
         raise Refusal("wrong-kind", message, "Write one of them, without quotes.")
     return use
 
@@ -114,14 +104,7 @@ class AxisSection(Section):
 class FitBase(Section):
     """How the parameters are identified."""
 
-    method: (
-        Annotated[
-            Annotated[MethodName, Tag("text")]
-            | Annotated[list[MethodName], Field(min_length=1), Tag("list")],
-            TEXT_OR_LIST,
-        ]
-        | None
-    ) = Field(
+    method: TextOrList[MethodName, Annotated[list[MethodName], Field(min_length=1)]] | None = Field(
         None,
         description=f"A method, or several that follow each other; without it {DEFAULT_METHOD}, "
         f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters.",
@@ -227,42 +210,38 @@ def _field_name(name: str) -> str:
 
 
 def _option_model(kind: type[MethodOptions | LossOptions]) -> type[Section]:
-    summary, texts = _documented(kind)
+    """The section of the options of a method or a loss."""
     hints = get_type_hints(kind)
     definitions: dict[str, Any] = {}
     for option in fields(kind):
-        annotation = _annotation(option.name, hints[option.name])
-        default = {} if option.default is MISSING else _default(option.default)
-        description = texts.get(option.name, "")
-        definitions[option.name] = (annotation, Field(default, description=description))
+        annotation = _annotation(hints[option.name], option.metadata)
+        default: Any = option.default
+        if option.default_factory is not MISSING:
+            default = option.default_factory()
+        if isinstance(default, float):
+            default = CaseNumber(f"{default:g}", default, None, DIMENSIONLESS)
+        field = Field(default, description=option.metadata["description"])
+        definitions[option.name] = (annotation, field)
     name = f"{kind.__name__}Section"
-    return create_model(name, __base__=Section, __doc__=summary, **definitions)
+    return create_model(name, __base__=Section, __doc__=kind.__doc__, **definitions)
 
 
-def _annotation(name: str, hint: Any) -> Any:
-    if hint == Mapping[str, ScanAxis]:
-        return dict[ParameterName, AxisSection]
-    if hint == tuple[float, float] | None:
-        return PlanePoint | None
-    if name == "radius":
-        return Radius | None
-    if hint == int | Literal["automatic"]:
-        return Annotated[hint, CountOr("automatic")]
-    return _RANGES.get(name, _KINDS.get(hint, hint))
-
-
-def _default(value: object) -> object:
-    if isinstance(value, float):
-        return CaseNumber(f"{value:g}", value, None, DIMENSIONLESS)
-    return value
-
-
-def _documented(kind: type) -> tuple[str, dict[str, str]]:
-    """Summary and the description of every option, from a docstring."""
-    doc = kind.__doc__ or ""
-    summary, _, args = doc.partition("Args:")
-    entries = re.findall(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", args, re.MULTILINE)
-    return summary.strip(), {name: " ".join(text.split()) for name, text in entries}
+def _annotation(hint: Any, limits: Mapping[str, Any]) -> Any:
+    """The type of a key of the case for that of an option."""
+    number = QuantityType(
+        limits.get("dimension", DIMENSIONLESS),
+        above=limits.get("above", 0.0),
+        below=limits.get("below"),
+    )
+    kinds: dict[Any, Any] = {
+        float: Annotated[CaseNumber, number],
+        float | None: Annotated[CaseNumber, number] | None,
+        int: Annotated[int, Count(limits.get("least", 1))],
+        int | Literal["automatic"]: Annotated[int | str, CountOr("automatic")],
+        tuple[float, float] | None: PlanePoint | None,
+        Mapping[str, ScanAxis]: dict[ParameterName, AxisSection],
+    }
+    return kinds.get(hint, hint)
 
 
 def _fit_model() -> type[FitBase]:

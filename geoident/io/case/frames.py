@@ -145,7 +145,7 @@ def _unit_vector(context: Context, given: Sequence[CaseNumber]) -> Vector3:
     numbers = [number.factor for number in given]
     if len(numbers) not in {context.dim, 3}:
         expected = "2 or 3" if context.dim == 2 else "3"
-        message = f"found {len(numbers)} components; {expected} expected"
+        message = f"found {len(numbers)} components; expected {expected}"
         context.refuse("wrong-dimension", message)
     elif not any(numbers):
         context.refuse("zero-direction", "the direction has length zero")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     Angle,
     CaseNumber,
     Coefficient,
@@ -17,6 +15,7 @@ from geoident.io.schema.values import (
     LevelOrGroup,
     Name,
     Stress,
+    TextOrMapping,
     UnitWeight,
     scalar_of,
 )
@@ -32,7 +31,6 @@ from geoident.model.parameter import Scalar
 
 _NAMES = ("xx", "yy", "zz", "xy", "yz", "xz")
 _OUT_OF_PLANE = ("yz", "xz")
-_OF_DEPTH = ("at_surface", "gradient")
 _HORIZONTAL = {2: ("xx", "zz"), 3: ("xx", "yy", "xy")}
 
 _HELD = (
@@ -54,10 +52,7 @@ _EQUILIBRIUM = (
 )
 
 
-RatioByGroup = Annotated[
-    Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+RatioByGroup = TextOrMapping[Coefficient, dict[Name, Coefficient]]
 """One number, or element group to number."""
 
 Equilibrium = Literal["required", "accept"]
@@ -79,10 +74,17 @@ _TECTONIC: Any = Field(
 )
 
 
-class _ModelBase(Section):
-    @abstractmethod
-    def stress(self, context: Context) -> InSitu:
-        """The stress for the model; what cannot be is noted as a fault."""
+def _components(section: Section, context: Context) -> Components:
+    """The six components; those that a plane model does not have are faults."""
+    if context.dim == 2:
+        for name in _OUT_OF_PLANE:
+            if getattr(section, name, None) is not None:
+                message = f"a plane model has no stress {name}"
+                context.at(name).refuse("wrong-dimension", message, "Remove it.", key=True)
+    xx, yy, zz, xy, yz, xz = (
+        scalar_of(getattr(section, name, None)) or Scalar(0.0) for name in _NAMES
+    )
+    return xx, yy, zz, xy, yz, xz
 
 
 class TectonicSection(Section):
@@ -92,6 +94,16 @@ class TectonicSection(Section):
     yy: Stress | None = Field(None, description="Normal stress along y (solid only).")
     zz: Stress | None = Field(None, description="Normal stress out of plane (2-D only).")
     xy: Stress | None = Field(None, description="Shear stress (solid only).")
+
+    def for_model(self, context: Context) -> Components:
+        """Only horizontal components."""
+        horizontal = _HORIZONTAL[context.dim]
+        for name in type(self).model_fields:
+            if name not in horizontal and getattr(self, name) is not None:
+                message = f"{name} is not horizontal; {', '.join(horizontal)} are"
+                hint = "Use 'model: profile' for stresses of any direction."
+                context.at(name).refuse("wrong-dimension", message, hint, key=True)
+        return _components(self, context)
 
 
 class StressSection(Section):
@@ -104,6 +116,10 @@ class StressSection(Section):
     yz: Stress | None = Field(None, description="Shear stress (solid only).")
     xz: Stress | None = Field(None, description="Shear stress (solid only).")
 
+    def for_model(self, context: Context) -> Components:
+        """The six components."""
+        return _components(self, context)
+
 
 class GradientSection(Section):
     """Change of each component per metre of depth, tension positive; 0 if missing."""
@@ -115,8 +131,12 @@ class GradientSection(Section):
     yz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
     xz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
 
+    def for_model(self, context: Context) -> Components:
+        """The six components."""
+        return _components(self, context)
 
-class ConstantModel(_ModelBase):
+
+class ConstantModel(Section):
     """In-situ stress that is the same everywhere; tension is positive."""
 
     model: Literal["constant"]
@@ -128,12 +148,20 @@ class ConstantModel(_ModelBase):
     xz: Stress | None = Field(None, description="Shear stress (solid only); 0 if missing.")
     held: Flag | None = Field(None, description=_HELD)
 
-    def stress(self, context: Context) -> ConstantStress:
+    def for_model(self, context: Context) -> ConstantStress:
         """The same everywhere."""
-        return self.to_model(ConstantStress, components=_components(self, context))
+        return self.to_model(ConstantStress, context, components=_components(self, context))
 
 
-class HeimModel(_ModelBase):
+def _refuse_azimuth(azimuth: CaseNumber | None, context: Context) -> None:
+    """A plane model has none."""
+    if context.dim == 2 and azimuth is not None:
+        message = "a plane model has no azimuth"
+        hint = "K0 acts along x, K0_across out of plane."
+        context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
+
+
+class HeimModel(Section):
     """Heim's stress: a vertical pressure, and K0 times it in every horizontal direction.
 
     The vertical is y in 2-D and z in a solid.
@@ -165,14 +193,16 @@ class HeimModel(_ModelBase):
     tectonic: TectonicSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
 
-    def stress(self, context: Context) -> HeimStress:
+    def for_model(self, context: Context) -> HeimStress:
         """Vertical, and horizontal in parts of it."""
-        _require_plan(self.azimuth, context)
-        return self.to_model(HeimStress, tectonic=_tectonic(self.tectonic, context))
+        _refuse_azimuth(self.azimuth, context)
+        return self.to_model(HeimStress, context)
 
 
-class ProfileModel(_ModelBase):
+class ProfileModel(Section):
     """A stress that changes linearly with depth: at_surface + gradient * depth."""
+
+    builds = ProfileStress
 
     model: Literal["profile"]
     surface: LevelOrGroup = Field(description=_SURFACE, examples=["300 m", "topography"])
@@ -186,13 +216,8 @@ class ProfileModel(_ModelBase):
     )
     held: Flag | None = Field(None, description=_HELD)
 
-    def stress(self, context: Context) -> ProfileStress:
-        """Linear in depth."""
-        parts = {key: _components(getattr(self, key), context.at(key)) for key in _OF_DEPTH}
-        return self.to_model(ProfileStress, **parts)
 
-
-class GeostaticModel(_ModelBase):
+class GeostaticModel(Section):
     """The weight of the layers above from their densities, and K0 times it horizontally.
 
     The vertical is y in 2-D and z in a solid. The weight of all ground above a point counts, along
@@ -234,10 +259,10 @@ class GeostaticModel(_ModelBase):
             message = "'cover' without 'surface': how thick it is is not known"
             faults.add(("cover",), "wrong-pair", message, "Add 'surface', a level or a group.")
 
-    def stress(self, context: Context) -> GeostaticStress:
+    def for_model(self, context: Context) -> GeostaticStress:
         """The weight above, and parts of it."""
-        _require_plan(self.azimuth, context)
-        return self.to_model(GeostaticStress, tectonic=_tectonic(self.tectonic, context))
+        _refuse_azimuth(self.azimuth, context)
+        return self.to_model(GeostaticStress, context)
 
 
 ZoneSection = Annotated[
@@ -286,46 +311,7 @@ def build_in_situ(
     """
     if section is None:
         return None, {}
-    zones = {name: zone.stress(context.at("groups", name)) for name, zone in section.groups.items()}
-    return section.stress(context), zones
-
-
-def _components(
-    given: ConstantModel | StressSection | TectonicSection | GradientSection, context: Context
-) -> Components:
-    """The six components; those that a plane model does not have are faults."""
-    if context.dim == 2:
-        for name in _OUT_OF_PLANE:
-            if getattr(given, name, None) is not None:
-                message = f"a plane model has no stress {name}"
-                context.at(name).refuse("wrong-dimension", message, "Remove it.", key=True)
-    xx, yy, zz, xy, yz, xz = (
-        scalar_of(getattr(given, name, None)) or Scalar(0.0) for name in _NAMES
-    )
-    return xx, yy, zz, xy, yz, xz
-
-
-def _require_plan(azimuth: CaseNumber | None, context: Context) -> None:
-    if azimuth is not None and context.dim == 2:
-        message = "a plane model has no azimuth"
-        hint = "K0 acts along x, K0_across out of plane."
-        context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
-
-
-def _tectonic(given: TectonicSection | None, context: Context) -> Components | None:
-    if given is None:
-        return None
-    place = context.at("tectonic")
-    components = _components(given, place)
-    _require_horizontal(given, place)
-    return components
-
-
-def _require_horizontal(given: TectonicSection, context: Context) -> None:
-    for name in _NAMES:
-        plane = context.dim == 3 or name not in _OUT_OF_PLANE
-        horizontal = _HORIZONTAL[context.dim]
-        if plane and name not in horizontal and getattr(given, name, None) is not None:
-            message = f"{name} is not horizontal; {', '.join(horizontal)} are"
-            hint = "Use 'model: profile' for stresses of any direction."
-            context.at(name).refuse("wrong-dimension", message, hint, key=True)
+    zones = {
+        name: zone.for_model(context.at("groups", name)) for name, zone in section.groups.items()
+    }
+    return section.for_model(context), zones

@@ -11,14 +11,14 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import NAME_PATTERN, TEXT_OR_MAPPING, Angle, CaseNumber, Name, Text
+from geoident.io.schema.values import NAME_PATTERN, Angle, CaseNumber, Name, Text, TextOrMapping
 from geoident.io.text.wording import listing
 from geoident.model.case import Analysis, KeyPath, Rung, format_path
 
@@ -49,10 +49,7 @@ class RungSection(Section):
     )
 
 
-LadderEntry = Annotated[
-    Annotated[Symmetry, Tag("text")] | Annotated[RungSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+LadderEntry = TextOrMapping[Symmetry, RungSection]
 
 
 def build_ladder(
@@ -73,7 +70,7 @@ def build_ladder(
     """
     if not (materials and parameters):
         return ()  # there is nothing that could be simpler
-    ladder = _Ladder(materials, parameters, tuple(ties))
+    tied = [(format_path(path), tie.parameter) for path, tie in ties]
     rungs: list[Rung] = []
     for n, entry in enumerate(entries):
         place = context.at(n)
@@ -85,10 +82,19 @@ def build_ladder(
             continue
         if any(rung.name == name for rung in rungs):
             place.refuse("duplicate-rung", f"two models of the ladder are named '{name}'")
-        symmetric = ladder.symmetric(section, place) if section.elastic is not None else _PLAIN
-        changes = tuple(f"{path}={json.dumps(value)}" for path, value in section.set.items())
-        idle = ladder.idle(symmetric.replaced, section.set, (*symmetric.overrides, *changes))
-        rungs.append(Rung(name, (*symmetric.overrides, *idle, *changes), symmetric.origins))
+        changes, gone = _Changes(), ["fit.ladder", *section.set]
+        material = None if section.elastic is None else _material(section, materials, place)
+        if material is not None:
+            changes = _symmetric(section, material, materials[material], parameters, place)
+        if changes.overrides and material is not None:
+            gone.append(format_path(("materials", material)))
+        sets = [f"{path}={json.dumps(value)}" for path, value in section.set.items()]
+        # parameters of which nothing is made any more are left out
+        used = {tie for path, tie in tied if not any(_below(path, other) for other in gone)}
+        used.update(*map(names_in_text, (*changes.overrides, *sets)))
+        used.update(path.removeprefix("parameters.") for path in section.set)
+        idle = [f"parameters.{key}=null" for key in parameters if key not in used]
+        rungs.append(Rung(name, (*changes.overrides, *idle, *sets), changes.origins))
     return tuple(rungs)
 
 
@@ -98,144 +104,148 @@ def names_of_sets(entries: Sequence[Symmetry | RungSection]) -> set[str]:
     return {name for given in sets for name in names_in_text(json.dumps(given))}
 
 
-Origins = Mapping[str, tuple[tuple[str, float], ...]]
-
-
 @dataclass(frozen=True)
 class _Changes:
     """Overrides, and where new parameters begin: names of others, and factors."""
 
     overrides: tuple[str, ...] = ()
-    origins: Origins | None = None
-    replaced: str = ""  # path of what they replace
+    origins: Mapping[str, tuple[tuple[str, float], ...]] | None = None
 
 
-_PLAIN = _Changes()
-
-
-@dataclass(frozen=True)
-class _Ladder:
-    """What the symmetries of a ladder are made from."""
-
-    materials: Mapping[str, MaterialSection]
-    parameters: Mapping[str, ParameterSection]
-    ties: tuple[tuple[KeyPath, CaseNumber], ...]
-
-    def symmetric(self, section: RungSection, place: Context) -> _Changes:
-        """The changes that give a material another symmetry."""
-        name = self._material(section, place)
-        if name is None:
-            return _PLAIN
-        written = self.materials[name]
-        symmetry = str(getattr(written, "elastic", "isotropic"))
-        if symmetry == section.elastic and section.dip is None and section.dip_direction is None:
-            return _PLAIN
-        constants = _constants(written)
-        if constants is None:
-            message = f"the material '{name}' is neither isotropic by E and nu, "
-            message += "transversely isotropic by engineering constants, nor orthotropic"
-            hint = "Write this model with 'set': {'materials." + name + "': {...}}."
-            place.refuse("bad-ladder", message, hint)
-            return _PLAIN
-        return self._changed(name, constants, section, place)
-
-    def _material(self, section: RungSection, place: Context) -> str | None:
-        if section.material is not None:
-            if section.material in self.materials:
-                return section.material
-            message = f"there is no material '{section.material}'; there are "
-            place.refuse("unknown-material", message + listing(self.materials), "")
-            return None
-        sought = [
-            name
-            for name, written in self.materials.items()
-            if any(n.parameter and n.dimension == "pressure" for n in written.numbers)
-        ]
-        if len(sought) == 1:
-            return sought[0]
-        what = f"several materials have ({', '.join(sought)})" if sought else "no material has"
-        hint = "Name the material: {elastic: ..., material: NAME}."
-        place.refuse("bad-ladder", f"{what} moduli that are parameters", hint)
+def _material(
+    section: RungSection, materials: Mapping[str, MaterialSection], place: Context
+) -> str | None:
+    """Name of the material whose symmetry changes; None, with a fault, where that is not clear."""
+    if section.material is not None:
+        if section.material in materials:
+            return section.material
+        message = f"there is no material '{section.material}'; there are {listing(materials)}"
+        place.refuse("unknown-material", message)
         return None
+    sought = [
+        name
+        for name, written in materials.items()
+        if any(n.parameter and n.dimension == "pressure" for n in written.numbers)
+    ]
+    if len(sought) == 1:
+        return sought[0]
+    what = f"several materials have ({', '.join(sought)})" if sought else "no material has"
+    hint = "Name the material: {elastic: ..., material: NAME}."
+    place.refuse("bad-ladder", f"{what} moduli that are parameters", hint)
+    return None
 
-    def _changed(
-        self, name: str, have: Mapping[str, str], section: RungSection, place: Context
-    ) -> _Changes:
-        new = _New(self.parameters, have)
-        attitude = self._attitude(name, section, new, place)
-        wanted: dict[str, Any]
-        if section.elastic == "isotropic":
-            wanted = {"E": have["E_1"], "nu": have["nu_12"]}
-        elif section.elastic == "transversely-isotropic":
-            wanted = {
-                "E_p": new.modulus("E_p", "E_1", _APART if "E_3" not in have else 1.0),
-                "nu_p": have["nu_12"],
-                "E_n": new.modulus("E_n", "E_3", 1.0 / _APART if "E_3" not in have else 1.0),
-                "nu_np": have.get("nu_13", have["nu_12"]),
-                "G_np": new.shear("G_np", "G_13"),
-                **attitude,
-            }
-        else:
-            wanted = {**new.orthotropic(solid=place.analysis is Analysis.SOLID), **attitude}
-        if new.refused:
-            place.refuse("bad-ladder", new.refused, "Write this model with 'set'.")
-            return _PLAIN
-        written = self.materials[name].model_dump(by_alias=True, exclude_none=True)
-        material: dict[str, Any] = {"elastic": str(section.elastic), **wanted}
-        for key in ("density", "expansion", "yield"):
-            if key in written:
-                material[key] = written[key]
-        overrides = [f'materials["{name}"]={json.dumps(material)}']
-        overrides += [f"parameters.{key}={json.dumps(text)}" for key, text in new.made.items()]
-        return _Changes(tuple(overrides), new.origins, format_path(("materials", name)))
 
-    def _attitude(
-        self, name: str, section: RungSection, new: _New, place: Context
-    ) -> dict[str, Any]:
-        """How the strata or axes lie: as the model says, as written, or sought."""
-        given = {
-            key: value.text
-            for key in ("dip", "dip_direction")
-            if (value := getattr(section, key)) is not None
+def _symmetric(
+    section: RungSection,
+    name: str,
+    material: MaterialSection,
+    parameters: Mapping[str, ParameterSection],
+    place: Context,
+) -> _Changes:
+    """The changes that give a material another symmetry; none, with a fault, where they cannot be.
+
+    Args:
+        section: the symmetry, and how the strata lie.
+        name: of the material.
+        material: as it is written.
+        parameters: name to section.
+        place: of the rung.
+    """
+    given = {
+        key: value.text
+        for key in ("dip", "dip_direction")
+        if (value := getattr(section, key)) is not None
+    }
+    if material.elastic == section.elastic and not given:
+        return _Changes()
+    written = material.model_dump(by_alias=True, exclude_none=True)
+    have = _constants(written)
+    if have is None:
+        message = f"the material '{name}' is neither isotropic by E and nu, "
+        message += "transversely isotropic by engineering constants, nor orthotropic"
+        hint = "Write this model with 'set': {'materials." + name + "': {...}}."
+        place.refuse("bad-ladder", message, hint)
+        return _Changes()
+    tie = have["E_1"].strip()
+    if not tie.startswith("$") or tie[1:] not in parameters:
+        message = f"its Young's modulus is '{tie}'; expected one parameter alone there"
+        place.refuse("bad-ladder", message, "Write this model with 'set'.")
+        return _Changes()
+    new = _NewParameters(tie[1:], parameters[tie[1:]])
+    lying: Mapping[str, Any] = {}
+    if section.elastic != "isotropic":
+        lying = given or {key: written[key] for key in _LYING if key in written}
+        lying = lying or _unknown_dip(section, name, new, place)
+    solid = place.analysis is Analysis.SOLID
+    constants = _constants_of(str(section.elastic), have, new, solid=solid)
+    kept: dict[str, Any] = {
+        key: written[key] for key in ("density", "expansion", "yield") if key in written
+    }
+    changed: dict[str, Any] = {"elastic": section.elastic, **constants, **lying, **kept}
+    overrides = [f'materials["{name}"]={json.dumps(changed)}']
+    overrides += [f"parameters.{key}={json.dumps(text)}" for key, text in new.made.items()]
+    return _Changes(tuple(overrides), new.origins)
+
+
+_LYING = ("dip", "dip_direction", "rotation", "normal", "axis_1", "axis_2")
+"""Keys that say how strata or axes lie."""
+
+
+def _unknown_dip(
+    section: RungSection, name: str, new: _NewParameters, place: Context
+) -> dict[str, str]:
+    """The dip of strata of which nothing is said: sought in the plane."""
+    if place.analysis is Analysis.PLANE_STRAIN:
+        return {"dip": new.dip()}
+    if place.analysis is Analysis.AXISYMMETRIC:
+        return {"dip": "0 deg"}
+    message = f"the material '{name}' has no orientation of strata"
+    hint = "Write {elastic: " + str(section.elastic) + ", dip: ..., dip_direction: ...}."
+    place.refuse("missing-key", message, hint)
+    return {}
+
+
+def _constants_of(
+    symmetry: str, have: Mapping[str, str], new: _NewParameters, *, solid: bool
+) -> dict[str, Any]:
+    """The elastic constants of a symmetry: ties to parameters that are written, or new ones.
+
+    Args:
+        symmetry: of the elasticity.
+        have: constants that are written, by the names of orthotropy.
+        new: makes parameters.
+        solid: whether the model is one; a plane section hardly feels G_12 and G_23.
+    """
+    nu = have["nu_12"]
+    across = have.get("nu_13", nu)
+    if symmetry == "isotropic":
+        return {"E": have["E_1"], "nu": nu}
+    # a shear modulus begins as in isotropic ground
+    ratio = 0.4 if nu.strip().startswith("$") else 0.5 / (1.0 + float(nu))
+    strata = "E_3" in have
+    if symmetry == "transversely-isotropic":
+        return {
+            "E_p": have["E_1"] if strata else new.make("E_p", _APART),
+            "nu_p": nu,
+            "E_n": have["E_3"] if strata else new.make("E_n", 1.0 / _APART),
+            "nu_np": across,
+            "G_np": have.get("G_13") or new.make("G_np", ratio, ratio),
         }
-        written = self.materials[name].model_dump(by_alias=True, exclude_none=True)
-        lying = ("dip", "dip_direction", "rotation", "normal", "axis_1", "axis_2")
-        if section.elastic == "isotropic":
-            return {}
-        if given or any(key in written for key in lying):
-            kept = {key: written[key] for key in lying if key in written}
-            return given or kept
-        if place.analysis is Analysis.PLANE_STRAIN:
-            return {"dip": new.dip()}
-        if place.analysis is Analysis.AXISYMMETRIC:
-            return {"dip": "0 deg"}
-        message = f"the material '{name}' has no orientation of strata"
-        hint = "Write {elastic: " + str(section.elastic) + ", dip: ..., dip_direction: ...}."
-        place.refuse("missing-key", message, hint)
-        return {}
-
-    def idle(self, replaced: str, given: Mapping[str, Any], overrides: Sequence[str]) -> list[str]:
-        """Changes that leave out the parameters of which nothing is made any more.
-
-        Args:
-            replaced: path of what the model replaces; empty for nothing.
-            given: other paths that it replaces.
-            overrides: its changes.
-        """
-        gone = [path for path in (replaced, "fit.ladder", *given) if path]
-        still = {
-            tie.parameter
-            for path, tie in self.ties
-            if not any(_below(format_path(path), other) for other in gone)
-        }
-        for override in overrides:
-            still |= names_in_text(override)
-        named = {path.removeprefix("parameters.") for path in given}
-        return [
-            f"parameters.{name}=null"
-            for name in self.parameters
-            if name not in still and name not in named
-        ]
+    first = have["E_1"] if strata else new.make("E_1", 1.0, before=("E_p", 1.0))
+    third = have["E_3"] if strata else new.make("E_3", 1.0 / _APART, before=("E_n", 1.0))
+    second = new.make("E_2", _APART, before=("E_p", 1.0 / _APART))
+    shear = have.get("G_13") or new.make("G_13", ratio, ratio, ("G_np", 1.0))
+    return {
+        "E_1": first,
+        "E_2": second,
+        "E_3": third,
+        "nu_12": nu,
+        "nu_13": across,
+        "nu_23": across,
+        "G_12": f"{ratio:.6g} {first}",
+        "G_13": shear,
+        "G_23": new.make("G_23", ratio, ratio, ("G_np", 1.0)) if solid else shear,
+    }
 
 
 def _below(path: str, other: str) -> bool:
@@ -248,39 +258,19 @@ def names_in_text(text: str) -> set[str]:
     return set(re.findall(rf"\$({NAME_PATTERN})", text))
 
 
-class _New:
-    """Parameters that a richer symmetry needs.
+class _NewParameters:
+    """Parameters that a richer symmetry needs, named like the one that is written.
 
     Args:
-        parameters: of the case.
-        have: constants of the material as it is written, by the names of orthotropy.
+        name: of the parameter that Young's modulus is.
+        source: its section.
     """
 
-    def __init__(self, parameters: Mapping[str, ParameterSection], have: Mapping[str, str]) -> None:
-        self._parameters, self._have = parameters, have
+    def __init__(self, name: str, source: ParameterSection) -> None:
+        self._name, self._source = name, source
+        self._rest = name.removeprefix("E")
         self.made: dict[str, dict[str, Any]] = {}
         self.origins: dict[str, tuple[tuple[str, float], ...]] = {}
-        self.refused = ""
-        tie = have["E_1"].strip()
-        self._source = tie.removeprefix("$")
-        if not tie.startswith("$") or self._source not in parameters:
-            self.refused = f"its Young's modulus is '{tie}'; one parameter alone is expected there"
-            self._source = ""
-        self._rest = self._source.removeprefix("E")
-        nu = have["nu_12"].strip()
-        self._ratio = 0.4 if nu.startswith("$") else 0.5 / (1.0 + float(nu))
-
-    def modulus(self, name: str, like: str, factor: float) -> str:
-        """The tie of a Young's modulus: that which is written, or a new parameter."""
-        if like in self._have and factor == 1.0:
-            return self._have[like]
-        return self._make(name, factor, 1.0, (("E_p", 1.0 if name != "E_n" else 0.0),))
-
-    def shear(self, name: str, like: str) -> str:
-        """The tie of a shear modulus, which begins as in isotropic ground."""
-        if like in self._have:
-            return self._have[like]
-        return self._make(name, self._ratio, self._ratio, (("G_np", 1.0),))
 
     def dip(self) -> str:
         """The tie of an inclination that is sought."""
@@ -289,59 +279,33 @@ class _New:
         self.origins[name] = ((name, 1.0),)
         return f"${name}"
 
-    def orthotropic(self, *, solid: bool) -> dict[str, str]:
-        """All nine constants; what a plane section hardly feels is tied to the others."""
-        have, strata = self._have, "E_3" in self._have
-        first = have["E_1"] if strata else self._make("E_1", 1.0, 1.0, (("E_p", 1.0),))
-        third = have["E_3"] if strata else self._make("E_3", 1.0 / _APART, 1.0, (("E_n", 1.0),))
-        second = self._make("E_2", _APART, 1.0, (("E_p", 1.0 / _APART),))
-        across = have.get("nu_13", have["nu_12"])
-        shear = self.shear("G_13", "G_13")
-        return {
-            "E_1": first,
-            "E_2": second,
-            "E_3": third,
-            "nu_12": have["nu_12"],
-            "nu_13": across,
-            "nu_23": across,
-            "G_12": f"{self._ratio:.6g} {first}",
-            "G_13": shear,
-            "G_23": self._make("G_23", self._ratio, self._ratio, (("G_np", 1.0),))
-            if solid
-            else shear,
-        }
-
-    def _make(
-        self, name: str, start: float, size: float, before: Sequence[tuple[str, float]]
+    def make(
+        self, name: str, start: float, size: float = 1.0, before: tuple[str, float] | None = None
     ) -> str:
-        """A new parameter with the bounds and prior of the one that is written, times a size.
+        """The tie of a new parameter, with the bounds and prior of the written one, times a size.
 
         Args:
             name: its name.
             start: where it begins, in parts of the one that is written.
             size: factor on bounds and prior.
-            before: parameters of simpler models from which it begins, with factors.
+            before: parameter of a simpler model from which it begins, with a factor.
         """
-        if not self._source:
-            return "$" + name
-        section, full = self._parameters[self._source], f"{name}{self._rest}"
+        section, full = self._source, f"{name}{self._rest}"
         low, high = (bound.factor * size for bound in section.bounds)
         begin = min(max(section.start.factor * start, low), high)
-        made: dict[str, Any] = {
+        self.made[full] = {
             "start": _pressure(begin),
             "bounds": [_pressure(low), _pressure(high)],
             "scale": section.scale,
         }
         if section.prior is not None:
-            prior = section.prior
-            made["prior"] = {
-                "mean": _pressure(prior.mean.factor * size),
-                "sd": _pressure(prior.sd.factor * size),
-                "kind": prior.kind,
+            self.made[full]["prior"] = {
+                "mean": _pressure(section.prior.mean.factor * size),
+                "sd": _pressure(section.prior.sd.factor * size),
+                "kind": section.prior.kind,
             }
-        self.made[full] = made
-        simpler = [(f"{other}{self._rest}", factor) for other, factor in before if factor]
-        self.origins[full] = ((full, 1.0), *simpler, (self._source, start))
+        simpler = [] if before is None else [(f"{before[0]}{self._rest}", before[1])]
+        self.origins[full] = ((full, 1.0), *simpler, (self._name, start))
         return f"${full}"
 
 
@@ -349,9 +313,8 @@ def _pressure(value: float) -> str:
     return f"{1e-9 * value:.9g} GPa"
 
 
-def _constants(written: MaterialSection) -> dict[str, str] | None:
+def _constants(texts: Mapping[str, Any]) -> dict[str, str] | None:
     """The constants of a material by the names of orthotropy; None where they are of other kind."""
-    texts = written.model_dump(by_alias=True, exclude_none=True)
     kinds = (
         {"E_1": "E", "nu_12": "nu"},
         {"E_1": "E_p", "nu_12": "nu_p", "E_3": "E_n", "nu_13": "nu_np", "G_13": "G_np"},

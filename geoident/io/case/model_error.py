@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import TEXT_OR_MAPPING, CaseNumber, FixedSize
+from geoident.io.schema.values import CaseNumber, FixedSize, TextOrMapping
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS
@@ -67,11 +67,7 @@ class ModelErrorSection(Section):
     )
 
 
-ModelErrorValue = Annotated[
-    Annotated[CaseNumber, RelativeError(), Tag("text")]
-    | Annotated[ModelErrorSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+ModelErrorValue = TextOrMapping[Annotated[CaseNumber, RelativeError()], ModelErrorSection]
 
 
 def model_error_options(value: CaseNumber | ModelErrorSection | None) -> ModelErrorOptions:

@@ -49,10 +49,10 @@ class ParameterSection(Section):
         lower, upper = self.bounds
         return self.to_model(
             Parameter,
+            prior=self.prior and self.prior.to_model(Prior),
             name=name,
             lower=lower.factor,
             upper=upper.factor,
-            prior=self.prior and self.prior.to_model(Prior),
             dimension=self.start.dimension,
             unit=self.start.unit,
         )

@@ -32,9 +32,7 @@ def _date(value: object) -> str:
             "bad-date", str(error), "Write it like 2024-03-01 or 2024-03-01 14:30."
         ) from None
     if utc_offset(text) is not None:
-        message = (
-            f"'{shorten(text)}' has an offset from UTC; the local time of the site is expected"
-        )
+        message = f"'{shorten(text)}' has an offset from UTC; expected the local time of the site"
         raise Refusal("bad-date", message, "Write it without, like 2024-03-01 14:30.")
     return text
 

@@ -28,97 +28,78 @@ from geoident.io.readings.table import FaultyReadings
 from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, Case, KeyPath
-from geoident.model.gauges import DAY, Reading, Reads, StageReadings, named_channels
+from geoident.model.gauges import DAY, Channel, Reading, Reads, StageReadings, named_channels
 from geoident.units import UnitError, read_quantity
 
 Find = Callable[[str, KeyPath], str]
 """Path of a file that the case names at a key; notes a fault if it is not there."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class ReadReadings:
     """The readings of a case.
 
     Args:
-        readings: in the order of the files.
+        readings: in the order of the files, each with its stage.
         paths: of the files.
         dates: stage to the date of its end, seconds since 1970.
         notes: what is to be known of how they were understood.
         zeros: channel to the measured zero that was subtracted from its readings.
-        by_stage: when the dated readings were taken, stage by stage.
+        dated: the good ones that have a date, before several of a stage become one.
+        by_stage: when these were taken, stage by stage.
     """
 
-    readings: tuple[Reading, ...] = ()
-    paths: tuple[str, ...] = ()
+    readings: list[Reading] = field(default_factory=list)
+    paths: list[str] = field(default_factory=list)
     dates: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    zeros: Mapping[str, Reading] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    zeros: dict[str, Reading] = field(default_factory=dict)
+    dated: list[Reading] = field(default_factory=list)
     by_stage: tuple[StageReadings, ...] = ()
 
     def given_to(self, case: Case) -> Case:
         """The case with its readings, and when they and its stages were."""
         return replace(
             case,
-            readings=self.readings,
+            readings=tuple(self.readings),
             dates=self.dates,
-            notes=self.notes,
+            notes=tuple(self.notes),
             when_read=self.by_stage,
         )
 
 
-@dataclass
-class _Collected:
-    """What was read so far.
-
-    Args:
-        readings: each with its stage.
-        paths: of the files.
-        notes: sentences.
-        dated: the good ones that have a date, before several of a stage become one.
-        zeros: channel to what was read at its zero and subtracted.
-    """
-
-    readings: list[Reading] = field(default_factory=list)
-    paths: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    dated: list[Reading] = field(default_factory=list)
-    zeros: dict[str, Reading] = field(default_factory=dict)
-
-
-def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
+def read_all(
+    section: CaseSection, channels: Sequence[Channel], find: Find, faults: Faults
+) -> ReadReadings:
     """Read what the case gives as readings; what is wrong in it is noted.
 
     Args:
         section: the case.
+        channels: of its gauges.
         find: finds the files that it names.
-        faults: is told what is wrong.
+        faults: takes what is wrong.
     """
-    calendar = calendar_of(section, faults)
-    collected, checks = _Collected(), ReadingChecks(section, calendar, faults)
-    for path, entry in _entries(section.readings):
+    calendar = calendar_of(section, channels, faults)
+    checks = ReadingChecks(section, calendar, faults)
+    read = ReadReadings(dates=calendar.dates)
+    given: Any = section.readings
+    entries: list[tuple[KeyPath, Any]] = [(("readings",), given)] if given is not None else []
+    if isinstance(given, list):
+        entries = [(("readings", n), entry) for n, entry in enumerate(given)]
+    for path, entry in entries:
         if isinstance(entry, ReadingSection):
-            batch, alone = _inline(entry, path, calendar, faults), True
+            readings, alone = _inline(entry, path, calendar, faults), True
         else:
-            batch, alone = _of_file(entry, path, find, checks, collected)
-        checks.all(batch, alone=alone)
-        collected.readings += batch
+            readings, alone = _of_file(entry, path, find, checks, read)
+        checks.all(readings, alone=alone)
+        read.readings += readings
     checks.bad()
-    collected.notes += checks.drifts(collected.readings)
-    readings = tuple(replace(r, bad=r.bad or _bad_reason(section, r)) for r in collected.readings)
-    by_stage = when_read(collected.dated, calendar)
-    if by_stage and not faults.found:
-        collected.notes += gaps(collected.dated, by_stage, calendar, readings)
-    paths, notes = tuple(collected.paths), tuple(collected.notes)
-    return ReadReadings(readings, paths, calendar.dates, notes, collected.zeros, by_stage)
-
-
-def _entries(readings: Any) -> list[tuple[KeyPath, Any]]:
-    """What ``readings`` names, each with its path of keys: paths, files or single readings."""
-    if readings is None:
-        return []
-    if isinstance(readings, list):
-        return [(("readings", n), entry) for n, entry in enumerate(readings)]
-    return [(("readings",), readings)]
+    read.notes += checks.drifts(read.readings)
+    read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
+    read.by_stage = when_read(read.dated, calendar)
+    if read.by_stage and not faults.found:
+        read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
+    return read
 
 
 def _inline(
@@ -161,7 +142,7 @@ def _of_file(
     path: KeyPath,
     find: Find,
     checks: ReadingChecks,
-    collected: _Collected,
+    read: ReadReadings,
 ) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
     calendar, faults = checks.calendar, checks.faults
@@ -170,13 +151,13 @@ def _of_file(
     before = len(faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
     paths = [find(name, key) for name in described.paths]
-    collected.paths += paths
+    read.paths += paths
     if len(faults.found) > before:
         return [], True
-    survey = surveyed(described, checks.section, faults, path)
+    survey = surveyed(described, checks.section, calendar.channels.values(), faults, path)
     checks.mapped(described, path)
     declared = len(faults.found)
-    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, collected.notes)
+    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, read.notes)
     if declared > before:
         return [], True
     sound = len(faults.found) == before
@@ -188,19 +169,17 @@ def _of_file(
         return [], True
     if described.several:
         note = "the key 'several' of the readings is called 'repeated_readings' now"
-        collected.notes += [note] if note not in collected.notes else []
+        read.notes += [note] if note not in read.notes else []
     repeated = described.repeated_readings or described.several or ("last" if dated else "")
-    collected.dated += [
+    read.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in rows
         if row.time is not None and row.value is not None and not row.bad
     ]
     zero = "first" if survey is not None else repeated if described.rezero else ""
-    assigned = _assign(rows, calendar, repeated=repeated, zero=zero)
-    collected.notes += assigned.notes
-    checks.zeroed(assigned.unzeroed if sound else ())
-    collected.zeros |= assigned.zeros
-    return assigned.readings, not repeated
+    readings, unzeroed = _by_stage(rows, repeated, zero, calendar, read)
+    checks.zeroed(unzeroed if sound else ())
+    return readings, not repeated
 
 
 def _rows(
@@ -219,15 +198,21 @@ def _rows(
     rows = _on_one_clock(rows, notes)
     if len(paths) == 1:
         return tuple(rows)
-    once: dict[tuple[object, ...], Reading] = {}
+
+    def what(row: Reading) -> tuple[object, ...]:
+        return row.channel, row.stage, row.time, row.value
+
+    once: dict[tuple[object, ...], str] = {}
     # twice in one file it was read twice, which `repeated_readings` or a fault deals with
-    kept = [row for row in rows if _same_file(once.setdefault(_what_was_read(row), row), row)]
-    why = {_what_was_read(row): row.bad for row in rows if row.bad}
+    kept = [
+        row for row in rows if once.setdefault(what(row), row.location.file) == row.location.file
+    ]
+    why = {what(row): row.bad for row in rows if row.bad}
     repeated = len(rows) - len(kept)
     if repeated:
         readings = "reading stands" if repeated == 1 else "readings stand"
         notes.append(f"{repeated} {readings} in several files alike, and count once.")
-    return tuple(replace(row, bad=row.bad or why.get(_what_was_read(row), "")) for row in kept)
+    return tuple(replace(row, bad=row.bad or why.get(what(row), "")) for row in kept)
 
 
 def _on_one_clock(rows: list[Reading], notes: list[str]) -> list[Reading]:
@@ -252,14 +237,6 @@ def _on_one_clock(rows: list[Reading], notes: list[str]) -> list[Reading]:
     ]
 
 
-def _what_was_read(row: Reading) -> tuple[object, ...]:
-    return row.channel, row.stage, row.time, row.value
-
-
-def _same_file(one: Reading, other: Reading) -> bool:
-    return one.location.file == other.location.file
-
-
 def _bad_reason(section: CaseSection, row: Reading) -> str:
     for entry in section.bad:
         whole_gauge = row.channel.startswith(f"{entry.gauge}.")
@@ -268,51 +245,73 @@ def _bad_reason(section: CaseSection, row: Reading) -> str:
     return ""
 
 
-@dataclass
-class _Assigned:
-    """Readings by stage, and what has to be said about the others.
-
-    Args:
-        readings: with their stages.
-        notes: sentences.
-        unzeroed: channels that have no reading at their zero to be subtracted.
-        zeros: channel to what was subtracted.
-    """
-
-    readings: list[Reading]
-    notes: list[str] = field(default_factory=list)
-    unzeroed: list[Reading] = field(default_factory=list)
-    zeros: dict[str, Reading] = field(default_factory=dict)
-
-
-def _assign(
-    readings: Sequence[Reading], calendar: Calendar, *, repeated: str, zero: str = ""
-) -> _Assigned:
+def _by_stage(
+    rows: Iterable[Reading], repeated: str, zero: str, calendar: Calendar, read: ReadReadings
+) -> tuple[list[Reading], list[Reading]]:
     """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
+    The error of a zero is that of all readings of its channel, `geoident.model.gauges.ErrorParts`:
+    the variance of one is the sum of both (ISO/IEC Guide 98-3, 5.1.2), and the readings of the
+    channel are correlated.
+
     Args:
-        readings: of one file.
-        calendar: stages and dates.
+        rows: of files of one layout.
         repeated: ``last``, ``mean`` or ``all``.
         zero: subtract from each channel what was read at its zero: the ``first`` or ``last`` of
             the stage, or the mean for anything else; nothing if empty.
+        calendar: stages and dates.
+        read: takes the zeros, and notes on readings that are left out.
+
+    Returns:
+        The readings; and one of each channel that was not read at its zero, where that is to be
+        subtracted.
     """
-    staged = [
+    rows = [
+        row if row.time is None or row.stage else replace(row, stage=_stage_of(row, calendar))
+        for row in rows
+    ]
+    zeros: dict[str, Reading] = {}
+    unzeroed: dict[str, Reading] = {}
+    if zero:
+        at = calendar.zeroed
+        good = [
+            r for r in rows if at.get(r.channel) == r.stage and r.value is not None and not r.bad
+        ]
+        which = zero if zero in {"first", "last"} else "mean"
+        zeros = {group[0].channel: _reduced(group, which, calendar)[0] for group in _groups(good)}
+        rows = [r for r in rows if at.get(r.channel) != r.stage]
+        unzeroed = {
+            r.channel: r
+            for r in rows
+            if r.channel in at and r.channel not in zeros and r.value is not None
+        }
+
+    def is_early(row: Reading) -> bool:
+        return row.time is not None and (
+            row.stage in ("", VIRGIN) or calendar.before_zero(row.channel, row.stage)
+        )
+
+    read.notes += _early_notes(filter(is_early, rows), calendar)
+    readings = [
         reading
-        if reading.time is None or reading.stage
-        else replace(reading, stage=_stage_of(reading, calendar))
-        for reading in readings
+        for group in _groups(row for row in rows if not is_early(row))
+        for reading in _reduced(group, repeated, calendar)
     ]
-    assigned = _Assigned(staged)
-    if zero:
-        zeros = _take_zeros(assigned, calendar, zero)
-    _leave_out_early(assigned, calendar)
-    assigned.readings = [
-        r for group in _groups(assigned.readings) for r in _reduced(group, repeated, calendar)
+    channels = list(dict.fromkeys(r.channel for r in readings if r.channel in zeros))
+    if channels:
+        read.zeros |= {name: zeros[name] for name in channels}
+        read.notes.append(
+            f"The readings of {named_channels(channels)} are differences from a measured zero "
+            "(rezero): their standard deviation is the root of the sum of the squares of both. All "
+            "readings of a channel share the error of its zero, and count as correlated."
+        )
+    readings = [
+        replace(row, value=row.value - (zeros[row.channel].value or 0.0))
+        if row.value is not None and row.channel in zeros
+        else row
+        for row in readings
     ]
-    if zero:
-        _subtract_zeros(assigned, zeros)
-    return assigned
+    return readings, list(unzeroed.values())
 
 
 def _stage_of(reading: Reading, calendar: Calendar) -> str:
@@ -322,10 +321,11 @@ def _stage_of(reading: Reading, calendar: Calendar) -> str:
     it.
     """
     stage = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
-    gauge = calendar.channels.get(reading.channel)
-    of_virgin = gauge is not None and gauge.reads is Reads.VIRGIN
-    first = calendar.stages[1] if len(calendar.stages) > 1 else stage
-    return first if stage == VIRGIN and of_virgin else stage
+    channel = calendar.channels.get(reading.channel)
+    of_virgin = channel is not None and channel.reads is Reads.VIRGIN
+    return (
+        calendar.stages[1] if stage == VIRGIN and of_virgin and len(calendar.stages) > 1 else stage
+    )
 
 
 def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
@@ -365,7 +365,7 @@ def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     times = [reading.time for reading in good if reading.time is not None]
     accuracy, gauge = None, calendar.channels.get(good[0].channel)
     if gauge is not None and any(reading.accuracy is not None for reading in good):
-        each = (gauge.stated_errors.reading if r.accuracy is None else r.accuracy for r in good)
+        each = (gauge.own_accuracy if r.accuracy is None else r.accuracy for r in good)
         accuracy = math.hypot(*each) / n
     return replace(
         good[-1],
@@ -377,66 +377,20 @@ def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     )
 
 
-def _take_zeros(assigned: _Assigned, calendar: Calendar, repeated: str) -> dict[str, Reading]:
-    """Channel to what was read at its zero; these readings say nothing more."""
-    at = calendar.zeroed
-    at_zero = [r for r in assigned.readings if at.get(r.channel) == r.stage]
-    good = [r for r in at_zero if r.value is not None and not r.bad]
-    which = repeated if repeated in {"first", "last"} else "mean"
-    zeros = {group[0].channel: _reduced(group, which, calendar)[0] for group in _groups(good)}
-    assigned.readings = [r for r in assigned.readings if at.get(r.channel) != r.stage]
-    lacking = {
-        r.channel: r
-        for r in assigned.readings
-        if r.channel in at and r.channel not in zeros and r.value is not None
-    }
-    assigned.unzeroed = list(lacking.values())
-    return zeros
-
-
-def _subtract_zeros(assigned: _Assigned, zeros: Mapping[str, Reading]) -> None:
-    """Subtract what was read at zero from the readings that are left.
-
-    The error of a zero is that of all readings of its channel, `geoident.model.gauges.ErrorParts`:
-    the variance of one is the sum of both (ISO/IEC Guide 98-3, 5.1.2), and the readings of the
-    channel are correlated.
-    """
-    assigned.readings = [
-        replace(row, value=row.value - (zeros[row.channel].value or 0.0))
-        if row.value is not None and row.channel in zeros
-        else row
-        for row in assigned.readings
-    ]
-    channels = dict.fromkeys(row.channel for row in assigned.readings if row.channel in zeros)
-    assigned.zeros = {name: zeros[name] for name in channels}
-    if channels:
-        names = named_channels(list(channels))
-        assigned.notes.append(
-            f"The readings of {names} are differences from a measured zero (rezero): their "
-            "standard deviation is the root of the sum of the squares of both. All readings of a "
-            "channel share the error of its zero, and count as correlated."
-        )
-
-
-def _leave_out_early(assigned: _Assigned, calendar: Calendar) -> None:
-    """Leave out dated readings of the time before the zero of their channel."""
-    early = [
-        r
-        for r in assigned.readings
-        if r.time is not None
-        and (r.stage in ("", VIRGIN) or calendar.before_zero(r.channel, r.stage))
-    ]
-    left_out = {id(reading) for reading in early}
-    assigned.readings = [r for r in assigned.readings if id(r) not in left_out]
+def _early_notes(early: Iterable[Reading], calendar: Calendar) -> list[str]:
+    """What is said of dated readings that are left out: of the time before a channel's zero."""
     before: dict[str, list[tuple[str, int]]] = {}
     for channel, number in Counter(reading.channel for reading in early).items():
         zero = calendar.zeros.get(channel, VIRGIN)
-        since = calendar.dates.get(zero if zero != VIRGIN else "", None)
-        when = f" ({date_text(since)})" if since is not None else ""
-        what = f"its zero at the end of '{zero}'{when}" if zero != VIRGIN else "the first stage"
+        what = "the first stage"
+        if zero != VIRGIN:
+            when = f" ({date_text(calendar.dates[zero])})" if zero in calendar.dates else ""
+            what = f"its zero at the end of '{zero}'{when}"
         before.setdefault(what, []).append((channel, number))
+    notes = []
     for what, counted in before.items():
         number = sum(count for _, count in counted)
         names = named_channels([channel for channel, _ in counted])
         readings = "reading" if number == 1 else "readings"
-        assigned.notes.append(f"{number} {readings} of {names} before {what} left out.")
+        notes.append(f"{number} {readings} of {names} before {what} left out.")
+    return notes

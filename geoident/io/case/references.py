@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
-from geoident.io.case.actions import WaterSection
+from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.case import (
     CaseSection,
     circle_of,
@@ -17,7 +17,8 @@ from geoident.io.case.case import (
     tied_parameters,
 )
 from geoident.io.case.external.section import ConvergenceLawSection
-from geoident.io.case.face import FaceCheck, groups_released
+from geoident.io.case.face import groups_released
+from geoident.io.case.face_checks import check_face
 from geoident.io.case.fit import AxisSection
 from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
@@ -106,6 +107,18 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
             faults.add(("materials", name), "no-density", message, hint, key=True)
 
 
+def _check_seismic(section: CaseSection, faults: Faults) -> None:
+    """A seismic load is a part of the weight."""
+    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), section.loads)]
+    loads += [(("stages", n, "loads"), stage.loads) for n, stage in enumerate(section.stages)]
+    for path, given in loads:
+        for name, load in given.items():
+            if load.seismic is not None and section.gravity is None:
+                message = "a seismic load is a part of the weight, and there is no gravity"
+                place = (*path, name, "seismic")
+                faults.add(place, "no-gravity", message, "Add 'gravity: 9.81 m/s2'.", key=True)
+
+
 def _check_compression(section: CaseSection, faults: Faults) -> None:
     """Heim's vertical stress is a pressure: one that is tension, whatever is sought, has no ground.
 
@@ -127,7 +140,7 @@ def _check_compression(section: CaseSection, faults: Faults) -> None:
             hint = f"Write '{given.text.strip().removeprefix('-').strip()}'."
             if tied:
                 hint = f"Turn the sign of the tie, or of the bounds of '{given.parameter}'."
-            message += "; a vertical pressure, compression positive, is expected"
+            message += "; expected a vertical pressure, compression positive"
             faults.add((*path, key), "tension", message, hint)
 
 
@@ -223,9 +236,7 @@ def _check_mesh(section: CaseSection, faults: Faults) -> None:
 
 def _check_face(section: CaseSection, faults: Faults) -> None:
     """The tunnel face and the distances to it."""
-    FaceCheck(section.face, section.stages, section.parameters, faults).note(
-        section.analysis, section.groups, circle=circle_of(section) is not None
-    )
+    check_face(section, circle_of(section), faults)
 
 
 def _check_sequence(section: CaseSection, faults: Faults) -> None:
@@ -262,7 +273,7 @@ def _check_external_fit(section: CaseSection, faults: Faults) -> None:
 def _check_dimension(path: KeyPath, given: CaseNumber, start: CaseNumber, faults: Faults) -> None:
     if given.dimension != start.dimension:
         message = f"'{given.text}' is {with_article(given.dimension)}; "
-        message += f"{with_article(start.dimension)} is expected, as for the start '{start.text}'"
+        message += f"expected {with_article(start.dimension)}, as for the start '{start.text}'"
         faults.add(path, "unit", message)
 
 
@@ -293,7 +304,7 @@ def _check_tie(
         faults.add_unknown(path, "parameter", name, section.parameters)
     elif given.dimension and parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
-        message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
+        message += f"(start: {parameter.start.text}); expected {with_article(given.dimension)}"
         hint = "Change the unit of its start, or use another parameter."
         faults.add(path, "unit", message, hint)
 
@@ -305,6 +316,7 @@ _CHECKS: tuple[tuple[_Check, set[str], bool], ...] = (
     (_check_materials, {"materials"}, True),
     (_check_groups, {"groups", "stages"}, True),
     (_check_geostatic, {"groups", "materials", "gravity"}, True),
+    (_check_seismic, {"gravity"}, True),
     (_check_compression, {"parameters"}, True),
     (_check_stage_names, {"stages"}, False),
     (_check_structures, {"structures"}, False),

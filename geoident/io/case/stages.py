@@ -16,12 +16,10 @@ from geoident.io.case.actions import (
     LoadSection,
     TemperatureSection,
     WaterSection,
-    build_loads,
-    build_temperature,
 )
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.structures import BeamSection, StructureSection, negative_force
-from geoident.io.case.supports.section import FREE, StageSupportValue, build_stage_supports
+from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
     CaseNumber,
@@ -121,20 +119,10 @@ class StageSection(Section):
         None, description="Earlier stage, or 'virgin', on which this one builds."
     )
 
-    def stage(self, context: Context, *, gravity: bool) -> Stage:
-        """The stage for the model; what cannot be is noted as a fault.
-
-        Args:
-            context: of the section.
-            gravity: whether the case has any.
-        """
-        return self.to_model(
-            Stage,
-            loads=build_loads(self.loads, context.at("loads"), gravity=gravity),
-            water=None if self.water is None else self.water.water(),
-            temperature=build_temperature(self.temperature, context.at("temperature")),
-            supports=build_stage_supports(self.supports, context.at("supports")),
-        )
+    def for_model(self, context: Context) -> Stage:
+        """The stage for the model; what cannot be is noted as a fault."""
+        supports = build_supports(self.supports, context.at("supports"))
+        return self.to_model(Stage, context, supports=supports)
 
 
 @dataclass(frozen=True)
@@ -204,10 +192,9 @@ class _Ground:
     def copy(self) -> _Ground:
         """The same, to go on from here in another way."""
         other = copy(self)
-        other.present, other.installed = dict(self.present), dict(self.installed)
-        other.loads, other.excavated = set(self.loads), dict(self.excavated)
-        other.partly, other.structures = set(self.partly), set(self.structures)
-        other.supports = set(self.supports)
+        for name, value in vars(self).items():
+            if isinstance(value, dict | set):
+                setattr(other, name, value.copy())
         return other
 
     def build(self, path: KeyPath, stage: StageSection) -> None:

@@ -3,45 +3,37 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     Area,
     AxialStiffness,
     BendingStiffness,
     CaseNumber,
     Coordinates,
     Density,
+    FixedSize,
     Force,
     Line,
     Modulus,
     Multiple,
     Name,
-    QuantityType,
     Ratio,
     Size,
     Stress,
+    TextOrList,
     WallStiffness,
 )
 from geoident.model.case import Analysis
-from geoident.model.structures import Anchors, Beam, Bolts, Structure, Struts
+from geoident.model.structures import Anchors, Beam, Bolts, Struts
+
+Hinge = TextOrList[Name, Coordinates]
 
 
-class _StructureBase(Section):
-    @abstractmethod
-    def structure(self, context: Context) -> Structure:
-        """The structure for the model; a fault where the kind of analysis has none."""
-
-
-Hinge = Annotated[Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], TEXT_OR_LIST]
-
-
-class BeamSection(_StructureBase):
+class BeamSection(Section):
     """A lining or wall as a chain of beams on lines of the mesh, joined to its nodes.
 
     About an axis it is a thin shell of revolution, with hoop forces. Corners are rigid, its ends
@@ -91,7 +83,7 @@ class BeamSection(_StructureBase):
         """Its weight is given in one way, and is not negative."""
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
-            message = f"found density and {other}; density with a thickness, or weight is expected"
+            message = f"found density and {other}; expected density with a thickness, or weight"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
         for key in ("density", "weight"):
             given: CaseNumber | None = getattr(self, key)
@@ -99,7 +91,7 @@ class BeamSection(_StructureBase):
                 message = f"'{given.text}' is negative"
                 faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
 
-    def structure(self, context: Context) -> Beam:
+    def for_model(self, context: Context) -> Beam:
         """A lining or wall, in the plane or about an axis."""
         if context.analysis is Analysis.SOLID:
             _refuse("beams", "plane-strain or axisymmetric", context)
@@ -108,20 +100,15 @@ class BeamSection(_StructureBase):
             message += "parameter"
             hint = "Write the number itself; E and thickness may be parameters."
             context.at("nu").refuse("bad-tie", message, hint)
-        hinges = tuple(
-            hinge if isinstance(hinge, str) else context.at("hinges", n).vector(hinge, "the hinge")
-            for n, hinge in enumerate(self.hinges)
-        )
-        return self.to_model(Beam, group=self.on, hinges=hinges)
+        return self.to_model(Beam, context, group=self.on)
 
 
-class _BarSection(_StructureBase):
+class _BarSection(Section):
     """A kind of bars: bolts, struts or anchors, with the keys that all have in common."""
 
     what: ClassVar[str]
     """What one of them is."""
-    bars: ClassVar[type[Bolts | Struts | Anchors]]
-    """What they are built into."""
+    builds: ClassVar[type[Bolts | Struts | Anchors]]
     one_of = (
         Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
     )
@@ -163,22 +150,11 @@ class _BarSection(_StructureBase):
         if self.prestress is not None and (fault := negative_force(self.prestress)):
             faults.add(("prestress",), "out-of-range", *fault)
 
-    def structure(self, context: Context) -> Bolts | Struts | Anchors:
+    def for_model(self, context: Context) -> Bolts | Struts | Anchors:
         """The bars; about an axis they are smeared over their ring."""
-        self._check_spacing(context)
-        ends = []
-        for n, pair in enumerate(self.ends):
-            first, second = (
-                context.at("ends", n, k).vector(point, "the end") for k, point in enumerate(pair)
-            )
-            ends.append((first, second))
-        return self.to_model(self.bars, ends=tuple(ends))
-
-    def _check_spacing(self, context: Context) -> None:
         if context.analysis is Analysis.AXISYMMETRIC:
             self._check_ring(context)
-            return
-        if self.number is not None:
+        elif self.number is not None:
             message = f"'number' in {context.analysis.value} analysis, which has no axis"
             hint = "Give the 'spacing' out of plane." if context.dim == 2 else "Remove it."
             context.at("number").refuse("wrong-analysis", message, hint, key=True)
@@ -189,13 +165,14 @@ class _BarSection(_StructureBase):
             message = f"'spacing' in a solid, where every {self.what} is modelled by itself"
             hint = f"Remove it, and list all {self.what}s under 'ends'."
             context.at("spacing").refuse("wrong-dimension", message, hint, key=True)
+        return self.to_model(self.builds, context)
 
     def _check_ring(self, context: Context) -> None:
         """Bars about an axis: how many there are, and where."""
         if (self.spacing is None) == (self.number is None):
             which = "neither" if self.spacing is None else "both"
-            message = f"found {which}; either number or spacing of the {self.what}s around the "
-            message += "axis is expected"
+            message = f"found {which}; expected either number or spacing of the {self.what}s "
+            message += "around the axis"
             hint = f"Add 'number: 12', the {self.what}s of one ring, or their 'spacing: 1.5 m' "
             hint += "along the circumference."
             context.refuse("wrong-pair", message, hint, key=True)
@@ -224,7 +201,7 @@ def negative_force(given: CaseNumber) -> tuple[str, str] | None:
 class BoltSection(_BarSection):
     """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
 
-    what, bars = "bolt", Bolts
+    what, builds = "bolt", Bolts
 
     kind: Literal["bolt"]
 
@@ -236,7 +213,7 @@ class StrutSection(_BarSection):
     half of the strut ends.
     """
 
-    what, bars = "strut", Struts
+    what, builds = "strut", Struts
 
     kind: Literal["strut"]
     second_end: Literal["joined", "fixed", "symmetry"] = Field(
@@ -250,10 +227,10 @@ class StrutSection(_BarSection):
 class AnchorSection(_BarSection):
     """Ground anchors from a head to a toe: free up to the grout, held by the ground along it."""
 
-    what, bars = "anchor", Anchors
+    what, builds = "anchor", Anchors
 
     kind: Literal["anchor"]
-    grouted: Annotated[CaseNumber, QuantityType("length", above=0.0)] = Field(
+    grouted: FixedSize = Field(
         description="Length at the second end, the toe, along which grout ties the bar to the "
         "ground; before it the bar is free.",
         examples=["6 m"],

@@ -151,7 +151,7 @@ def _cell(rows: list[list[str]], file: str, how: TableCell) -> str:
         conditions = ", ".join(f"{key} = {value}" for key, value in how.row)
         if len(fitting) != 1:
             raise NotFound(
-                f"{file} has {len(fitting) or 'no'} rows with {conditions}; one is expected"
+                f"{file} has {len(fitting) or 'no'} rows with {conditions}; expected one"
             )
         row = fitting[0]
     place = names.index(how.column)

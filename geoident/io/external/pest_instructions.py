@@ -25,6 +25,8 @@ from geoident.model.external import Instruction, InstructionLine
 MAX_BYTES = 50 * 10**6
 DUMMY = "dum"
 """Observation that is read past."""
+OBSERVATIONS = ("free", "fixed", "semi")
+"""Kinds of instructions that read one."""
 
 _HEAD = re.compile(r"\s*[pj]if\s+(\S)\s*", re.IGNORECASE)
 _ITEM = re.compile(
@@ -216,7 +218,7 @@ def _step(item: Instruction, after: str, line: str, at: int) -> tuple[str | None
         line: of the output.
         at: the place.
     """
-    if item.kind in ("free", "fixed", "semi"):
+    if item.kind in OBSERVATIONS:
         return _observation(item, after, line, at)
     if item.kind == "tab":
         if len(line) < item.first:

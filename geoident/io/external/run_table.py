@@ -20,7 +20,7 @@ import numpy as np
 
 from geoident.errors import Fault, Location
 from geoident.io.external.runs import MOST_RUNS, FoundRuns, RunColumn, RunRow, runs_of
-from geoident.io.text.cells import Cell, Row, read_text_table
+from geoident.io.text.cells import Cell, Row, name_and_unit, read_text_table
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.arrays import Floats
 from geoident.model.gauges import Channel
@@ -37,7 +37,6 @@ _FAILED = {
     "nil", "#n/a", "#value!", "#div/0!",
 }  # fmt: skip
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
-_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 _NO_VALUES: Floats = np.zeros(0)
 
 
@@ -85,12 +84,6 @@ def read_run_table(
     return FoundRuns(table_runs, frozenset(named) if known else None, tuple(reader.faults))
 
 
-def _name_and_unit(cell: Cell) -> tuple[str, str | None]:
-    match = _UNIT.fullmatch(cell.text)
-    assert match is not None  # any text does
-    return match[1], match[2] or match[3]
-
-
 class _TableReader:
     """What the columns and cells of a table mean in a case; what is wrong is noted.
 
@@ -131,7 +124,7 @@ class _TableReader:
     ) -> dict[int, RunColumn]:
         """Positions of the columns that hold something, and what."""
         line, cells = header
-        heads = {_name_and_unit(cell)[0] for cell in cells}
+        heads = {name_and_unit(cell.text)[0] for cell in cells}
         for name in sorted(set(ignore) - heads - {cell.text for cell in cells}):
             message = f"there is no column '{name}' that 'ignore' of the case names"
             hint = did_you_mean(name, [cell.text for cell in cells], what="Columns")
@@ -141,7 +134,7 @@ class _TableReader:
         first: dict[object, Cell] = {}
         columns: dict[int, RunColumn] = {}
         for at, cell in enumerate(cells):
-            name, _ = _name_and_unit(cell)
+            name, _ = name_and_unit(cell.text)
             if not cell.text or name == NAME_COLUMN or {name, cell.text} & set(ignore):
                 continue
             if len(self.faults) > _MOST_FAULTS:
@@ -168,7 +161,7 @@ class _TableReader:
             cell: of the header.
             absent: what has no column of its own, and may be misspelt here.
         """
-        name, place = _name_and_unit(cell)[0], Location(self.file, line, cell.column)
+        name, place = name_and_unit(cell.text)[0], Location(self.file, line, cell.column)
         if name in self.parameters:
             return RunColumn(cell.text, place, _NO_VALUES, name)
         gauge, stage = self._gauge_and_stage(name)
@@ -207,7 +200,7 @@ class _TableReader:
 
     def _size(self, line: int, cell: Cell, column: RunColumn) -> float:
         """Size of the unit of a column; 1, with a fault, where it is none."""
-        unit = _name_and_unit(cell)[1]
+        unit = name_and_unit(cell.text)[1]
         of = self.parameters.get(column.parameter) or self.channels[column.at[1]]
         try:
             if unit is not None:

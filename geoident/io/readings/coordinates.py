@@ -11,8 +11,8 @@ import math
 
 from geoident.io.readings.layout import POINT_COLUMNS
 from geoident.io.readings.survey import SurveyGrid, SurveyTarget
-from geoident.io.readings.table import Table, name_and_unit
-from geoident.io.text.cells import Cell
+from geoident.io.readings.table import Table
+from geoident.io.text.cells import Cell, name_and_unit
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Reading
 
@@ -50,7 +50,7 @@ class CoordinateRows:
             key = whole or keys.get(name.lower())
             if key and key not in self.columns:
                 self.columns[key] = n
-                units[key] = Cell(layout.unit if whole else unit, cell.column)
+                units[key] = Cell(layout.unit if whole else unit or "", cell.column)
         self.when = "date" if "date" in self.columns else "stage"
         missing = [layout.header(key) for key in POINT_COLUMNS if key not in self.columns]
         if self.when not in self.columns:

@@ -191,7 +191,7 @@ def _separated_otherwise(table: Table, line: int, header: str) -> bool:
     if wanted in header or not others:
         return False
     if wanted == ",":
-        message = "the columns are separated by semicolons or tabs; commas are expected"
+        message = "the columns are separated by semicolons or tabs; expected commas"
         hint = "Export as comma-separated values, with decimal points, or declare them in the case:"
         hint += " readings: {file: ..., delimiter: ';', decimal: ','}."
     else:
@@ -208,7 +208,7 @@ def _old_workbook(table: Table) -> Iterable[Row]:
         InputError: always.
     """
     suffix = Path(table.file).suffix.lower()
-    message = f"a {suffix} workbook cannot be read; .xlsx or CSV is expected"
+    message = f"a {suffix} workbook cannot be read; expected .xlsx or CSV"
     hint = "Save it as 'Excel Workbook (.xlsx)' from Excel or LibreOffice."
     raise InputError([Fault("unknown-format", message, hint, Location(table.file))])
 

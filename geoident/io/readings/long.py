@@ -109,7 +109,7 @@ class LongRows:
             return False
         if len(cells) > max(self.columns[key] for key in self.required):
             return True
-        message = f"the row has {len(cells)} columns; {self.header} expected"
+        message = f"the row has {len(cells)} columns; expected {self.header}"
         end = cells[-1].column + len(cells[-1].text)
         self.table.refuse(line, end, "too-few-columns", message, "Leave a missing value blank: ,,")
         return False

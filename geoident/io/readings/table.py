@@ -37,7 +37,6 @@ _GOOD = frozenset(
 _BAD = frozenset({"1", "x", "yes", "true", "bad"})
 _POINT_NUMBER = re.compile(NUMBER_PATTERN)
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
-_HEADER_WITH_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")
 _ERRORS = frozenset(
     {"#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!", "#SPILL!", "#CALC!"}
 )
@@ -221,7 +220,7 @@ class Table:
             self.refuse(line, cell, "bad-number", error.message, hint)
             return None
         if quantity.unit:
-            message = f"'{shorten(cell.text)}' has a unit; a number is expected"
+            message = f"'{shorten(cell.text)}' has a unit; expected a number"
             self.refuse(line, cell, "bad-number", message, "Units stand in the column 'unit'.")
             return None
         return quantity.value
@@ -230,7 +229,7 @@ class Table:
         """Note a cell of a sheet that holds no number, but a date, an error or a formula."""
         text = cell.text
         if isinstance(cell.value, datetime):
-            message = f"the cell holds the date {text}; a number is expected"
+            message = f"the cell holds the date {text}; expected a number"
             hint = "If Excel made a date of a number, type it again in a cell formatted as number."
             self.refuse(line, cell, "bad-number", message, hint)
         elif self.sheet and text.startswith("="):
@@ -238,7 +237,7 @@ class Table:
             hint = "Open the workbook in Excel, compute and save it, or paste values."
             self.refuse(line, cell, "no-stored-value", message, hint)
         elif self.sheet and text.upper() in _ERRORS:
-            message = f"the cell holds the error {text}; a number is expected"
+            message = f"the cell holds the error {text}; expected a number"
             hint = f"Correct the sheet, or declare it as missing: blank: ['{text}']."
             self.refuse(line, cell, "cell-error", message, hint)
         else:
@@ -293,7 +292,7 @@ class Table:
             dimension: of what is read, a key of `geoident.units.DIMENSIONS`.
         """
         text, raw = cell.text, raw_unit(cell.text)
-        wanted = f"{with_article(dimension)} is expected"
+        wanted = f"expected {with_article(dimension)}"
         if raw is not None and dimension != "frequency":
             message = f"'{text}' is what the sensor gives; {wanted}"
             self.refuse(line, cell, "unit", message, _CALIBRATE % raw)
@@ -398,16 +397,6 @@ def _if_blank(text: str) -> str:
     if any(letter.isdigit() for letter in text) or "," in text:
         return ""
     return f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
-
-
-def name_and_unit(text: str) -> tuple[str, str]:
-    """Name and unit of a column, ``EX1.a5 (mm)`` or ``EX1.a5 [mm]``; no unit where none is there.
-
-    >>> name_and_unit("EX1.a5 (mm)"), name_and_unit("CV1")
-    (('EX1.a5', 'mm'), ('CV1', ''))
-    """
-    match = _HEADER_WITH_UNIT.fullmatch(text)
-    return (match[1], match[2]) if match else (text, "")
 
 
 def flag(text: str) -> str:

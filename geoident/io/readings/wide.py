@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geoident.io.readings.layout import Origin
-from geoident.io.readings.table import Table, UnitScale, name_and_unit
-from geoident.io.text.cells import Cell
+from geoident.io.readings.table import Table, UnitScale
+from geoident.io.text.cells import Cell, name_and_unit
 from geoident.io.text.wording import did_you_mean
 from geoident.model.gauges import Reading
 
@@ -102,7 +102,7 @@ class WideRows:
     def _add(self, line: int, cell: Cell, column: _Column) -> None:
         """Take a column; its unit is declared or stands in the header, if not in the next row."""
         layout = self.table.layout
-        unit = column.origin.unit or name_and_unit(cell.text)[1]
+        unit = column.origin.unit or name_and_unit(cell.text)[1] or ""
         if unit or not layout.unit_row:
             unit = unit or layout.unit_of(column.origin)
             column.scale = self._scale(line, Cell(unit, cell.column), column)

@@ -172,7 +172,7 @@ def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str,
     # The key that tells the ways apart, or a function that is named after it.
     name = str(context.get("discriminator", "")).strip("'").removesuffix("()")
     if not isinstance(node, dict):
-        message = f"found {kind_of(node)}; a mapping with the key '{name}' is expected"
+        message = f"found {kind_of(node)}; expected a mapping with the key '{name}'"
         faults.add(path, "wrong-kind", message, f"Write {{{name}: ...}}.")
     elif "tag" in context:
         _add_not_listed(faults, (*path, name), str(context["tag"]), context["expected_tags"])
@@ -198,15 +198,15 @@ def _add_other(
         if isinstance(node, str):
             _add_not_listed(faults, path, node, context["expected"])
             return
-        message = f"found {kind_of(node)}; {context['expected']} is expected"
+        message = f"found {kind_of(node)}; expected {context['expected']}"
         hint = "Write one of them."
     elif kind in _KINDS:
-        message = f"found {kind_of(node)}; {_KINDS[kind]} is expected"
+        message = f"found {kind_of(node)}; expected {_KINDS[kind]}"
         hint = _HINTS[_KINDS[kind]]
     elif kind in {"too_short", "too_long"}:
         number = context.get("min_length", context.get("max_length", 0))
         limit = "at least" if kind == "too_short" else "at most"
-        message = f"found {_entries(context['actual_length'])}; {limit} {_entries(number)} expected"
+        message = f"found {_entries(context['actual_length'])}; expected {limit} {number}"
         hint = f"Write {limit} {number}, or remove the key if it need not be there."
     else:
         message, hint = error["msg"], f"{Term.KEYS} lists what is allowed here."

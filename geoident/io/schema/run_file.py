@@ -67,7 +67,7 @@ def validated(section: type[S], faults: Faults, what: Literal["campaign", "proje
     data = faults.places.data
     if not isinstance(data, dict):
         hint = f"Begin with 'format: geoident-{what}/1'."
-        faults.add((), "wrong-kind", f"found {kind_of(data)}; a mapping is expected", hint)
+        faults.add((), "wrong-kind", f"found {kind_of(data)}; expected a mapping", hint)
     known: dict[int, tuple[str, ...]] = {}
     try:
         return section.model_validate(data, context=known)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from geoident.io.schema.values import CaseNumber, in_si
+from geoident.io.schema.values import CaseNumber, Components
 from geoident.io.text.faults import Faults
+from geoident.model.arrays import Vector
 from geoident.model.case import Analysis, KeyPath
 
 if TYPE_CHECKING:
@@ -89,6 +90,8 @@ class Section(BaseModel):
         json_schema_extra=_describe_ways,
     )
     one_of: ClassVar[tuple[Alternatives, ...]] = ()
+    builds: ClassVar[type[DataclassInstance]]
+    """The class of the model whose attributes are keys of the section."""
 
     @model_validator(mode="before")
     @classmethod
@@ -107,7 +110,7 @@ class Section(BaseModel):
             given = [key for key in one.keys if getattr(self, key) is not None]
             if not one.fits(given):
                 keys = _listed(given, "") if given else one.nothing
-                message = f"found {keys}; expected is {one.words()}"
+                message = f"found {keys}; expected {one.words()}"
                 faults.add((), "wrong-pair", message, one.hint)
         if not faults.found:
             self.check(faults)
@@ -117,17 +120,33 @@ class Section(BaseModel):
     def check(self, faults: SectionFaults) -> None:
         """Note what is wrong between the keys of a section, each of which is right by itself."""
 
-    def to_model(self, kind: type[T], /, **given: Any) -> T:
+    def for_model(self, context: Context) -> Any:
+        """What the section says, for the model; what cannot be is noted as a fault.
+
+        Args:
+            context: of the section.
+        """
+        return self.to_model(self.builds, context)
+
+    def to_model(self, kind: type[T], context: Context | None = None, /, **given: Any) -> T:
         """What the section says as a class of the model, whose attributes have the names of keys.
 
-        A key that is missing leaves the default of the model.
+        Numbers become SI, lists tuples, and sections below it what they build. A key that is
+        missing leaves the default of the model.
 
         Args:
             kind: a dataclass of the model.
-            given: attributes that are no keys, or take more than a conversion to SI units.
+            context: of the section; None where no key has coordinates or a section.
+            given: attributes that are no keys, or take more than that.
         """
-        keys = type(self).model_fields.keys() - given.keys()
-        values = {f.name: in_si(getattr(self, f.name)) for f in fields(kind) if f.name in keys}
+        keys = type(self).model_fields
+        values = {
+            f.name: _built(
+                getattr(self, f.name), context and context.at(keys[f.name].alias or f.name)
+            )
+            for f in fields(kind)
+            if f.name in keys and f.name not in given
+        }
         return kind(**{key: x for key, x in values.items() if x is not None}, **given)
 
     @property
@@ -135,6 +154,22 @@ class Section(BaseModel):
         """The numbers of the section itself, not of what is below it."""
         values = [getattr(self, name) for name in type(self).model_fields]
         return [part for value in values if isinstance(value, CaseNumber) for part in value.parts]
+
+
+def _built(value: Any, context: Context | None) -> Any:
+    """What stands under a key as the model has it."""
+    if isinstance(value, CaseNumber):
+        return value.value
+    if isinstance(value, Section):
+        assert context is not None
+        return value.for_model(context)
+    if isinstance(value, Components) and context is not None and not context.has_axes(value):
+        return context.nowhere
+    if isinstance(value, list):
+        return tuple(_built(part, context and context.at(n)) for n, part in enumerate(value))
+    if isinstance(value, Mapping):
+        return {key: _built(part, context and context.at(key)) for key, part in value.items()}
+    return value
 
 
 @dataclass(frozen=True)
@@ -171,20 +206,23 @@ class Context:
         """
         self.faults.add(self.path, code, message, hint, key=key)
 
-    def vector(self, given: Sequence[CaseNumber], what: str = "the point") -> tuple[float, ...]:
-        """Components (dim,) in SI units; NaN, with a fault, where there are more or fewer.
+    @property
+    def nowhere(self) -> Vector:
+        """(dim,) coordinates of no point; no two of them are equal."""
+        return tuple(float("nan") for _ in range(self.dim))
 
-        Args:
-            given: the components as written.
-            what: they are of, for the message.
-        """
-        if len(given) == self.dim:
-            return tuple(number.factor for number in given)
-        axes = ", ".join("xyz"[: self.dim])
-        message = f"{what} has {len(given)} components; {self.dim} expected ({axes})"
-        hint = f"'analysis' says that there are {self.dim}: correct it or the components."
-        self.refuse("wrong-dimension", message, hint)
-        return tuple(float("nan") for _ in range(self.dim))  # no two of them are equal
+    def has_axes(self, given: Sequence[CaseNumber]) -> bool:
+        """Whether there is one component for each axis; a fault where there are more or fewer."""
+        if len(given) != self.dim:
+            axes = ", ".join("xyz"[: self.dim])
+            message = f"found {len(given)}; expected {self.dim} components ({axes})"
+            hint = f"'analysis' says that there are {self.dim}: correct it or the components."
+            self.refuse("wrong-dimension", message, hint)
+        return len(given) == self.dim
+
+    def vector(self, given: Sequence[CaseNumber]) -> Vector:
+        """Components (dim,) in SI units; NaN, with a fault, where there are more or fewer."""
+        return tuple(number.factor for number in given) if self.has_axes(given) else self.nowhere
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -80,7 +80,7 @@ def require_text(value: object, expected: str) -> str:
     """
     if isinstance(value, str):
         return value
-    raise Refusal("wrong-kind", f"found {kind_of(value)}; {expected} is expected")
+    raise Refusal("wrong-kind", f"found {kind_of(value)}; expected {expected}")
 
 
 def kind_of(value: object) -> str:
@@ -97,7 +97,7 @@ def _flag(value: object) -> bool:
         return value
     text = require_text(value, "true or false")
     if text not in {"true", "false"}:
-        raise Refusal("not-listed", f"found '{shorten(text)}'; true or false is expected")
+        raise Refusal("not-listed", f"found '{shorten(text)}'; expected true or false")
     return text == "true"
 
 
@@ -164,21 +164,14 @@ class CaseNumber:
         return [self]
 
 
+class Components(list[CaseNumber]):
+    """Numbers of which there is one for each axis of the model."""
+
+
 def tied_parameter(text: str) -> str | None:
     """The parameter to which a text such as ``0.6 $E_rock`` ties a number; None for another."""
     tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     return None if tie is None else tie[3]
-
-
-def in_si(value: Any) -> Any:
-    """What stands under a key as the model has it: numbers in SI units, tuples for lists."""
-    if isinstance(value, CaseNumber):
-        return value.value
-    if isinstance(value, list):
-        return tuple(map(in_si, value))
-    if isinstance(value, Mapping):
-        return {key: in_si(part) for key, part in value.items()}
-    return value
 
 
 def scalar_of(given: CaseNumber | None) -> Scalar | None:
@@ -212,7 +205,7 @@ class QuantityType:
         if isinstance(value, CaseNumber):
             return value
         if isinstance(value, dict) and "field" in value:
-            message = f"found a field; {self.words()} is expected"
+            message = f"found a field; expected {self.words()}"
             raise Refusal("no-field", message, "Moduli and strengths of materials may be fields.")
         text = require_text(value, self.words())
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
@@ -251,7 +244,7 @@ class QuantityType:
         if self.tied and not well_formed:
             hint = "Write $NAME or FACTOR $NAME, such as 0.6 $E_rock."
             return Refusal("bad-tie", f"'{shorten(text)}' is not a tie to a parameter", hint)
-        message = f"'{shorten(text)}': a parameter cannot be used here; {self.words()} is expected"
+        message = f"'{shorten(text)}': a parameter cannot be used here; expected {self.words()}"
         return Refusal("bad-tie", message, "Write the number itself.")
 
     def _in_range(self, given: CaseNumber) -> CaseNumber:
@@ -339,8 +332,12 @@ def _factor(number: str, text: str) -> float:
         message = f"'{shorten(text)}' is zero, whatever the parameter is"
         raise Refusal("out-of-range", message, "Write the number itself, or another factor.")
     if not _LEAST_FACTOR <= abs(factor) <= _MOST_FACTOR:
-        message = f"'{shorten(text)}': a factor from {_LEAST_FACTOR:g} to {_MOST_FACTOR:g} is "
-        raise Refusal("out-of-range", f"{message}expected", "Check its exponent.")
+        message = f"'{shorten(text)}': expected a factor "
+        raise Refusal(
+            "out-of-range",
+            f"{message}from {_LEAST_FACTOR:g} to {_MOST_FACTOR:g}",
+            "Check its exponent.",
+        )
     return factor
 
 
@@ -356,7 +353,7 @@ def _require_angle(given: CaseNumber) -> None:
     hint = "Correct the number or its unit."
     if given.unit == "rad":
         hint = f"Write '{given.text.replace('rad', 'deg')}' if these are degrees."
-    raise Refusal("out-of-range", f"{message}360 at most are expected", hint)
+    raise Refusal("out-of-range", f"{message}expected at most 360", hint)
 
 
 @dataclass(frozen=True)
@@ -477,7 +474,7 @@ class Exactly:
                 hint = f"If a number has a decimal comma, write a point: [{', '.join(meant)}]."
                 if len(value) == 1:
                     hint = f"Write [{', '.join(meant)}]."
-            raise Refusal("wrong-kind", f"{count}; {self.entries} entries expected", hint)
+            raise Refusal("wrong-kind", f"{count}; expected {self.entries}", hint)
         return value
 
     def __get_pydantic_json_schema__(
@@ -546,8 +543,18 @@ def shape_of(value: object) -> str:
     return "list" if isinstance(value, list | tuple) else "text"
 
 
-TEXT_OR_LIST = Discriminator(lambda value: "list" if shape_of(value) == "list" else "text")
-TEXT_OR_MAPPING = Discriminator(lambda value: "mapping" if shape_of(value) == "mapping" else "text")
+_A = TypeVar("_A")
+_B = TypeVar("_B")
+TextOrList = Annotated[
+    Annotated[_A, Tag("text")] | Annotated[_B, Tag("list")],
+    Discriminator(lambda value: "list" if shape_of(value) == "list" else "text"),
+]
+"""One value, or a list: ``TextOrList[VALUE, LIST]``."""
+TextOrMapping = Annotated[
+    Annotated[_A, Tag("text")] | Annotated[_B, Tag("mapping")],
+    Discriminator(lambda value: "mapping" if shape_of(value) == "mapping" else "text"),
+]
+"""One value, or a mapping: ``TextOrMapping[VALUE, MAPPING]``."""
 TEXT_LIST_OR_MAPPING = Discriminator(shape_of)
 
 # A number that may be tied to a parameter has a plain name; of one that may not it is `Fixed...`.
@@ -597,6 +604,7 @@ def _in_order(bounds: list[CaseNumber]) -> list[CaseNumber]:
 _SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
 Coordinates = Annotated[
     list[FixedLength],
+    AfterValidator(Components),
     SharesUnit(),
     Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
 ]
@@ -608,14 +616,14 @@ Bounds = Annotated[
     Exactly(2),
     Field(description=f"Lower and upper bound{_SHARED}."),
 ]
-Accelerations = Annotated[list[FixedAcceleration], SharesUnit()]
-Stresses = Annotated[list[Stress], SharesUnit()]
-Forces = Annotated[list[Force], SharesUnit()]
-LineForces = Annotated[list[LineForce], SharesUnit()]
+Accelerations = Annotated[list[FixedAcceleration], AfterValidator(Components), SharesUnit()]
+Stresses = Annotated[list[Stress], AfterValidator(Components), SharesUnit()]
+Forces = Annotated[list[Force], AfterValidator(Components), SharesUnit()]
+LineForces = Annotated[list[LineForce], AfterValidator(Components), SharesUnit()]
 TemperatureValues = Annotated[
     list[Annotated[CaseNumber, QuantityType("temperature")]], SharesUnit()
 ]
-Coefficients = list[Coefficient]
+Coefficients = Annotated[list[Coefficient], AfterValidator(Components)]
 DirectionVector = list[Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[

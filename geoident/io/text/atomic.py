@@ -144,7 +144,7 @@ def make_folder(folder: Path | str) -> None:
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        reason = "it is a file; a folder is expected here"
+        reason = "it is a file; expected a folder here"
         raise OutputError(f"{folder}: cannot be written: {reason}\n    {_ELSEWHERE}") from error
     except OSError as error:
         raise output_error(folder, error) from error

@@ -79,7 +79,7 @@ def read_text_table(
     faults = [
         Fault(
             "bad-row",
-            f"found {len(cells)} cells; {width} are expected, as in the header",
+            f"found {len(cells)} cells; expected {width}, as in the header",
             remedy,
             Location(path, number, 1),
         )
@@ -138,6 +138,21 @@ def _quoted(delimiter: str) -> re.Pattern[str]:
     end = re.escape(delimiter)
     blank = rf"[^\S{end}]*+"
     return re.compile(rf'{blank}"((?:[^"]|"")*+)"{blank}(?={end}|\Z)')
+
+
+_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
+
+
+def name_and_unit(title: str) -> tuple[str, str | None]:
+    """Name and unit of a column; None where it has none.
+
+    >>> name_and_unit("E [GPa]"), name_and_unit("u (mm)"), name_and_unit("K0")
+    (('E', 'GPa'), ('u', 'mm'), ('K0', None))
+    """
+    match = _UNIT.fullmatch(title)
+    assert match is not None  # any text does
+    unit = match[2] or match[3]
+    return match[1], unit and unit.strip()
 
 
 def stray_quote(line: str, cells: list[Cell]) -> Cell | None:

@@ -55,7 +55,7 @@ def refuse_no_case(content: bytes, path: str) -> None:
         hint = "Readings are named by a case: 'readings: NAME'; give that case."
     else:
         return
-    message = f"this file is {kind}; a case is expected"
+    message = f"this file is {kind}; expected a case"
     raise InputError([Fault("other-kind", message, hint, Location(path))])
 
 

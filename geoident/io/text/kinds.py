@@ -34,5 +34,5 @@ def refuse_other_kind(document: Document, kind: str) -> None:
         return
     kind_text, hint = _KINDS[other]
     location = Places(document, data).locate(("format",))
-    message = f"this file is {kind_text}; {_KINDS[kind][0]} is expected"
+    message = f"this file is {kind_text}; expected {_KINDS[kind][0]}"
     raise InputError([Fault("other-kind", message, hint, location, "format")])

@@ -97,7 +97,7 @@ def decode(data: bytes, file: str, *, encoding: str = "", hint: str = "") -> str
     """
     if data.startswith(_UTF16):
         if not hint:
-            raise _fault(file, "the file is UTF-16 text; UTF-8 is expected", 1, 1, _SAVE)
+            raise _fault(file, "the file is UTF-16 text; expected UTF-8", 1, 1, _SAVE)
         encoding = "utf-16"
     codec = encoding or "utf-8-sig"
     if encoding and codecs.lookup(encoding).name == "utf-8":

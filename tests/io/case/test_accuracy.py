@@ -110,7 +110,7 @@ def test_errors_of_an_inclinometer_add_up_along_what_is_cumulated(reads_as):
 @pytest.mark.parametrize(
     ("words", "path", "message"),
     [
-        ("{reading: 0.1 kPa}", "reading", "'0.1 kPa' is a pressure; a length is expected"),
+        ("{reading: 0.1 kPa}", "reading", "'0.1 kPa' is a pressure; expected a length"),
         ("{reading: 0 mm}", "reading", "the reading error must exceed zero"),
         ("{reading: 1 mm, zero: -1 mm}", "zero", "'-1 mm' is negative"),
         ("{reading: 1 mm, along: 1 mm}", "along", "such as 0.2 mm/sqrt(m)"),

@@ -14,7 +14,12 @@ FIT = "fit: {method: gauss-newton, stages: [bench 1]}"
 FAULTS = {
     # quantities
     "bare number": ("8 MPa", "«8", "in_situ.vertical", ["'8' has no unit", "write '8 Pa'"]),
-    "wrong dimension": ("8 MPa", "«8 m", "in_situ.vertical", ["a length; a pressure", "MPa"]),
+    "wrong dimension": (
+        "8 MPa",
+        "«8 m",
+        "in_situ.vertical",
+        ["a length; expected a pressure", "MPa"],
+    ),
     "unknown unit": ("8 MPa", "«8 Mpas", "in_situ.vertical", ["no unit 'Mpas'", "mean 'MPa'?"]),
     "decimal comma": ("15 GPa", '«"1,5 GPa"', "parameters.E_rock.start", ["comma", "'1.5 GPa'"]),
     "nan": ("0.25", "«.nan", "materials.rock.nu", ["'.nan' is not a finite number"]),
@@ -86,9 +91,9 @@ FAULTS = {
     ),
     "no gauge kind": ("kind: convergence, ", "", "gauges.CV1", ["'kind' is missing"]),
     "gauge that is no mapping": (CV1, "  CV1: «7", "gauges.CV1", ["a mapping"]),
-    "list for a text": ("Cavern", "«[a]", "title", ["found a list", "a text is expected"]),
+    "list for a text": ("Cavern", "«[a]", "title", ["found a list", "expected a text"]),
     "text for a list": ("excavate: [bench]", "excavate: «bench", "stages[1].excavate", ["a list"]),
-    "nothing for a mapping": (HEIM, "«7", "in_situ", ["found '7'; a mapping"]),
+    "nothing for a mapping": (HEIM, "«7", "in_situ", ["found '7'; expected a mapping"]),
     "bad flag": (
         HEIM,
         "{model: heim, vertical: 1 Pa, K0: $K0, held: «yes}",
@@ -103,7 +108,12 @@ FAULTS = {
         "parameters.E_rock.bounds",
         ["'80 GPa' is not below", "Write [2 GPa, 80 GPa]"],
     ),
-    "one bound": ("[2 GPa, 80 GPa]", "«[2 GPa]", "parameters.E_rock.bounds", ["2 entries"]),
+    "one bound": (
+        "[2 GPa, 80 GPa]",
+        "«[2 GPa]",
+        "parameters.E_rock.bounds",
+        ["found 1 entry; expected 2"],
+    ),
     "bounds with decimal commas": (
         "[2 GPa, 80 GPa]",
         "«[2,5 GPa, 80 GPa]",
@@ -173,7 +183,12 @@ FAULTS = {
         "in_situ.yz",
         None,
     ),
-    "gravity of three": ("9.81 m/s2", "«[0, 0, 9 m/s2]", "gravity", ["3 components; 2 expected"]),
+    "gravity of three": (
+        "9.81 m/s2",
+        "«[0, 0, 9 m/s2]",
+        "gravity",
+        ["found 3; expected 2 components"],
+    ),
     "negative gravity": ("9.81 m/s2", "«-9.81 m/s2", "gravity", ["negative", "downwards"]),
     "two kinds of load": (
         "pressure: 1 MPa",
@@ -185,7 +200,7 @@ FAULTS = {
         "pressure: 1 MPa",
         "traction: «[1 MPa]",
         "loads.water.traction",
-        ["1 comp"],
+        ["found 1; expected 2"],
     ),
     "support along z": ("left: x,", "left: «z,", "supports.left", ["no direction z"]),
     # stages
@@ -228,7 +243,7 @@ FAULTS = {
         "[17.5, 3 m]",
         "«[17.5, 3, 0 m]",
         "gauges.EX1.anchors.a5",
-        ["3 components; 2 expected (x, y)"],
+        ["found 3; expected 2 components (x, y)"],
     ),
     "zero length": (
         "[17.5, 3 m]",
@@ -366,7 +381,7 @@ def test_many_faults_are_cut_with_their_number(project, changed):
 def test_a_fault_reads_as_file_line_column_path_found_expected_remedy(project, changed):
     (fault,) = project.faults(changed("8 MPa", "8"))
     assert str(fault) == (
-        f"{project.file}:13:34: in_situ.vertical: '8' has no unit; a pressure is expected\n"
+        f"{project.file}:13:34: in_situ.vertical: '8' has no unit; expected a pressure\n"
         "    The SI unit is Pa: write '8 Pa', or one of Pa, kPa, MPa, GPa, bar, kbar, N/m2, kN/m2, "
         "MN/m2, N/mm2, kN/mm2, kgf/cm2, psi, ksi, psf, ksf, tsf and 10 more."
     )

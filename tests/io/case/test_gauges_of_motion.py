@@ -219,28 +219,11 @@ def test_line_of_sight(project, changed):
     ("gauge", "message", "hint"),
     [
         (
-            "{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2, «9.5 m»],"
-            " accuracy: 1 mm}",
-            "the depth 9.5 m lies beyond the casing, which is 9 m long",
-            "Correct the depth or the casing.",
-        ),
-        (
             "{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2, «9 m»],"
             " accuracy: 1 mm}",
             "the depth 9 m is the bottom of the casing, to which all readings are relative: it "
             "always reads zero",
             "Remove it, or correct 'relative_to'.",
-        ),
-        (
-            "{kind: inclinometer, casing: «[[1, -9 m], [1, 0 m]]», depths: [2 m], accuracy: 1 mm}",
-            "the first point of the casing lies below the last one; its top comes first",
-            "Reverse the list of points.",
-        ),
-        (
-            "{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2 m], axes: [A, «B»],"
-            " accuracy: 1 mm}",
-            "a plane model has no axis B: nothing moves out of the plane",
-            "Remove B, and let A lie in the plane.",
         ),
         (
             "{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], depths: [2 m], A: «[0, 1]»,"
@@ -249,28 +232,8 @@ def test_line_of_sight(project, changed):
             "Give a direction that is not along the casing.",
         ),
         (
-            "«{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], accuracy: 1 mm}»",
-            "found neither; expected is depths, or interval",
-            "Give exactly one of them.",
-        ),
-        (
-            "{kind: target, point: [1, 0 m], components: [up, «along»], accuracy: 1 mm}",
-            "a plane model has no motion along 'along'",
-            "Use across and up, or x and y.",
-        ),
-        (
-            "{kind: tilt, between: [[0, 0 m], [0, 3 m]], accuracy: «1 mm»}",
-            "'1 mm' is a length; an angle is expected",
-            None,
-        ),
-        (
-            "{kind: tilt, point: [0, 3 m], towards: «[0, 1]», accuracy: 1 mrad}",
-            "the direction is vertical or has length zero",
-            "Give a horizontal direction.",
-        ),
-        (
             "{kind: tilt, point: [0, 3 m], drift: «1 mm/year», accuracy: 1 mrad}",
-            "'1 mm/year' is a velocity; an angle rate is expected",
+            "'1 mm/year' is a velocity; expected an angle rate",
             "Its units: mrad/month, rad/month, urad/month, deg/month, arcsec/month, mrad/year, "
             "rad/year, urad/year, deg/year, arcsec/year, mrad/day, rad/day, urad/day, deg/day, "
             "arcsec/day, mrad/week, rad/week and 13 more.",
@@ -282,20 +245,9 @@ def test_line_of_sight(project, changed):
             "Its points: a, b.",
         ),
         (
-            "{kind: levelling, points: {a: [0, 0 m], b: [0, 1 m]}, accuracy: 1 mm,"
-            " distortions: {pairs: [«[a, b]»], accuracy: 1 mrad}}",
-            "'a' and 'b' stand above each other, with no distance to divide by",
-            "Choose two points beside each other.",
-        ),
-        (
             "«{kind: line-of-sight, point: [0, 0 m], accuracy: 1 mm}»",
-            "found none of them; expected is direction, or sensor, or incidence (with azimuth)",
+            "found none of them; expected direction, or sensor, or incidence (with azimuth)",
             "Give one of them.",
-        ),
-        (
-            "{kind: line-of-sight, point: [0, 0 m], sensor: «[0, 0 m]», accuracy: 1 mm}",
-            "the direction towards the sensor has length zero",
-            "Correct it.",
         ),
     ],
 )
@@ -349,7 +301,7 @@ def test_a_tilt_sits_on_a_structure_that_the_case_has(project, changed):
     assert fault.message == "there is no structure 'wall'"
     gauge = "«{kind: tilt, on: wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "found on and between; expected is point (with on), or between"
+    assert fault.message == "found on and between; expected point (with on), or between"
 
 
 def test_rings_are_read_by_another_probe(project, changed):
@@ -358,7 +310,7 @@ def test_rings_are_read_by_another_probe(project, changed):
         " accuracy: 1 mm}"
     )
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "found one of rings and ring_accuracy; both or none are expected"
+    assert fault.message == "found one of rings and ring_accuracy; expected both or none"
     assert fault.hint == "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
     sound = gauge.replace("«", "").replace("accuracy: 1 mm", "accuracy: 1 mm, ring_accuracy: 4 mm")
     found = channels(project, plane(changed, sound))
@@ -373,7 +325,7 @@ def test_a_reading_of_a_gauge_of_several_channels_names_them(project, changed):
     with pytest.raises(InputError) as error:
         project.read(text)
     assert [fault.hint for fault in error.value.faults] == [
-        "It has readings of its own for each of its channels: G.P2, G.P3."
+        "It has one reading for each of its channels: G.P2, G.P3."
     ]
 
 
@@ -383,7 +335,7 @@ def test_the_sizes_of_errors_of_rings_are_checked(project, changed):
         " accuracy: 1 mm, ring_accuracy: {reading: «5 kPa}}"
     )
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "'5 kPa' is a pressure; a length is expected"
+    assert fault.message == "'5 kPa' is a pressure; expected a length"
 
 
 def test_a_casing_is_not_read_at_a_million_depths(project, changed):

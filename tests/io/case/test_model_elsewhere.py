@@ -45,10 +45,10 @@ ROW = 'column: "{gauge}", row: {stage: "{stage}"}'
         ("unit: mm", "unit: kPa", 8, "unit", "'kPa' is not a unit of a length"),
         (ROW, ROW + ", gauges: [H, V]", 16, "no-output", "finds the readings of 'D'"),
         (ROW, ROW + ", gauges: [H, V, D, X]", 8, "unknown-gauge", "no gauge 'X'"),
-        (ROW, ROW + ", find: (x)", 8, "wrong-pair", "column and find"),
-        (ROW, "find: x", 8, "bad-pattern", "has 0 groups; one is expected"),
+        (ROW, ROW + ", find: (x)", 8, "wrong-pair", "found file, column, row and find; expected"),
+        (ROW, "find: x", 8, "bad-pattern", "found 0 groups in the expression; expected one"),
         (ROW, "find: (x", 8, "bad-pattern", "is not a regular expression"),
-        (ROW, "line: 3", 8, "wrong-pair", "of 'word' and 'columns' one is expected"),
+        (ROW, "line: 3", 8, "wrong-pair", "found file and line; expected"),
         (ROW, "pointer: u", 8, "bad-pointer", "does not begin with /"),
         ("file: out.csv", "file: ../out.csv", 8, "outside", "leads out of the folder"),
         ("{opening.in:", "{/elsewhere/opening.in:", 5, "outside", "leads out of the folder"),
@@ -164,7 +164,7 @@ def test_without_a_model_the_ground_is_still_required(tmp_path):
     said = [fault.message for fault in faults_of(case)]
     assert "'analysis' is missing" in said
     assert "'materials' is missing" in said
-    assert any("at least 1 entry expected" in text for text in said)
+    assert any("expected at least 1" in text for text in said)
 
 
 ONE_STAGE = """\

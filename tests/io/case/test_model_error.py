@@ -12,8 +12,8 @@ import pytest
         ("model_error: no", "'no' is not", "Did you mean 'none'?"),
         ("model_error: estimated", "'estimated' is not", "Did you mean 'estimate'?"),
         ("model_error: rough", "'rough' is not", "Write it such as 15 %."),
-        ("mesh_error: maybe", "found 'maybe'; true or false is expected", "Write true or false"),
-        ("reduced: kept", "found 'kept'; true, false or keep is expected", "Write one of them"),
+        ("mesh_error: maybe", "found 'maybe'; expected true or false", "Write true or false"),
+        ("reduced: kept", "found 'kept'; expected true, false or keep", "Write one of them"),
     ],
 )
 def test_refusals(project, changed, written, message, hint):

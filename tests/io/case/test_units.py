@@ -62,11 +62,11 @@ def test_quantities_become_si(text, dimension, value):
 @pytest.mark.parametrize(
     ("text", "dimension", "message", "hint"),
     [
-        ("12", "pressure", "'12' has no unit; a pressure is expected", "The SI unit is Pa"),
-        ("0", "length", "has no unit; a length", "write '0 m'"),
-        ("12 m", "pressure", "'12 m' is a length; a pressure is expected", "MPa"),
-        ("12 kN/m3", "density", "is a unit weight; a density is expected", "kg/m3"),
-        ("12 m", "dimensionless", "a number without unit is expected", "Remove the unit"),
+        ("12", "pressure", "'12' has no unit; expected a pressure", "The SI unit is Pa"),
+        ("0", "length", "has no unit; expected a length", "write '0 m'"),
+        ("12 m", "pressure", "'12 m' is a length; expected a pressure", "MPa"),
+        ("12 kN/m3", "density", "is a unit weight; expected a density", "kg/m3"),
+        ("12 m", "dimensionless", "expected a number without unit", "Remove the unit"),
         ("12 mpa", "pressure", "there is no unit 'mpa'", "Did you mean 'MPa'?"),
         ("12 furlong", "length", "there is no unit 'furlong'", ""),
         ("1,5 mm", "length", "has a comma", "Write '1.5 mm'"),
@@ -174,15 +174,15 @@ def test_units_of_other_countries_and_instruments(text, dimension, value):
 @pytest.mark.parametrize(
     ("text", "dimension", "message", "hint"),
     [
-        ("250", "strain", "'250' has no unit; a strain is expected", "Write '250 microstrain', or"),
-        ("30", "angle", "'30' has no unit; an angle is expected", "Write '30 deg', or"),
+        ("250", "strain", "'250' has no unit; expected a strain", "Write '250 microstrain', or"),
+        ("30", "angle", "'30' has no unit; expected an angle", "Write '30 deg', or"),
         ("3 kg/cm2", "pressure", "there is no unit 'kg/cm2'", "Did you mean 'kgf/cm2'?"),
         ("3 kips", "force", "there is no unit 'kips'", "Did you mean 'kip'?"),
         ("3 KSF", "pressure", "there is no unit 'KSF'", "Did you mean 'ksf'?"),
         ("3 inches", "length", "there is no unit 'inches'", "Did you mean 'in'?"),
-        ("3 kNm/m", "moment", "is a moment per length; a moment is expected", "kip-ft"),
-        ("2800 Hz", "strain", "'2800 Hz' is a frequency; a strain is expected", "microstrain"),
-        ("2 mm/m", "length", "'2 mm/m' is an angle; a length is expected", "mm"),
+        ("3 kNm/m", "moment", "is a moment per length; expected a moment", "kip-ft"),
+        ("2800 Hz", "strain", "'2800 Hz' is a frequency; expected a strain", "microstrain"),
+        ("2 mm/m", "length", "'2 mm/m' is an angle; expected a length", "mm"),
     ],
 )
 def test_what_other_units_are_not(text, dimension, message, hint):

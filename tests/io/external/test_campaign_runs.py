@@ -189,7 +189,7 @@ def changed(settings):
         (campaign(changed(lambda n, text: text if n else "")), "bad-number",
          "'in_situ.K0' of the run 0001: it is left as in the base case"),
         (campaign(changed(lambda n, text: f"{text} MPa")), "bad-number",
-         "is a pressure; a number without unit is expected"),
+         "is a pressure; expected a number without unit"),
         (campaign([replace(run, parameters=(replace(run.parameters[0], dimension="length"),))
                    for run in RUNS]), "unit", "'E' is a length in the campaign, and a pressure"),
         (campaign([replace(run, parameters=()) for run in RUNS]), "no-column",
@@ -215,4 +215,4 @@ def test_a_campaign_that_has_not_ended_or_is_damaged_is_said_to_be_so(tmp_path):
     case.write_text(CASE.replace("many.batch", "few.batch"))
     assert "there is no file" in faults_of(case)["missing-file"].message
     (tmp_path / "few.batch").mkdir()
-    assert "is a folder; a file is expected" in faults_of(case)["missing-file"].message
+    assert "is a folder; expected a file" in faults_of(case)["missing-file"].message

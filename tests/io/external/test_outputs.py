@@ -67,7 +67,7 @@ def test_they_are_taken_to_si(folder):
         ("no.csv", TableCell("u", 1), "there is no file 'no.csv'"),
         ("t.csv", TableCell("v", 1), r"no column 'v' \(its columns: stage, gauge, u\)"),
         ("t.csv", TableCell("u", 4), "has 3 rows, and row 4 is requested"),
-        ("t.csv", TableCell("u", (("stage", "one"),)), "2 rows with stage = one; one is expected"),
+        ("t.csv", TableCell("u", (("stage", "one"),)), "2 rows with stage = one; expected one"),
         ("t.csv", TableCell("gauge", 1), "'A' is not a number"),
         ("t.json", JsonValue("/a~1b/1/u"), "'1' is not there"),
         ("t.json", JsonValue("/a~1b/\u00b2/u"), "'\u00b2' is not there"),

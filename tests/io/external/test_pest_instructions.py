@@ -225,8 +225,12 @@ def faults_of(case):
         ("_{number}", "", "the instructions have no observation 'h', which is 'H' at 'half'"),
         ("{gauge}_{number}", "h_1", "the observation 'h_1' is 'H' at 'half' and 'H' at 'open'"),
         ("out.ins", "in.ins", "there is no file"),
-        ("instructions: out.ins, ", "", "found nothing to find the number by"),
-        ("instructions: out.ins", "line: 3, word: 2", "'observation' belongs to 'instructions'"),
+        ("instructions: out.ins, ", "", "found file and observation; expected"),
+        (
+            "instructions: out.ins",
+            "line: 3, word: 2",
+            "found file, line, word and observation; expected",
+        ),
     ],
 )
 def test_what_does_not_fit_the_case_is_said_there(tmp_path, old, new, said):

@@ -110,7 +110,7 @@ def test_bounds_a_little_beyond_the_runs_are_moved_and_that_is_said(tmp_path):
         ("V @ open [mm]", "V [mm]", 1, "no-stage", "does not say of which stage"),
         ("V @ open [mm]", "H @ open [mm]", 1, "duplicate-column", "two columns hold 'H @ open'"),
         ("V @ open [mm]", "V @ open", 1, "unit", "the column 'V' has no unit, and is a length"),
-        ("\n3,", "\n3,,", 4, "bad-row", "10 cells; 9 are expected"),
+        ("\n3,", "\n3,,", 4, "bad-row", "10 cells; expected 9"),
         ("\n3,", "\n3,soft", 4, "bad-number", "of 'E' is not a number"),
     ],
 )

@@ -5,8 +5,6 @@ from pathlib import Path
 import pytest
 
 from geoident.errors import InputError
-from geoident.io.readings.file import FORMATS, Format
-from geoident.io.text.cells import Cell
 from geoident.io.text.dates import read_date
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
@@ -471,9 +469,9 @@ def test_gauges_may_have_offset_and_drift_with_units(project, changed):
     ("given", "dates", "words"),
     [
         ("drift: 1 mm/month", "", "the stage 'bench 1' has no date"),
-        ("drift: 1 mm", "{heading: 2024-03-01, bench 1: 2024-04-01}", "a velocity is expected"),
-        ("drift: 1 mm/day, drift_per_stage: 1 mm", "", "expected is drift, or drift_per_stage"),
-        ("offset: $E_rock", "", "a length is expected"),
+        ("drift: 1 mm", "{heading: 2024-03-01, bench 1: 2024-04-01}", "expected a velocity"),
+        ("drift: 1 mm/day, drift_per_stage: 1 mm", "", "expected drift, or drift_per_stage"),
+        ("offset: $E_rock", "", "expected a length"),
     ],
 )
 def test_what_is_wrong_with_a_drift_is_said(project, changed, given, dates, words):
@@ -483,25 +481,14 @@ def test_what_is_wrong_with_a_drift_is_said(project, changed, given, dates, word
     assert any(words in fault.message for fault in faults), faults
 
 
-# A new format is a function that yields rows, and a line in a table
-
-
-def test_a_new_format_needs_its_rows_and_a_line_in_the_table_of_formats(read, monkeypatch):
-    def lines_of_a_logger(table):
-        yield 0, [Cell(name, 1) for name in ("gauge", "stage", "value", "unit")]
-        for number, line in enumerate(Path(table.file).read_text().splitlines(), 1):
-            yield number, [Cell(word, 1) for word in (*line.split(), "m")]
-
-    monkeypatch.setitem(FORMATS, ".log", Format(lines_of_a_logger))
-    case = read("readings: site.log", files={"site.log": "CV1 heading 0.002\n"})
-    assert values(case) == [("CV1", "heading", 2.0)]
-
-
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
-        ("accuracy: 2 kN, offset: $E_rock", "'$E_rock' is a pressure (start: 15 GPa); a force is"),
-        ("accuracy: 2 kN, drift: $E_rock", "a force rate is expected"),
+        (
+            "accuracy: 2 kN, offset: $E_rock",
+            "'$E_rock' is a pressure (start: 15 GPa); expected a force",
+        ),
+        ("accuracy: 2 kN, drift: $E_rock", "expected a force rate"),
         (
             "accuracy: 2 kN, drift: 2 kN",
             "'2 kN' is a force; by its accuracy the gauge reads a force",

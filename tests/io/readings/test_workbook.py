@@ -207,25 +207,6 @@ def test_marks_behind_a_number_are_not_left_out(refused, cell):
     assert "behind its number" in fault.message
 
 
-@pytest.mark.parametrize(
-    ("cell", "words", "hint"),
-    [
-        ("#REF!", "the cell holds the error #REF!; a number is expected", "blank: ['#REF!']"),
-        ("=B2-B1", "the result of the formula '=B2-B1' is not stored in the file", "save it"),
-        ("1,5", "'1,5' has a comma, which can be read in two ways", "1.5"),
-        ("n/a", "'n/a' is not a number with a unit", "declare it: blank: ['n/a']"),
-        (datetime(2024, 1, 5), "the cell holds the date 2024-01-05; a number is expected", "Excel"),
-        ("3 mm", "'3 mm' has a unit; a number is expected", ""),
-    ],
-)
-def test_a_cell_that_is_no_number_is_named_with_its_sheet(refused, cell, words, hint):
-    rows = [*LONG, ["CV1", "heading", cell, "mm", None]]
-    (fault,) = refused("readings: r.xlsx", workbook(rows, sheet="My sheet"))
-    assert str(fault.location).endswith("r.xlsx:My sheet!C4")
-    assert words in fault.message
-    assert hint in fault.hint
-
-
 def test_a_percentage_is_no_length(refused):
     book = workbook(LONG)
     book.active["C2"].number_format = "0.0%"

@@ -138,7 +138,7 @@ def test_full_disk_in_the_block(tmp_path: Path) -> None:
 
 def test_a_folder_is_not_made_where_a_file_is(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="it is a file; a folder is expected here"):
+    with pytest.raises(OutputError, match="it is a file; expected a folder here"):
         make_folder(tmp_path / "file")
     make_folder(tmp_path / "one" / "two")
     assert (tmp_path / "one" / "two").is_dir()

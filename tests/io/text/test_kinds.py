@@ -49,7 +49,7 @@ def test_a_mesh_a_table_or_a_result_is_no_case(tmp_path, name, content, found):
     with pytest.raises(InputError) as error:
         read_case(str(tmp_path / name))
     (fault,) = error.value.faults
-    assert fault.message == f"this file is {found}; a case is expected"
+    assert fault.message == f"this file is {found}; expected a case"
     assert fault.hint
 
 

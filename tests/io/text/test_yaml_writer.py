@@ -52,10 +52,3 @@ def test_a_case_is_read_as_it_was_written(case):
     found = parse_yaml((ROOT / "cases" / case / "case.yaml").read_text(), "case.yaml").data
     text = yaml_text(found)
     assert parse_yaml(text, "case.yaml").data == found
-
-
-def test_texts_on_one_line_are_not_left_to_pyyaml(monkeypatch):
-    tree = {"a": [{"b": "2 m"}, "c: d"], "e": "it's"}
-    once = yaml_text(tree)
-    monkeypatch.setattr(yaml_writer, "_by_pyyaml", None)
-    assert yaml_text(tree) == once

@@ -11,7 +11,6 @@ from geoident.errors import Fault, InputError
 from geoident.io.case.external.convergence import build_law
 from geoident.io.case.external.function import function_of
 from geoident.io.case.external.outputs import build_outputs
-from geoident.io.case.external.run_folder import check_inside
 from geoident.io.case.external.section import (
     ConvergenceLawSection,
     ElsewhereSection,
@@ -23,7 +22,6 @@ from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import build_table
 from geoident.io.external.imports import imported_files, is_program, words_of
 from geoident.io.external.templates import MAX_BYTES, read_template
-from geoident.io.text.faults import Faults
 from geoident.model.case import KeyPath
 from geoident.model.external import (
     AnyTemplate,
@@ -90,7 +88,7 @@ def _program(
         faults.extend(wrong)
         templates.append(template)
     files = tuple(around.find(file, (*_AT, "files", n)) for n, file in enumerate(section.files))
-    _check_targets(section, faults)
+    _check_targets(section, around)
     outputs = tuple(build_outputs(section.outputs, around))
     if len(templates) == len(section.inputs):
         _check_fields(templates, around)
@@ -152,10 +150,10 @@ def _jinja(source: str, target: str, around: ModelContext) -> tuple[AnyTemplate,
     return read_jinja(source, target, around.parameters, limit=MAX_BYTES)
 
 
-def _check_targets(section: ExternalModelSection, faults: Faults) -> None:
+def _check_targets(section: ExternalModelSection, around: ModelContext) -> None:
     """All inputs stay in the folder of a run, and no two of its files have one name."""
     for target in section.inputs:
-        check_inside(target, (*_AT, "inputs", target), faults, key=True)
+        around.check_inside(target, (*_AT, "inputs", target), key=True)
     taken: dict[str, str] = {}
     names: list[tuple[KeyPath, str]] = [
         ((*_AT, "inputs", target), target) for target in section.inputs
@@ -165,7 +163,7 @@ def _check_targets(section: ExternalModelSection, faults: Faults) -> None:
         key = str(Path(name)).casefold()
         if key in taken:
             message = f"two files of a run would be '{name}'; the first is {taken[key]}"
-            faults.add(path, "same-file", message, "Rename one.")
+            around.faults.add(path, "same-file", message, "Rename one.")
         taken.setdefault(key, ".".join(map(str, path)))
 
 

@@ -8,10 +8,9 @@ from functools import partial
 
 from geoident.errors import InputError
 from geoident.io.case.external.function import function_of
-from geoident.io.case.external.run_folder import check_inside
 from geoident.io.case.external.section import OutputSection
 from geoident.io.case.external.surroundings import ModelContext
-from geoident.io.external.pest_instructions import DUMMY, read_instructions
+from geoident.io.external.pest_instructions import DUMMY, OBSERVATIONS, read_instructions
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.case import KeyPath
@@ -47,7 +46,7 @@ def build_outputs(sections: Sequence[OutputSection], around: ModelContext) -> It
     for number, section in enumerate(sections):
         path: KeyPath = (*_AT, "outputs", number)
         if section.file is not None:
-            check_inside(section.file, (*path, "file"), around.faults)
+            around.check_inside(section.file, (*path, "file"))
         how = _finder(section, path, around)
         gauges = _named(section.gauges, rows, (*path, "gauges"), "gauge", around.faults)
         stages = _named(section.stages, columns, (*path, "stages"), "stage", around.faults)
@@ -89,66 +88,45 @@ def _finder(section: OutputSection, path: KeyPath, around: ModelContext) -> _Fin
         code = FunctionValue(*function_of(section.function, (*path, "function"), around))
         return lambda gauge, stage, number: code
     if section.instructions is not None:
-        return _instructions(section, section.instructions, path, around).how
+        return _instructions(section, section.instructions, path, around)
     return partial(_how, section)
 
 
-class _Instructions:
-    """The instruction file of an entry of outputs, and which of its observations are taken."""
-
-    def __init__(
-        self,
-        file: str,
-        lines: tuple[InstructionLine, ...],
-        name: str,
-        path: KeyPath,
-        faults: Faults,
-        *,
-        wrong: bool,
-    ) -> None:
-        self._file, self._lines, self._name = file, lines, name
-        self._path, self._faults = (*path, "instructions"), faults
-        self._wrong = wrong  # nobody misses an observation in a wrong file
-        items = (item for line in lines for item in line.items)
-        own = ("free", "fixed", "semi")
-        self._known = [item.text for item in items if item.kind in own and item.text != DUMMY]
-        self._taken: dict[str, str] = {}
-
-    def how(self, gauge: str, stage: str, number: int) -> InstructedValue | None:
-        """Where a reading stands; None, with a fault, where no observation is its own."""
-        name = _named_by(self._name, gauge, stage, number).lower()
-        if self._wrong:
-            return None
-        reading = f"'{gauge}' at '{stage}'"
-        if name not in self._known:
-            message = f"the instructions have no observation '{shorten(name)}', which is {reading}"
-            hint = did_you_mean(name, self._known, what="Observations")
-            hint += " Say by 'observation' how they are called: {gauge}, {stage}, {number}."
-        elif name in self._taken:
-            message = f"the observation '{shorten(name)}' is {self._taken[name]} and {reading}"
-            hint = "Tell them apart: 'observation: \"{gauge}_{number}\"'."
-        else:
-            self._taken[name] = reading
-            return InstructedValue(self._file, name, self._lines)
-        self._faults.add(self._path, "no-observation", message, hint.strip())
-        return None
-
-
-def _instructions(
-    section: OutputSection, file: str, path: KeyPath, around: ModelContext
-) -> _Instructions:
-    """The instruction file of an entry; what is wrong in it is noted."""
+def _instructions(section: OutputSection, file: str, path: KeyPath, around: ModelContext) -> _Find:
+    """How an entry with a file of instructions finds its readings; what is wrong in it is noted."""
     faults, before = around.faults, len(around.faults.found)
-    lines: tuple[InstructionLine, ...] = ()
-    file_path = around.find(file, (*path, "instructions"))
+    key, lines = (*path, "instructions"), tuple[InstructionLine, ...]()
+    file_path = around.find(file, key)
     if len(faults.found) == before:
         try:
             lines, wrong = read_instructions(file_path)
             faults.extend(wrong)
         except InputError as error:
             faults.extend(error.faults)
-    bad, name = len(faults.found) > before, section.observation or "{gauge}"
-    return _Instructions(file_path, lines, name, path, faults, wrong=bad)
+    sound = len(faults.found) == before
+    items = [item for line in lines for item in line.items if item.kind in OBSERVATIONS]
+    known = [item.text for item in items if item.text != DUMMY]
+    taken: dict[str, str] = {}
+
+    def find(gauge: str, stage: str, number: int) -> InstructedValue | None:
+        if not sound:
+            return None  # nobody misses an observation in a wrong file
+        name = _named_by(section.observation or "{gauge}", gauge, stage, number).lower()
+        reading = f"'{gauge}' at '{stage}'"
+        if name in known and name not in taken:
+            taken[name] = reading
+            return InstructedValue(file_path, name, lines)
+        if name in taken:
+            message = f"the observation '{shorten(name)}' is {taken[name]} and {reading}"
+            hint = "Tell them apart: 'observation: \"{gauge}_{number}\"'."
+        else:
+            message = f"the instructions have no observation '{shorten(name)}', which is {reading}"
+            hint = did_you_mean(name, known, what="Observations")
+            hint += " Say by 'observation' how they are called: {gauge}, {stage}, {number}."
+        faults.add(key, "no-observation", message, hint)
+        return None
+
+    return find
 
 
 def _named(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -12,7 +12,6 @@ from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     CaseNumber,
     Coefficient,
     Count,
@@ -22,6 +21,7 @@ from geoident.io.schema.values import (
     QuantityType,
     Size,
     Text,
+    TextOrMapping,
     Time,
     require_text,
 )
@@ -85,10 +85,6 @@ TextLine = Annotated[
     Discriminator(_line_shape),
 ]
 
-WAYS = ("column", "pointer", "dataset", "line", "find", "instructions", "function")
-_WITH = {"row": "column", "index": "dataset", "after": "line", "word": "line", "columns": "line",
-         "occurrence": "find", "observation": "instructions"}  # fmt: skip
-
 
 class OutputSection(Section):
     """How readings are found in what a run of the program leaves.
@@ -97,6 +93,20 @@ class OutputSection(Section):
     `{stage}` and `{number}` (of the stage, from 1) stand for those of the reading that is looked
     for.
     """
+
+    one_of = (
+        Alternatives(
+            "file column row?",
+            "file pointer",
+            "file dataset index?",
+            "file line after? word",
+            "file line after? columns",
+            "file find occurrence?",
+            "file instructions observation?",
+            "function",
+            hint="Give the keys of one of these ways.",
+        ),
+    )
 
     gauges: list[Name] | None = Field(
         None, description="Gauges whose readings are found like this; all if missing."
@@ -166,31 +176,12 @@ class OutputSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """One way to find the number, with the keys that belong to it."""
-        given = [name for name in WAYS if getattr(self, name) is not None]
-        if len(given) != 1:
-            message = f"found {' and '.join(given) or 'nothing'} to find the number by; one of "
-            message += f"{', '.join(WAYS)} is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-            return
-        way = given[0]
-        for name, belongs in _WITH.items():
-            if getattr(self, name) is not None and belongs != way:
-                message = f"'{name}' belongs to '{belongs}', and '{way}' is given"
-                faults.add((name,), "wrong-pair", message, "Remove it.")
-        if way == "function" and self.file is not None:
-            message = "a function is given the folder of the run, not a file"
-            faults.add(("file",), "wrong-pair", message, "Remove it.")
-        elif way != "function" and self.file is None:
-            faults.add((), "missing-key", "'file' is missing", "Add 'file: ...'.")
-        if way == "line" and (self.word is None) == (self.columns is None):
-            message = "of 'word' and 'columns' one is expected"
-            faults.add((), "wrong-pair", message, "Give the word of the line, or the columns.")
+        """The keys that find the number can find one."""
         if self.columns is not None and self.columns[0] > self.columns[1]:
             message = f"column {self.columns[0]} does not come before {self.columns[1]}"
             faults.add(("columns",), "bad-order", message, "Write the first one first.")
         if self.find is not None and re.compile(self.find).groups != 1:
-            message = f"the expression has {re.compile(self.find).groups} groups; one is expected"
+            message = f"found {re.compile(self.find).groups} groups in the expression; expected one"
             faults.add(("find",), "bad-pattern", message, "Put the number, and only it, in ( ).")
         if self.pointer is not None and not self.pointer.startswith("/"):
             message = f"'{shorten(self.pointer)}' does not begin with /"
@@ -212,10 +203,7 @@ class TemplateSection(Section):
     )
 
 
-AnyTemplateSection = Annotated[
-    Annotated[Text, Tag("text")] | Annotated[TemplateSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+AnyTemplateSection = TextOrMapping[Text, TemplateSection]
 
 
 class ExternalModelSection(Section):
@@ -317,30 +305,12 @@ def _by_gauge(value: object) -> str:
     return "<by gauge>" if isinstance(value, Mapping) else "text"
 
 
-_BY_GAUGE = Discriminator(_by_gauge)
-LimitConstant = Annotated[
-    Annotated[CaseNumber, QuantityType(None, tied=True), Tag("text")]
-    | Annotated[
-        dict[Name, Annotated[CaseNumber, QuantityType(None, tied=True)]], Tag("<by gauge>")
-    ],
-    _BY_GAUGE,
+_T = TypeVar("_T")
+ByGauge = Annotated[
+    Annotated[_T, Tag("text")] | Annotated[dict[Name, _T], Tag("<by gauge>")],
+    Discriminator(_by_gauge),
 ]
-LengthConstant = Annotated[
-    Annotated[Size, Tag("text")] | Annotated[dict[Name, Size], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
-TimeConstant = Annotated[
-    Annotated[Time, Tag("text")] | Annotated[dict[Name, Time], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
-PartConstant = Annotated[
-    Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
-ExponentConstant = Annotated[
-    Annotated[Multiple, Tag("text")] | Annotated[dict[Name, Multiple], Tag("<by gauge>")],
-    _BY_GAUGE,
-]
+"""One number for all gauges, or gauge to number."""
 Constant = CaseNumber | dict[str, CaseNumber]
 """A constant of all gauges, or one for each."""
 
@@ -367,17 +337,17 @@ class ConvergenceLawSection(Section):
         min_length=1, description="Sections of the tunnel by name.",
         examples=[{"A": {"chainage": "1250 m", "excavated": "2024-03-01"}}],
     )  # fmt: skip
-    C_inf: LimitConstant = Field(
+    C_inf: ByGauge[Annotated[CaseNumber, QuantityType(None, tied=True)]] = Field(
         description="Convergence far from the face before time adds to it, since the ground was "
         "undisturbed.",
         examples=["$C_inf"],
     )
-    X: LengthConstant = Field(description="Length of the influence of the face.", examples=["$X"])
-    m: PartConstant | None = Field(
+    X: ByGauge[Size] = Field(description="Length of the influence of the face.", examples=["$X"])
+    m: ByGauge[Coefficient] | None = Field(
         None, description="Part of `C_inf` that time adds in the end.", examples=["$m"]
     )
-    T: TimeConstant | None = Field(None, description="Time of the growth.", examples=["$T"])
-    n: ExponentConstant | None = Field(
+    T: ByGauge[Time] | None = Field(None, description="Time of the growth.", examples=["$T"])
+    n: ByGauge[Multiple] | None = Field(
         None, description="Exponent of the growth in time, often 0.3.", examples=["0.3"]
     )
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from geoident.io.text.faults import Faults
+from geoident.io.text.wording import shorten
 from geoident.model.case import KeyPath
 from geoident.model.gauges import Channel
 from geoident.model.parameter import Parameter
@@ -38,3 +40,17 @@ class ModelContext:
     find: FindFile
     faults: Faults
     dates: Mapping[str, float] = field(default_factory=dict)
+
+    def check_inside(self, name: str, path: KeyPath, *, key: bool = False) -> None:
+        """Note a name that leads out of the folder of a run.
+
+        Args:
+            name: of a file; its folders may stand before it.
+            path: of the key with the name.
+            key: the name is the key itself.
+        """
+        parts = re.split(r"[/\\]", name)
+        if not name.strip() or name[0] in "/\\~" or ".." in parts or re.match("[A-Za-z]:", name):
+            message = f"'{shorten(name)}' leads out of the folder of a run"
+            hint = "Write a name, or a path below that folder."
+            self.faults.add(path, "outside", message, hint, key=key)

@@ -14,14 +14,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_MAPPING,
     CaseNumber,
     QuantityType,
+    TextOrMapping,
     or_words,
     quantity_pattern,
     require_text,
@@ -131,7 +131,7 @@ class StandardDeviationOf(QuantityType):
             return CaseNumber(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
         given = self._along(text) if self.per_root_length else super().parse(text)
         if not given.factor >= 0.0:
-            message = f"'{shorten(text)}' is negative; a standard deviation is expected"
+            message = f"'{shorten(text)}' is negative; expected a standard deviation"
             raise Refusal("out-of-range", message, "Write it positive, or 0 for none.")
         return computable(given)
 
@@ -222,25 +222,15 @@ class ErrorsSection(Section):
     )
 
 
-Accuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf(None, above=0.0), Tag("text")]
-    | Annotated[ErrorsSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
-LengthAccuracy = Annotated[
-    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0), Tag("text")]
-    | Annotated[ErrorsSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
+Accuracy = TextOrMapping[Annotated[CaseNumber, StandardDeviationOf(None, above=0.0)], ErrorsSection]
+LengthAccuracy = TextOrMapping[
+    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0)], ErrorsSection
 ]
 AnyAccuracy = CaseNumber | ErrorsSection
 FORCES = ("force", "line load", "moment per length")
 """Dimensions of forces of structures; the accuracy of a load cell may have any of them."""
 
-EstimatedKinds = Annotated[
-    Annotated[Literal["estimate"], Tag("text")]
-    | Annotated[dict[str, Literal["estimate"]], Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+EstimatedKinds = TextOrMapping[Literal["estimate"], dict[str, Literal["estimate"]]]
 
 
 def check_parts(
@@ -268,7 +258,7 @@ def check_parts(
             faults.add((key, name), "no-size", *UNKNOWN_SIZE)
         elif part.text != ESTIMATE and part.dimension != dimension:
             message = f"'{shorten(part.text)}' is {with_article(part.dimension)}; "
-            message += f"{with_article(dimension)} is expected"
+            message += f"expected {with_article(dimension)}"
             faults.add((key, name), "unit", message, f"Its units: {unit_list(dimension)}.")
     if given.reading is None and kind not in TYPICAL:
         hint = f"Write 'reading: ...' in a unit of {dimension}."

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges.kinds import sections_of_channels
 from geoident.io.text.faults import Faults
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reading
@@ -29,9 +28,9 @@ def described_channels(
         faults: is told what cannot be estimated.
     """
     kinds = section.fit.accuracies
-    sections = sections_of_channels(section.gauges)
+    stated = {c.name: section.gauges[c.gauge].read_by(c.probe).states_zero for c in case.channels}
     channels = tuple(
-        _with_zero(c, zeros[c.name], stated=sections[c.name].states_zero) if c.name in zeros else c
+        _with_zero(c, zeros[c.name], stated=stated[c.name]) if c.name in zeros else c
         for c in case.channels
     )
     if isinstance(kinds, dict):
@@ -50,7 +49,7 @@ def described_channels(
         faults.add(("fit", "loss"), "contradiction", message, hint)
     return _one_set_up(
         tuple(
-            c if c.errors is None else _complete(c, c.errors, stated=sections[c.name].states_zero)
+            c if c.errors is None else _complete(c, c.errors, stated=stated[c.name])
             for c in described
         )
     )

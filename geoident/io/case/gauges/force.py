@@ -13,7 +13,6 @@ from geoident.io.case.gauges.value import (
     StressComponent,
     ValueGauge,
     check_component,
-    optional_vector,
     refuse_no_direction,
     unit_direction,
 )
@@ -94,10 +93,6 @@ class StressGaugeSection(ValueGauge):
         """Quantities that are read; an empty one for the normal stress."""
         return self.components or self.principal or [""]
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every component or principal value."""
-        return [f"{name}.{part}" if part else name for part in self.parts]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every component or principal value."""
         point = context.at("point").vector(self.point)
@@ -147,7 +142,7 @@ class PressureCellSection(ValueGauge):
         """The one channel."""
         point = context.at("point").vector(self.point)
         normal = unit_direction(self.normal, context.at("normal"))
-        inside = optional_vector(self.towards, context.at("towards"), "the point")
+        inside = self.towards and context.at("towards").vector(self.towards)
         own: dict[str, Any] = {"structure": self.on or "", "towards": inside, "compression": True}
         return [self.at_point(name, point, normal, context, **own)]
 

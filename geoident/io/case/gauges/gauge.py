@@ -15,7 +15,6 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
-    Tag,
     ValidationInfo,
     field_validator,
     model_serializer,
@@ -34,11 +33,11 @@ from geoident.io.case.gauges.accuracy import (
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     CaseNumber,
     Coordinates,
     Name,
     QuantityType,
+    TextOrList,
     shape_of,
 )
 from geoident.model.arrays import Vector
@@ -218,13 +217,9 @@ class GaugeBase(Section):
             return ErrorParts(self.plain_accuracy.factor)
         return error_parts(self.accuracy, self.kind_name, self.survey or "")
 
-    def channel_names(self, name: str) -> list[str]:
-        """Names of the channels of a gauge of this name."""
-        return [name]
-
-    def sections(self, name: str) -> dict[str, GaugeBase]:
-        """Names of the channels with what the case says of each: its dimension, errors and zero."""
-        return dict.fromkeys(self.channel_names(name), self)
+    def read_by(self, probe: str) -> GaugeBase:
+        """What says how accurate the channels of a probe are: mostly the gauge itself."""
+        return self
 
     @abstractmethod
     def channels(self, name: str, context: Context) -> list[Channel]:
@@ -263,10 +258,7 @@ class GaugeBase(Section):
         )
 
 
-Reference = Annotated[
-    Annotated[Literal["ground"], Tag("text")] | Annotated[Coordinates, Tag("list")],
-    TEXT_OR_LIST,
-]
+Reference = TextOrList[Literal["ground"], Coordinates]
 """What a motion is relative to: fixed ground, or a point."""
 
 

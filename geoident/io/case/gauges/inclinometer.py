@@ -93,7 +93,7 @@ class InclinometerSection(GaugeBase):
         """Rings have an accuracy, and no axis and no depth is listed twice."""
         super().check(faults)
         if (self.ring_accuracy is None) == bool(self.rings):
-            message = "found one of rings and ring_accuracy; both or none are expected"
+            message = "found one of rings and ring_accuracy; expected both or none"
             hint = "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."
             faults.add((), "wrong-pair", message, hint)
         if len(set(self.axes)) < len(self.axes):
@@ -109,25 +109,15 @@ class InclinometerSection(GaugeBase):
         if self.ring_accuracy is not None:
             check_parts(self.ring_accuracy, self.dimension, self.kind, faults, "ring_accuracy")
 
-    def sections(self, name: str) -> dict[str, GaugeBase]:
+    def read_by(self, probe: str) -> GaugeBase:
         """Rings have an accuracy of their own."""
-        rings = dict.fromkeys(self._ring_names(name), self._of_rings())
-        return super().sections(name) | rings
+        return self._of_rings() if probe == "rings" else self
 
     def _of_rings(self) -> InclinometerSection:
         """What is said of the rings, as of a gauge of their own."""
         if self.ring_accuracy is None:
             return self
         return self.model_copy(update={"accuracy": self.ring_accuracy})
-
-    def _ring_names(self, name: str) -> list[str]:
-        return [f"{name}.S{_metres(ring.factor)}" for ring in self.rings]
-
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every axis and depth, then one for every ring."""
-        depths = self._read_depths()
-        names = [f"{name}.{axis}{_metres(depth)}" for axis in self.axes for depth in depths]
-        return names + self._ring_names(name)
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every axis and depth, then one for every ring."""
@@ -245,7 +235,7 @@ class InclinometerSection(GaugeBase):
             return None
         given = axis_vector(0, context.dim, 1.0)
         if self.A is not None:
-            given = context.at("A").vector(self.A, "the direction")
+            given = context.at("A").vector(self.A)
         directions = []
         for tangent in casing.tangents:
             across = _across(given, tangent)

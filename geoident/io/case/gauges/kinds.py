@@ -24,10 +24,9 @@ from geoident.io.case.gauges.gauge import (
 from geoident.io.case.gauges.inclinometer import InclinometerSection
 from geoident.io.case.gauges.motion import MotionSection
 from geoident.io.case.gauges.on_structure import on_structures
-from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
-from geoident.io.case.gauges.value import refuse_no_direction, unit_direction
+from geoident.io.case.gauges.value import PlainReadingSection, refuse_no_direction, unit_direction
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector
@@ -46,10 +45,6 @@ class ExtensometerSection(GaugeBase):
     kind: Literal["extensometer"]
     head: Coordinates = Field(description="Coordinates of the head.")
     anchors: dict[Name, Coordinates] = Field(min_length=1, description="Name to coordinates.")
-
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every anchor."""
-        return [f"{name}.{anchor}" for anchor in self.anchors]
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every anchor."""
@@ -137,15 +132,6 @@ GaugeSection = Annotated[
     Field(discriminator="kind"),
 ]
 Gauges = Mapping[str, GaugeSection]
-
-
-def sections_of_channels(gauges: Gauges) -> dict[str, GaugeBase]:
-    """Names of all channels with what the case says of each."""
-    return {
-        channel: section
-        for name, gauge in gauges.items()
-        for channel, section in gauge.sections(name).items()
-    }
 
 
 def build_channels(

@@ -106,7 +106,7 @@ class TiltSection(GaugeBase):
                 context.refuse("missing-key", message, "Add 'towards: [1, 0, 0]'.", key=True)
             return axis_vector(0, context.dim, 1.0)
         place = context.at("towards")
-        level = unit_vector((*place.vector(self.towards, "the direction")[:-1], 0.0))
+        level = unit_vector((*place.vector(self.towards)[:-1], 0.0))
         if not any(level):
             message = "the direction is vertical or has length zero"
             place.refuse("zero-direction", message, "Give a horizontal direction.")
@@ -157,27 +157,16 @@ class LevellingSection(GaugeBase):
         for n, pair in enumerate(self.distortions.pairs if self.distortions else []):
             path = ("distortions", "pairs", n)
             if len(pair) != 2 or pair[0] == pair[1]:
-                message = "two different points are expected"
+                message = "expected two different points"
                 faults.add(path, "wrong-pair", message, f"Points of the line: {known}.")
             for name in pair:
                 if name not in self.points:
                     message = f"there is no point '{name}' in the line"
                     faults.add(path, "unknown-point", message, f"Its points: {known}.")
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every point that is read, then one for every pair."""
-        read = [f"{name}.{point}" for point in self.points if point != self.relative_to]
-        pairs = self.distortions.pairs if self.distortions else []
-        return read + [f"{name}.{a}-{b}" for a, b in pairs]
-
-    def sections(self, name: str) -> dict[str, GaugeBase]:
-        """Distortions are angles with errors of their own; they share the zero unless they say."""
-        sections, pairs = super().sections(name), self.distortions
-        if pairs is not None:
-            own_zero = "zero" in pairs.model_fields_set
-            own = pairs if own_zero else pairs.model_copy(update={"zero": self.zero})
-            sections |= dict.fromkeys((f"{name}.{a}-{b}" for a, b in pairs.pairs), own)
-        return sections
+    def read_by(self, probe: str) -> GaugeBase:
+        """Distortions are angles with errors of their own."""
+        return self.distortions if probe == "distortions" and self.distortions else self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point that is read, then one for every pair."""
@@ -254,10 +243,6 @@ class LineOfSightSection(GaugeBase):
     )
     relative_to: Reference = Field("ground", description="A reference point, or fixed ground.")
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every point."""
-        return [name] if self.points is None else [f"{name}.{point}" for point in self.points]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every point."""
         given = {name: (self.point or [], context.at("point"))}
@@ -282,7 +267,7 @@ class LineOfSightSection(GaugeBase):
         """Unit vector (dim,) from a point to the sensor; zeros, with a fault, if there is none."""
         if self.direction is not None:
             place = context.at("direction")
-            vector = unit_vector(place.vector(self.direction, "the direction"))
+            vector = unit_vector(place.vector(self.direction))
         elif self.sensor is not None:
             place = context.at("sensor")
             vector = unit_vector(subtract(place.vector(self.sensor), point))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from geoident.io.case.gauges.gauge import GaugeBase, subtract, unit_vector
-from geoident.io.case.gauges.value import ValueGauge, optional_vector
+from geoident.io.case.gauges.value import ValueGauge
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
 from geoident.model.gauges import Channel
@@ -36,8 +36,8 @@ def on_structure(
         context: where the gauge is written.
         given: see `GaugeBase.make_channel`.
     """
-    place = optional_vector(point, context.at("point"), "the point")
-    inside = optional_vector(towards, context.at("towards"), "the point")
+    place = None if point is None else context.at("point").vector(point)
+    inside = None if towards is None else context.at("towards").vector(towards)
     member = 0 if bar is None else bar - 1
     point_or_none = place or (0.0,) * context.dim
     return section.at_point(
@@ -93,7 +93,7 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
         hint = "Remove 'point', and say with 'bar' which of them."
         place.at("point").refuse("wrong-structure", message, hint, key=True)
     elif channel.quantity in ("M", "Q"):
-        message = f"'{name}' are bars, which bear no {channel.quantity}; N is expected"
+        message = f"'{name}' are bars, which bear no {channel.quantity}; expected N"
         place.at("quantity").refuse("wrong-structure", message, "Correct it, or name a beam.")
     elif bar is None and count > 1:
         message = f"'{name}' has {count} bars; which of them is missing"

@@ -109,13 +109,6 @@ class StrainSection(ValueGauge):
         """A change of the ground since the zero; of a structure its value, if no zero is given."""
         return Reads.CHANGE if self.structure is None else super().reads
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name; along a line one for every station."""
-        if self.along is None:
-            return [name]
-        length = sum(math.dist(a, b) for a, b in pairwise(self._line()))
-        return [f"{name}.{station:.6g}" for station in self._stations(length)]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel; along a line one for every station."""
         if self.structure is not None:
@@ -174,10 +167,6 @@ class StrainSection(ValueGauge):
             message += f"beyond the line, which is {length:.6g} m long"
             key.refuse("beyond-line", message, "Correct the station, the base or the line.")
         return False
-
-    def _line(self) -> list[Vector]:
-        """The points of the line as they are written, m."""
-        return [tuple(x.factor for x in point) for point in self.along or ()]
 
     @property
     def _base(self) -> float:

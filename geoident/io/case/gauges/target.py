@@ -99,10 +99,6 @@ class TargetSection(GaugeBase):
         plane = self.point is not None and len(self.point) == 2
         return ["across", "up"] if plane else ["x", "y", "z"]
 
-    def channel_names(self, name: str) -> list[str]:
-        """One name for every component."""
-        return [f"{name}.{component}" for component in self.chosen()]
-
     def channels(self, name: str, context: Context) -> list[Channel]:
         """One channel for every component."""
         if self.point is not None:
@@ -153,7 +149,7 @@ class TargetSection(GaugeBase):
         if self.along is None or context.dim == 2:
             return None
         place = context.at("along")
-        level = unit_vector((*place.vector(self.along, "the direction")[:2], 0.0))
+        level = unit_vector((*place.vector(self.along)[:2], 0.0))
         if not any(level):
             message = "the direction along the axis is vertical or has length zero"
             place.refuse("zero-direction", message, "Give a horizontal direction.")

@@ -1,7 +1,8 @@
 """What sections of gauges share that read a strain, a force, a stress or a pressure.
 
 What they read has a value of its own: without `zero` it is the value itself that is read (a stress,
-a force), with `zero` its change since that stage. Strains of the ground are changes always.
+a force), with `zero` its change since that stage. Strains of the ground are changes always. The
+plain reading of an external model, which knows where it is, stands here, too.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from geoident.io.schema.values import CaseNumber, Name
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, Reads
+from geoident.units import DIMENSIONLESS
 
 StressComponent = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
 
@@ -59,14 +61,31 @@ class ValueGauge(GaugeBase):
         return self.make_channel(channel, name, motion, place.path, **{"quantity": part, **given})
 
 
-def optional_vector(given: list[CaseNumber] | None, place: Context, what: str) -> Vector | None:
-    """Components (dim,), if they are given."""
-    return None if given is None else place.vector(given, what)
+class PlainReadingSection(ValueGauge):
+    """A reading by its name: of a model that is computed elsewhere (`model`).
+
+    What it reads has the unit of its accuracy. Without `zero` it is the number that the model
+    gives, with `zero` its change since that stage.
+    """
+
+    measures = ()
+
+    kind: Literal["reading"]
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of what the gauge reads: that of its accuracy."""
+        given = self.accuracy if isinstance(self.accuracy, CaseNumber) else self.accuracy.reading
+        return given.dimension if given is not None else DIMENSIONLESS
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The one channel, which is nowhere."""
+        return [self.make_channel(name, name, Motion(None, (), ()), context.path)]
 
 
 def unit_direction(given: list[CaseNumber] | None, place: Context) -> Vector | None:
     """A unit vector (dim,), if one is given."""
-    return None if given is None else unit_vector(place.vector(given, "the direction"))
+    return None if given is None else unit_vector(place.vector(given))
 
 
 def check_component(component: str, place: Context) -> None:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges.gauge import GaugeBase
-from geoident.io.case.gauges.kinds import sections_of_channels
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN
-from geoident.model.gauges import Reads
+from geoident.model.gauges import Channel
 
 
 @dataclass(frozen=True)
@@ -22,28 +20,27 @@ class Calendar:
     Args:
         stages: names, the virgin state first.
         dates: stage to seconds since 1970, for those that have a date, increasing.
-        channels: name to what the case says of the gauge of a channel.
+        channels: by name.
     """
 
     stages: tuple[str, ...]
     dates: Mapping[str, float]
-    channels: Mapping[str, GaugeBase]
+    channels: Mapping[str, Channel]
 
     @cached_property
     def zeros(self) -> dict[str, str]:
         """Channel to the stage at whose end it reads zero."""
-        return {name: gauge.zero_stage for name, gauge in self.channels.items()}
+        return {name: channel.zero for name, channel in self.channels.items()}
 
     @cached_property
     def zeroed(self) -> dict[str, str]:
         """The same without channels that read a value: these have no zero."""
-        changes = (name for name, g in self.channels.items() if g.reads is Reads.CHANGE)
-        return {name: self.zeros[name] for name in changes}
+        return {name: c.zero for name, c in self.channels.items() if c.is_zeroed}
 
     @cached_property
     def dimensions(self) -> dict[str, str]:
         """Channel to the dimension of its readings."""
-        return {name: gauge.dimension for name, gauge in self.channels.items()}
+        return {name: channel.dimension for name, channel in self.channels.items()}
 
     def stage_at(self, time: float) -> str:
         """The last stage that was complete at a time; the virgin state before all."""
@@ -57,11 +54,12 @@ class Calendar:
         return stage in self.stages and zero in self.stages and order(stage) < order(zero)
 
 
-def calendar_of(section: CaseSection, faults: Faults) -> Calendar:
+def calendar_of(section: CaseSection, channels: Sequence[Channel], faults: Faults) -> Calendar:
     """The stages and dates of a case.
 
     Args:
         section: the case.
+        channels: of all its gauges.
         faults: is told of dates of no stage, and of those earlier than one before.
     """
     stages = (VIRGIN, *(stage.name for stage in section.stages))
@@ -77,4 +75,4 @@ def calendar_of(section: CaseSection, faults: Faults) -> Calendar:
             message = f"'{name}' ends before '{before}' ({date_text(dates[before])})"
             faults.add(("dates", name), "dates-order", message, "Correct one of the dates.")
         before = name
-    return Calendar(stages, dates, sections_of_channels(section.gauges))
+    return Calendar(stages, dates, {channel.name: channel for channel in channels})

@@ -25,11 +25,7 @@ class ReadingChecks:
         faults: is told what is wrong.
 
     Attributes:
-        zeros: channel to the stage at whose end it is zero.
-        dimensions: channel to the dimension of its readings.
-        dates: stage to the date of its end, seconds since 1970.
         order: stage to its number, 0 for the virgin state.
-        owners: channel to the name of its gauge.
         seen: channel and stage to the first reading of them.
         hints: kind (gauge or stage) and unknown name to what to write in its place.
     """
@@ -38,15 +34,7 @@ class ReadingChecks:
         self.section = section
         self.calendar = calendar
         self.faults = faults
-        self.zeros = calendar.zeros
-        self.dimensions = calendar.dimensions
-        self.dates = calendar.dates
         self.order = {name: n for n, name in enumerate(calendar.stages)}
-        self.owners = {
-            channel: name
-            for name, gauge in section.gauges.items()
-            for channel in gauge.channel_names(name)
-        }
         self.seen: dict[tuple[str, str], Reading] = {}
         self.hints: dict[tuple[str, str], str] = {}
 
@@ -55,7 +43,9 @@ class ReadingChecks:
         for reading in readings:
             self._gauge(reading)
             self._stage(reading)
-            known = reading.channel in self.zeros and (reading.stage or VIRGIN) in self.order
+            known = (
+                reading.channel in self.calendar.zeros and (reading.stage or VIRGIN) in self.order
+            )
             if known and not reading.bad:
                 self._twice(reading, alone=alone)
 
@@ -65,14 +55,14 @@ class ReadingChecks:
             return  # it has points, see `surveyed`
         for name, origin in described.channels.items():
             calibration = None if isinstance(origin, str) else origin.calibration
-            wanted = self.dimensions.get(name)
+            wanted = self.calendar.dimensions.get(name)
             if calibration is not None and wanted not in {None, calibration.dimension}:
                 message = f"the calibration gives {with_article(calibration.dimension)}, "
                 message += f"'{name}' reads {with_article(str(wanted))}"
                 place = (*path, "channels", name, "calibration")
                 self.faults.add(place, "unit", message, "Correct its units, or the channel.")
-            if name not in self.zeros:
-                hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
+            if name not in self.calendar.zeros:
+                hint = self.faults.did_you_mean(name, self.calendar.zeros, what="Gauges")
                 place = (*path, "channels", name)
                 message = f"there is no gauge '{name}' to read"
                 self.faults.add(place, "unknown-gauge", message, hint, key=True)
@@ -80,8 +70,10 @@ class ReadingChecks:
     def zeroed(self, readings: Iterable[Reading]) -> None:
         """Every channel has a reading at its zero, if that is to be subtracted."""
         for reading in readings:
-            zero = self.zeros.get(reading.channel, VIRGIN)
-            since = f" ({date_text(self.dates[zero])})" if zero in self.dates else ""
+            zero = self.calendar.zeros.get(reading.channel, VIRGIN)
+            since = (
+                f" ({date_text(self.calendar.dates[zero])})" if zero in self.calendar.dates else ""
+            )
             message = f"'{reading.channel}' was not read at its zero, '{zero}'{since}"
             hint = "Correct the gauge's 'zero' or the dates, or leave out 'rezero'."
             self._refuse(reading, "no-zero-reading", message, hint)
@@ -98,14 +90,14 @@ class ReadingChecks:
         read: dict[str, list[Reading]] = {}
         for reading in readings:
             read.setdefault(reading.channel, []).append(reading)
-        for channel, section in self.calendar.channels.items():
-            if section.drift is None:
+        for channel in self.calendar.channels.values():
+            if channel.drift is None:
                 continue
-            gauge, zero = self.owners[channel], self.zeros[channel]
-            own = ("distortions",) if section.kind_name == "distortion" else ()
-            own_readings = [r for r in read.get(channel, ()) if r.value is not None]
+            gauge, zero = channel.gauge, channel.zero
+            own = ("distortions",) if channel.probe == "distortions" else ()
+            own_readings = [r for r in read.get(channel.name, ()) if r.value is not None]
             needed = {zero, *(r.stage or VIRGIN for r in own_readings if r.time is None)}
-            for stage in sorted(needed - self.dates.keys()):
+            for stage in sorted(needed - self.calendar.dates.keys()):
                 path: KeyPath = ("gauges", gauge, *own, "drift")
                 if (path, stage) in refused:
                     continue
@@ -113,7 +105,7 @@ class ReadingChecks:
                 message = f"'{gauge}' drifts in time, but the stage '{stage}' has no date"
                 hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
                 self.faults.add(path, "missing-dates", message, hint)
-            known = {*self.dates, *needed, *(r.stage for r in own_readings)}
+            known = {*self.calendar.dates, *needed, *(r.stage for r in own_readings)}
             for stage, n in self.order.items():
                 if stage not in known and n > self.order.get(zero, 0):
                     notes.setdefault(gauge, {})[stage] = None
@@ -125,7 +117,7 @@ class ReadingChecks:
 
     def bad(self) -> None:
         """The gauges and stages that are said to be bad exist."""
-        gauges = {*self.zeros, *self.section.gauges}
+        gauges = {*self.calendar.zeros, *self.section.gauges}
         for n, entry in enumerate(self.section.bad):
             if entry.gauge not in gauges:
                 self.faults.add_unknown(("bad", n, "gauge"), "gauge", entry.gauge, gauges)
@@ -135,7 +127,7 @@ class ReadingChecks:
 
     def _gauge(self, placed: Reading) -> None:
         name = placed.channel
-        if name in self.zeros:
+        if name in self.calendar.zeros:
             return
         hint = self.hints.get(("gauge", name))
         if hint is None:
@@ -144,19 +136,15 @@ class ReadingChecks:
 
     def _gauge_hint(self, name: str) -> str:
         """What to write in place of the name of a gauge that there is not."""
-        gauge = self.section.gauges.get(name)
-        if gauge is not None and gauge.kind == "extensometer":
-            anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
-            return f"An extensometer has one reading per anchor: {anchors}."
-        if gauge is not None:
-            channels = listing(gauge.channel_names(name))
-            return f"It has readings of its own for each of its channels: {channels}."
-        return self.faults.did_you_mean(name, self.zeros, what="Gauges")
+        channels = [c.name for c in self.calendar.channels.values() if c.gauge == name]
+        if channels:
+            return f"It has one reading for each of its channels: {listing(channels)}."
+        return self.faults.did_you_mean(name, self.calendar.zeros, what="Gauges")
 
     def _stage(self, placed: Reading) -> None:
         """The stage exists, and is not before the zero of the gauge."""
         name = placed.stage or VIRGIN
-        zero = self.zeros.get(placed.channel, VIRGIN)
+        zero = self.calendar.zeros.get(placed.channel, VIRGIN)
         if name == VIRGIN:
             message = f"nothing can be read in the state '{VIRGIN}', before the first stage"
             code, hint = "unknown-stage", "Readings belong to the end of stages."

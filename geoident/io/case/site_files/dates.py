@@ -147,7 +147,7 @@ def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[s
         if len(series) < 2 or channel not in calendar.channels:
             continue
         several += 1
-        errors = calendar.channels[channel].stated_errors
+        errors = calendar.channels[channel].error_parts
         first, last = series[0], series[-1]
         sd = math.hypot(*(errors.total(own=row.accuracy) for row in (first, last)))
         relative = abs(_value(last) - _value(first)) / sd

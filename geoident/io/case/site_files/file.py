@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import Field
 
 from geoident.io.case.site_files.sensors import CalibrationSection, TransformationSection
 from geoident.io.case.site_files.values import (
@@ -21,7 +21,7 @@ from geoident.io.readings.file import Format, format_of
 from geoident.io.readings.layout import Layout, Origin
 from geoident.io.readings.survey import SurveyGrid
 from geoident.io.schema.section import Section, SectionFaults
-from geoident.io.schema.values import TEXT_OR_LIST, TEXT_OR_MAPPING, Count, Flag, Name, Text
+from geoident.io.schema.values import Count, Flag, Name, Text, TextOrList, TextOrMapping
 from geoident.io.text.dates import ISO
 from geoident.units import size_in
 
@@ -60,14 +60,11 @@ class OriginSection(Section):
 
 HeaderRow = Annotated[int, Count(0)]
 HeaderRows = Annotated[int, Count()]
-OriginValue = Annotated[
-    Annotated[Text, Tag("text")] | Annotated[OriginSection, Tag("mapping")],
-    TEXT_OR_MAPPING,
-]
+OriginValue = TextOrMapping[Text, OriginSection]
 Texts = Annotated[list[Text], Field(min_length=1)]
 
 
-Paths = Annotated[Annotated[Text, Tag("text")] | Annotated[Texts, Tag("list")], TEXT_OR_LIST]
+Paths = TextOrList[Text, Texts]
 
 
 class ReadingsFileSection(Section):
@@ -93,13 +90,17 @@ class ReadingsFileSection(Section):
     )
     range: Cells | None = Field(None, description="Excel: cells of the table with its header.")
     header_row: HeaderRow = Field(
-        0, description="Line or row of the header; the first that holds something if missing."
+        0,
+        description="Line or row of the header, counted from 1; 0 for the first that is not empty.",
     )
     header_rows: HeaderRows = Field(
         1,
-        description="Rows over which names of columns are spread: EX1 above a5 is EX1 a5.",
+        description="Number of rows with names of columns: EX1 above a5 is EX1 a5.",
     )
-    data_row: HeaderRow = Field(0, description="First line or row of readings, if not the next.")
+    data_row: HeaderRow = Field(
+        0,
+        description="First line or row of readings, counted from 1; 0: the one below the header.",
+    )
     blank: list[Text] = Field(
         [], description="Texts of cells that stand for no reading.", examples=[["n/a", "---"]]
     )

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.text.cells import Cell, cells_of, delimiter_of, name_and_unit, written_lines
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, shorten
@@ -114,7 +115,7 @@ class _Table:
         file = folder / self.name
         try:
             content = read_bytes(str(file), limit=_LIMIT, what=f"table of {self.what}")
-            lines = decode(content, str(file)).splitlines()
+            lines = list(written_lines(decode(content, str(file))))
         except InputError as error:
             first = error.faults[0]
             hint = first.hint
@@ -129,25 +130,27 @@ class _Table:
             place = Location(str(file), line, column)
             wrong.append(Fault(code, message, hint, place, format_path(self.key)))
 
-        delimiter = ";" if lines and ";" in lines[0] else ","
-        units = self._units(_cells(lines[0], delimiter) if lines else [], refuse)
+        header = lines[0][1] if lines else ""
+        delimiter = delimiter_of(header)
+        units = self._units(cells_of(header, delimiter) if lines else [], refuse)
         rows = []
-        for number, line in enumerate(lines[1:] if not wrong else (), start=2):
-            cells = _cells(line, delimiter)
-            if any(text for text, _ in cells):
+        for number, line in lines[1:] if not wrong else ():
+            cells = cells_of(line, delimiter)
+            if any(cell.text for cell in cells):
                 rows.append((number, self._row(number, cells, units, refuse)))
         if not wrong and not rows:
             refuse(1, 1, "bad-table", "the table has no row", self.header)
         faults.extend(wrong)
         return None if wrong else rows
 
-    def _units(self, header: list[tuple[str, int]], refuse: _Refuse) -> dict[str, str]:
+    def _units(self, header: list[Cell], refuse: _Refuse) -> dict[str, str]:
         """The columns in their order, each with its unit; what is wrong with them is refused."""
         dimensions = {**dict.fromkeys(self.axes, "length"), **self.columns}
         units: dict[str, str] = {}
         good = True
-        for title, at in header:
-            name, unit = _title(title)
+        for cell in header:
+            title, at = cell.text, cell.column
+            name, unit = name_and_unit(title)
             if name not in dimensions:
                 message = f"the column '{shorten(title)}' is not known here"
                 refuse(
@@ -160,11 +163,11 @@ class _Table:
                 )
                 good = False
             else:
-                units[name] = unit
+                units[name] = unit or ""
                 if name == "accuracy" and unit == "%":
                     continue
                 try:
-                    units[name] = normal_unit(unit, dimensions[name])
+                    units[name] = normal_unit(unit or "", dimensions[name])
                 except UnitError as error:
                     refuse(1, at, "unit", error.message, error.hint)
                     continue
@@ -179,17 +182,15 @@ class _Table:
             refuse(1, 1, "missing-column", f"there is no column '{name}'", self.header)
         return units
 
-    def _row(
-        self, line: int, cells: list[tuple[str, int]], units: Mapping[str, str], refuse: _Refuse
-    ) -> _Row:
+    def _row(self, line: int, cells: list[Cell], units: Mapping[str, str], refuse: _Refuse) -> _Row:
         """What stands in the cells of a row, with units; what is no number is refused."""
         row: _Row = {}
         if len(cells) > len(units):
-            message = f"found {len(cells)} cells; {len(units)} expected"
+            message = f"found {len(cells)} cells; expected {len(units)}"
             hint = "Remove what is too much; a decimal comma is written as a point."
-            refuse(line, cells[len(units)][1], "bad-row", message, hint)
+            refuse(line, cells[len(units)].column, "bad-row", message, hint)
         for n, (name, unit) in enumerate(units.items()):
-            text, at = cells[n] if n < len(cells) else ("", 1)
+            text, at = (cells[n].text, cells[n].column) if n < len(cells) else ("", 1)
             if name == "accuracy" and not text:
                 continue
             try:
@@ -274,22 +275,3 @@ def _beside(file: Path) -> str:
     except OSError:
         return ""
     return did_you_mean(file.name, names, what="Files there")
-
-
-def _cells(line: str, delimiter: str) -> list[tuple[str, int]]:
-    """The cells of a line without blanks around, each with its column in the line, from 1."""
-    cells, at = [], 0
-    for raw in line.split(delimiter):
-        start = at + len(raw) - len(raw.lstrip()) + 1
-        cells.append((raw.strip().strip('"').strip(), start))
-        at += len(raw) + 1
-    return cells
-
-
-def _title(text: str) -> tuple[str, str]:
-    """Name and unit of a column: ``E [GPa]`` or ``E (GPa)``."""
-    for opening, closing in ("[]", "()"):
-        if text.endswith(closing) and opening in text:
-            name, _, unit = text[:-1].partition(opening)
-            return name.strip(), unit.strip()
-    return text.strip(), ""

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import (
     AnyQuantity,
     CaseNumber,
@@ -35,6 +35,15 @@ class CalibrationSection(Section):
     factor (zero - R) or factor (R - zero), or a polynomial in R, plus thermal times
     T - zero_temperature.
     """
+
+    one_of = (
+        Alternatives(
+            "factor zero difference", "polynomial zero?", hint="Give what the data sheet has."
+        ),
+        Alternatives(
+            "thermal temperature zero_temperature", "", hint="Give all three of them, or none."
+        ),
+    )
 
     reads: Raw = Field(description="What the file has; digits are Hz squared by 1000.")
     factor: AnyQuantity | None = Field(
@@ -64,31 +73,12 @@ class CalibrationSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """All constants that belong together are given."""
-        if (self.factor is None) == (self.polynomial is None):
-            which = "neither" if self.factor is None else "both"
-            message = f"found {which}; either factor or polynomial is expected"
-            faults.add((), "wrong-pair", message, "Give what the data sheet has.")
-        if self.factor is not None:
-            for key, hint in (("zero", "zero: 8912"), ("difference", "difference: zero - reading")):
-                if getattr(self, key) is None:
-                    message = f"'{key}' is missing, which belongs to a factor"
-                    faults.add((), "missing-key", message, f"Add '{hint}' from the data sheet.")
-        elif self.difference is not None:
-            message = "a polynomial has no difference"
-            faults.add(("difference",), "contradiction", message, "Remove it.")
-        warmth = (self.thermal, self.temperature, self.zero_temperature)
-        if any(key is None for key in warmth) and any(key is not None for key in warmth):
-            message = "thermal, temperature and zero_temperature belong together"
-            faults.add((), "wrong-pair", message, "Give all three of them, or none.")
+        """The constants have one dimension."""
         if self.zero_temperature is not None and self.zero_temperature.unit == "K":
             message = (
                 f"'{self.zero_temperature.text}' is in kelvin; the column is in degrees Celsius"
             )
             faults.add(("zero_temperature",), "unit", message, "Write it like 20 degC.")
-        self._one_dimension(faults)
-
-    def _one_dimension(self, faults: SectionFaults) -> None:
         given = [("factor", self.factor), ("thermal", self.thermal)]
         given += [("polynomial", entry) for entry in self.polynomial or ()]
         known = [(key, value) for key, value in given if value is not None]
@@ -121,6 +111,8 @@ class TransformationSection(Section):
     In a plane model x is horizontal and y points up; in a solid z points up.
     """
 
+    one_of = (Alternatives("azimuth", "axes", hint="Give exactly one of them."),)
+
     azimuth: FixedAngle | None = Field(
         None, description="Of the model's x axis, clockwise from north.", examples=["37.5 deg"]
     )
@@ -140,17 +132,10 @@ class TransformationSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """The axes are given once, at right angles."""
-        if (self.azimuth is None) == (self.axes is None):
-            which = "neither" if self.azimuth is None else "both"
-            message = f"found {which}; either azimuth or axes is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-        self._check_axes(faults)
-
-    def _check_axes(self, faults: SectionFaults) -> None:
+        """The axes are at right angles."""
         given = self.axes or {}
         if self.axes is not None and len(given) < 2:
-            message = f"found {len(given)} axes; two or three are expected"
+            message = f"found {len(given)} axes; expected two or three"
             faults.add(("axes",), "wrong-kind", message, "Write x and y, for example.")
         units = {}
         for name, vector in given.items():

@@ -48,7 +48,7 @@ def _unit_read(value: object) -> str:
 def _sign(value: object) -> int:
     text = str(value)
     if text.lstrip("+") not in {"1", "-1"}:
-        message = f"found '{shorten(text)}'; 1 or -1 is expected"
+        message = f"found '{shorten(text)}'; expected 1 or -1"
         raise Refusal("not-listed", message)
     return int(text)
 

@@ -56,8 +56,8 @@ class MeasuredMotionSection(Section):
         columns = {axis: getattr(self, axis) for axis in _AXES if getattr(self, axis) is not None}
         if self.file is not None or not self.points or not columns:
             given = [key for key in ("points", *_AXES, "file") if getattr(self, key) is not None]
-            message = f"found {' and '.join(given) or 'neither'}; points with their motions along "
-            faults.add((), "wrong-pair", f"{message}x, y or z, or a file, is expected")
+            message = f"found {' and '.join(given) or 'neither'}; expected points with their "
+            faults.add((), "wrong-pair", f"{message}motions along x, y or z, or a file")
             columns = {}
         for axis, values in columns.items():
             if len(values) != len(self.points or ()):
@@ -69,14 +69,11 @@ class MeasuredMotionSection(Section):
         """Directions that were measured."""
         return tuple(c for c, axis in enumerate(_AXES) if getattr(self, axis) is not None)
 
-    def field(self, context: Context) -> MotionField:
+    def for_model(self, context: Context) -> MotionField:
         """The motions for the model."""
-        points = tuple(
-            context.at("points", n).vector(point) for n, point in enumerate(self.points or ())
-        )
         columns = [[value.factor for value in getattr(self, _AXES[c])] for c in self.axes]
         values = tuple(zip(*columns, strict=True))
-        return self.to_model(MotionField, points=points, components=self.axes, values=values)
+        return self.to_model(MotionField, context, components=self.axes, values=values)
 
 
 class SupportSection(Section):
@@ -131,8 +128,10 @@ class SupportSection(Section):
 
     def support(self, name: str, context: Context) -> Support:
         """The support for the model; what cannot be is noted as a fault."""
-        measured = None if self.measured is None else self.measured.field(context.at("measured"))
-        at = None if self.at is None else context.at("at").vector(self.at, "the point")
+        measured = (
+            None if self.measured is None else self.measured.for_model(context.at("measured"))
+        )
+        at = None if self.at is None else context.at("at").vector(self.at)
         wall = None if self.contraction is None else self._wall(self.contraction, context)
         held = [c for c, axis in enumerate(_AXES) if getattr(self, axis) is not None]
         held += () if measured is None else measured.components
@@ -174,7 +173,7 @@ class SupportSection(Section):
             context.refuse("wrong-pair", message, "Give 'centre' with one of its points.")
         centre = None
         if self.centre is not None:
-            centre = context.at("centre").vector(self.centre, "the centre")
+            centre = context.at("centre").vector(self.centre)
         return Contraction(part.scalar, centre)
 
 
@@ -194,20 +193,10 @@ StageSupportValue = Annotated[
 ]
 
 
-def build_supports(values: Mapping[str, SupportValue], context: Context) -> dict[str, Support]:
-    """The supports of a case by name; what cannot be is noted as a fault.
-
-    Args:
-        values: name to what is given for it.
-        context: of the key `supports`.
-    """
-    return {name: _support(name, value, context.at(name)) for name, value in values.items()}
-
-
-def build_stage_supports(
+def build_supports(
     values: Mapping[str, StageSupportValue], context: Context
 ) -> dict[str, Support | None]:
-    """The same of a stage, None for supports that let go.
+    """The supports of a case or a stage by name, None for those that let go.
 
     Args:
         values: name to what is given for it.

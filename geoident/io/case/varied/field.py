@@ -6,6 +6,7 @@ Written as `E: {field: {mean: $E_rock, sd: 30 %, length: [20 m, 5 m], along: {di
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import (
@@ -17,7 +18,6 @@ from pydantic import (
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    TEXT_OR_LIST,
     Angle,
     AnyQuantity,
     CaseNumber,
@@ -30,6 +30,7 @@ from geoident.io.schema.values import (
     Modulus,
     SharesUnit,
     Text,
+    TextOrList,
 )
 from geoident.model.ground import Attitude, Axes, PointValue, RandomField
 from geoident.units import (
@@ -102,9 +103,9 @@ def _wrong_lengths(number: int, dim: int) -> tuple[str, str]:
     count = "found no length" if number == 0 else f"found {number} lengths"
     if dim == 2:
         hint = "Write one length, or [along the dip, normal to it], such as [20 m, 5 m]."
-        return f"{count}; one, or two for the axes of a plane model, expected", hint
+        return f"{count}; expected one, or two for the axes of a plane model", hint
     hint = "Write one length, or one for each axis of `along`, such as [30 m, 20 m, 5 m]."
-    return f"{count}; one, two or three expected", hint
+    return f"{count}; expected one, two or three", hint
 
 
 def _entry(value: object) -> str:
@@ -120,15 +121,11 @@ Measured = Annotated[
     | Annotated[PointValueSection, Tag("<point>")],
     Discriminator(_entry),
 ]
-Lengths = Annotated[
-    Annotated[FixedSize, Tag("text")]
-    | Annotated[
-        list[FixedSize],
-        SharesUnit(),
-        Field(json_schema_extra={"minItems": 1, "maxItems": 3}),
-        Tag("list"),
+Lengths = TextOrList[
+    FixedSize,
+    Annotated[
+        list[FixedSize], SharesUnit(), Field(json_schema_extra={"minItems": 1, "maxItems": 3})
     ],
-    TEXT_OR_LIST,
 ]
 
 
@@ -178,8 +175,10 @@ class FieldBase(Section):
             message = f"'{mean.text}': the mean of a field must be positive"
             faults.add(("mean",), "out-of-range", message, "A field is lognormal.")
         elif sd.dimension not in (DIMENSIONLESS, mean.dimension):
-            message = f"'{sd.text}' is {with_article(sd.dimension)}; a part of the mean in % or "
-            message += f"{with_article(mean.dimension)} is expected"
+            message = (
+                f"'{sd.text}' is {with_article(sd.dimension)}; expected a part of the mean in "
+            )
+            message += f"% or {with_article(mean.dimension)}"
             faults.add(("sd",), "unit", message, "Write it such as 30 %.")
         elif sd.dimension != DIMENSIONLESS and mean.parameter is not None:
             message = f"'{sd.text}': where the mean is a parameter, the scatter is a part of it"
@@ -259,13 +258,23 @@ class AngleFieldSection(FieldBase):
     mean: Angle = Field(description="Median of the values.", examples=["35 deg"])
 
 
-class VariedModulusSection(Section):
+class VariedSection(Section):
+    """In place of one number: a field."""
+
+    field: FieldBase
+
+    def number(self) -> CaseNumber:
+        """The mean of the field."""
+        return replace(self.field.mean, varied_by=self)
+
+
+class VariedModulusSection(VariedSection):
     """In place of one number: a field."""
 
     field: ModulusFieldSection = Field(description="How it varies from place to place.")
 
 
-class VariedAngleSection(Section):
+class VariedAngleSection(VariedSection):
     """In place of one number: a field."""
 
     field: AngleFieldSection = Field(description="How it varies from place to place.")
@@ -282,13 +291,13 @@ def _point_value(
     section: PointValueSection, mean: CaseNumber, context: Context, origin: str
 ) -> PointValue | None:
     """One measured value; None, with a fault, where it is none."""
-    position = context.at("at").vector(section.at, "the point")
+    position = context.at("at").vector(section.at)
     whence = f" ({origin})" if origin else ""
     value, accuracy = section.value, section.accuracy
     wrong = False
     if value.dimension != mean.dimension:
         message = f"'{value.text}' is {with_article(value.dimension)}; "
-        message += f"{with_article(mean.dimension)} is expected{whence}"
+        message += f"expected {with_article(mean.dimension)}{whence}"
         context.at("value").refuse("unit", message, "Write it in the dimension of the mean.")
         wrong = True
     elif value.factor <= 0:
@@ -296,8 +305,10 @@ def _point_value(
         context.at("value").refuse("out-of-range", message, "Correct the number, or remove it.")
         wrong = True
     if accuracy is not None and accuracy.dimension not in (DIMENSIONLESS, mean.dimension):
-        message = f"'{accuracy.text}' is {with_article(accuracy.dimension)}; a part of the value "
-        message += f"in % or {with_article(mean.dimension)} is expected{whence}"
+        message = (
+            f"'{accuracy.text}' is {with_article(accuracy.dimension)}; expected a part of the "
+        )
+        message += f"value in % or {with_article(mean.dimension)}{whence}"
         context.at("accuracy").refuse("unit", message, "Write it in the unit of the value.")
         wrong = True
     elif accuracy is not None and accuracy.factor < 0:

@@ -7,6 +7,7 @@ Written as `E: {at: 20 MPa, gradient: 0.5 MPa/m, surface: 0 m}` or as
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 
 from pydantic import (
     Field,
@@ -40,6 +41,10 @@ class GrowthBase(Section):
     @abstractmethod
     def law(self) -> WithDepth | WithStress:
         """How it grows, for the model."""
+
+    def number(self) -> CaseNumber:
+        """The number from which it grows."""
+        return replace(self.base, varied_by=self)
 
     def built(self, context: Context, *, material: str, constant: str) -> Growth:
         """The growth for the model.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
@@ -17,7 +16,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from geoident.io.case.varied.field import FieldBase, VariedAngleSection, VariedModulusSection
+from geoident.io.case.varied.field import VariedAngleSection, VariedModulusSection, VariedSection
 from geoident.io.case.varied.growth import DepthGrowthSection, GrowthBase, StressGrowthSection
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus, RockMassModulusSection
 from geoident.io.schema.section import Context, Section
@@ -31,57 +30,29 @@ from geoident.model.ground import Growth, RandomField
 
 
 @dataclass(frozen=True)
-class _InPlaceOfNumber(ABC):
-    """Annotation of a `CaseNumber`: it is written as a section, which becomes its `varied_by`."""
+class InPlaceOfNumber:
+    """Annotation of a `CaseNumber` that is written as a section, which becomes its `varied_by`.
 
-    section: type[Section]
+    The method ``number`` of the section gives it.
+    """
 
-    @abstractmethod
-    def _given(self, section: Any) -> CaseNumber:
-        """The number that stands for the section."""
-
-    def _written(self, given: CaseNumber) -> Any:
-        """How the section is written."""
-        return given.varied_by.model_dump(by_alias=True, exclude_none=True)
+    section: type[VariedSection | GrowthBase | RockMassModulusSection]
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         return core_schema.no_info_after_validator_function(
-            self._given,
+            lambda section: section.number(),
             handler.generate_schema(self.section),
-            serialization=core_schema.plain_serializer_function_ser_schema(self._written),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                lambda given: given.varied_by.model_dump(by_alias=True, exclude_none=True)
+            ),
         )
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         return handler(schema)
-
-
-class FieldOf(_InPlaceOfNumber):
-    """It is written as a field, and the number is its mean."""
-
-    def _given(self, section: Any) -> CaseNumber:
-        mean: CaseNumber = section.field.mean
-        return replace(mean, varied_by=section.field)
-
-    def _written(self, given: CaseNumber) -> Any:
-        return {"field": super()._written(given)}
-
-
-class GrowthOf(_InPlaceOfNumber):
-    """It is written as growth, and the number is what it grows from."""
-
-    def _given(self, section: GrowthBase) -> CaseNumber:
-        return replace(section.base, varied_by=section)
-
-
-class FormulaOf(_InPlaceOfNumber):
-    """It is written as what it follows from."""
-
-    def _given(self, section: RockMassModulusSection) -> CaseNumber:
-        return DerivedModulus.of(section)
 
 
 _BY_DEPTH, _BY_STRESS = DepthGrowthSection.model_fields, StressGrowthSection.model_fields
@@ -115,23 +86,24 @@ def _number_or_field(value: object) -> str:
 
 _ModulusForms = (
     Annotated[Modulus, Tag("<number>")]
-    | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")]
-    | Annotated[CaseNumber, GrowthOf(DepthGrowthSection), Tag("<depth>")]
-    | Annotated[CaseNumber, GrowthOf(StressGrowthSection), Tag("<stress>")]
+    | Annotated[CaseNumber, InPlaceOfNumber(VariedModulusSection), Tag("<field>")]
+    | Annotated[CaseNumber, InPlaceOfNumber(DepthGrowthSection), Tag("<depth>")]
+    | Annotated[CaseNumber, InPlaceOfNumber(StressGrowthSection), Tag("<stress>")]
 )
 ModulusOrVaried = Annotated[_ModulusForms, Discriminator(_number_or_varied)]
 YoungModulus = Annotated[
-    _ModulusForms | Annotated[CaseNumber, FormulaOf(RockMassModulusSection), Tag("<rock mass>")],
+    _ModulusForms
+    | Annotated[CaseNumber, InPlaceOfNumber(RockMassModulusSection), Tag("<rock mass>")],
     Discriminator(_number_varied_or_derived),
 ]
 FieldStrength = Annotated[
     Annotated[Stress, Tag("<number>")]
-    | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")],
+    | Annotated[CaseNumber, InPlaceOfNumber(VariedModulusSection), Tag("<field>")],
     Discriminator(_number_or_field),
 ]
 FieldAngle = Annotated[
     Annotated[Angle, Tag("<number>")]
-    | Annotated[CaseNumber, FieldOf(VariedAngleSection), Tag("<field>")],
+    | Annotated[CaseNumber, InPlaceOfNumber(VariedAngleSection), Tag("<field>")],
     Discriminator(_number_or_field),
     WithJsonSchema(TypeAdapter(Angle).json_schema()),
 ]
@@ -158,10 +130,12 @@ def fields_in(
     fields = []
     for name in type(section).model_fields:
         given = getattr(section, name)
-        if isinstance(given, CaseNumber) and isinstance(given.varied_by, FieldBase):
+        if isinstance(given, CaseNumber) and isinstance(given.varied_by, VariedSection):
             place, constant = context.at(name, "field"), (names or {}).get(name, name)
             fields.append(
-                given.varied_by.built(place, material=material, constant=constant, surface=surface)
+                given.varied_by.field.built(
+                    place, material=material, constant=constant, surface=surface
+                )
             )
     return tuple(fields)
 

@@ -58,15 +58,14 @@ class RockMassModulusSection(Section):
         alias=KEY, description="By Hoek and Diederichs (2006)."
     )
 
+    def number(self) -> DerivedModulus:
+        """The modulus that follows from it."""
+        return DerivedModulus(KEY, nan, None, "pressure", varied_by=self, may_be_tied=True)
+
 
 @dataclass(frozen=True)
 class DerivedModulus(CaseNumber):
-    """A modulus that follows from the numbers of its section, which is its ``field``."""
-
-    @classmethod
-    def of(cls, section: RockMassModulusSection) -> DerivedModulus:
-        """The number that stands for a section."""
-        return cls(KEY, nan, None, "pressure", varied_by=section, may_be_tied=True)
+    """A modulus that follows from the numbers of its section."""
 
     @property
     def inner(self) -> HoekDiederichsSection:

@@ -95,7 +95,7 @@ class YieldPlaneSection(Section):
         full = [0.0] * 6
         if places is None:
             expected = " or ".join(str(len(way)) for way in ways)
-            message = f"found {len(numbers)} components; {expected} expected"
+            message = f"found {len(numbers)} components; expected {expected}"
             hint = f"They are of {', or '.join(', '.join(_STRESSES[k] for k in w) for w in ways)}."
             context.refuse("wrong-dimension", message, hint)
             return tuple(full)
@@ -105,7 +105,7 @@ class YieldPlaneSection(Section):
             return tuple(full)
         unit = [number / length for number in numbers]
         if abs(length - 1) > _ROUNDED:
-            message = f"the normal has length {length:.4g}; a unit normal is expected"
+            message = f"the normal has length {length:.4g}; expected a unit normal"
             hint = f"Write '[{', '.join(f'{x:.6g}' for x in unit)}]', and the distance along it."
             context.refuse("not-unit", message, hint)
         for place, number in zip(places, unit, strict=True):
@@ -451,7 +451,7 @@ def _check_count(planes: int, fewest: int, context: Context, *, even: bool) -> N
     if planes >= fewest and not (even and planes % 2):
         return
     expected = f"{'an even number ' if even else 'a number '}from {fewest} on"
-    message = f"found {planes}; {expected} is expected"
+    message = f"found {planes}; expected {expected}"
     hint = f"Write 'planes: {max(fewest, planes + planes % 2)}'."
     context.at("planes").refuse("number-of-planes", message, hint)
 
