@@ -97,7 +97,8 @@ def cluster_executor(
     campaign, model, runs = plan.campaign, plan.model, _runs_of(plan)
     program = model.command[0] if isinstance(model, ExternalProgram) else ""
     _refuse_absolute(campaign.case, program)
-    on_cluster, programs, logs = {program}, (), {}
+    on_cluster, logs = {program}, {}
+    programs: tuple[str, ...] = ()
     if isinstance(model, ExternalProgram | PythonFunction):
         on_cluster = {program, *model_files(model)} - set(model.inputs)
         programs = program_of(model)
