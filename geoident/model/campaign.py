@@ -66,12 +66,12 @@ class Campaign:
         sampling: the runs, where they follow from one.
         seed: of random numbers of each run.
         solver: name of the sparse solver.
-        max_time: seconds after which a search ends with what it has, or None.
-        time_limit: seconds after which a run is taken to hang, or None.
         retries: times that a run is begun again after its process was lost.
         noise: of a simulation: noise of the gauges is added.
         draw: of a simulation: fields are drawn.
         stages: of a prediction: names of the stages; all that were not fitted if empty.
+        max_time: seconds after which a search ends with what it has, or None.
+        time_limit: seconds after which a run is taken to hang, or None.
         cluster: that computes the runs, or None for processes of this command.
     """
 
@@ -86,12 +86,12 @@ class Campaign:
     sampling: Sampling | None
     seed: int
     solver: str
-    max_time: float | None
-    time_limit: float | None
     retries: int
     noise: bool
     draw: bool
     stages: tuple[str, ...]
+    max_time: float | None = None
+    time_limit: float | None = None
     cluster: Cluster | None = None
 
     @property

@@ -17,7 +17,7 @@ import geoident
 from geoident.cli.campaign import Progress
 from geoident.cli.options import Options
 from geoident.model.results.many.campaign import RunRecord
-from geoident.workflow.campaign.one_run import compute, tasks
+from geoident.workflow.campaign.one_run import RunTask, compute
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.campaign.runs import read_runs
 from tests.support.real_cluster import marked, wait_until
@@ -85,9 +85,11 @@ def test_workers_and_command_are_killed_and_the_same_command_ends_it(here, run):
     assert len(done.stdout.splitlines()) == 24
     assert f"{24 - known} runs computed, {known} up to date." in done.stderr
     plan = plan_campaign("campaign.yaml", output="serial")
-    make = tasks(plan.campaign, plan.folder, fresh=False)
     plan.folder.mkdir()
-    serial = {one.name: numbers(compute(make(one))) for one in plan.runs[:8]}
+    serial = {
+        one.name: numbers(compute(RunTask(plan.campaign, plan.folder, one)))
+        for one in plan.runs[:8]
+    }
     killed = {run.name: numbers(run) for run in read_runs("campaign.batch").runs}
     assert {name: killed[name] for name in serial} == serial  # bit for bit
     again = run("batch", "campaign.yaml")

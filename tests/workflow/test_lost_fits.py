@@ -21,7 +21,7 @@ from geoident.model.cluster import Cluster
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.workflow.campaign.away import AwayRuns, cluster_executor
 from geoident.workflow.campaign.campaign import compute
-from geoident.workflow.campaign.one_run import checkpoint_of
+from geoident.workflow.campaign.one_run import RunTask
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.executing import cluster as own
 from geoident.workflow.executing import processes
@@ -106,7 +106,7 @@ def test_a_fit_of_a_mesh_goes_on_where_its_worker_was_killed(tmp_path, cluster, 
     )
     monkeypatch.setattr(DaskCluster, "journals_every", 0.05)
     plan = plan_campaign("campaign.yaml")
-    place = checkpoint_of(plan.campaign, Path("campaign.batch"), plan.runs[0])
+    place = RunTask(plan.campaign, Path("campaign.batch"), plan.runs[0]).checkpoint
     contents, killed = [], []
     keep = own.add_part
 

@@ -47,24 +47,15 @@ def read_campaign(path: str) -> Campaign:
     runs = _named([*table, *_written_runs(section.variations, faults)], faults)
     where, sample = section.cluster, section.variations.sample
     settings, places = settings_of(section.set, ("set",), faults)
-    campaign = Campaign(
+    campaign = section.to_model(
+        Campaign,
         path=path,
-        title=section.title,
-        command=section.command,
         case=case,
         result="" if section.result is None else str(folder / section.result),
         settings=settings,
         places=places,
         runs=tuple(replace(run, case=case) for run in runs),
         sampling=None if sample is None else _sampling(sample, faults),
-        seed=section.seed,
-        solver=section.solver,
-        max_time=section.max_time,
-        time_limit=section.time_limit,
-        retries=section.retries,
-        noise=section.noise,
-        draw=section.draw,
-        stages=tuple(section.stages),
         cluster=None if where is None else cluster_of(where, ("cluster",), folder, faults),
     )
     faults.raise_any()

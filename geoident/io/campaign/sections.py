@@ -5,19 +5,17 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from geoident.io.cluster.sections import ClusterSection
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.run_file import Settings, ValuePath
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import Count, Flag, Name, Text, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.units import NUMBER_PATTERN
 
 _SOLVERS = Literal["auto", "pardiso", "cholmod", "splu", "iterative"]
-
-
 _WITH_UNIT = re.compile(rf"({NUMBER_PATTERN})\s*(.*)", re.DOTALL)
 
 
@@ -54,36 +52,27 @@ class SpanSection(Section):
     )
     kind: Literal["normal", "lognormal"] = Field("normal", description="Its distribution.")
 
-    @model_validator(mode="after")
-    def _agrees_with_itself(self) -> SpanSection:
-        faults = SectionFaults()
-        between, about = (self.from_, self.to), (self.mean, self.sd)
-        given = [name for name in ("from", "to", "mean", "sd") if getattr(self, _own(name))]
+    def check(self, faults: SectionFaults) -> None:
+        """Two ends or a middle and a width, in one unit and in their order."""
+        values = {"from": self.from_, "to": self.to, "mean": self.mean, "sd": self.sd}
+        given = [name for name, value in values.items() if value is not None]
         if given not in (["from", "to"], ["mean", "sd"]):
-            message = (
-                f"found {' and '.join(given) or 'nothing'}; from and to, or mean and sd expected"
-            )
+            message = f"found {' and '.join(given) or 'nothing'}; "
+            message += "from and to, or mean and sd expected"
             faults.add((), "wrong-pair", message, "Write {from: 5 GPa, to: 20 GPa}.")
-            faults.raise_any()
-        first, second = between if given[0] == "from" else about
-        assert first is not None
-        assert second is not None
-        if first[1] != second[1]:
-            message = f"the units '{first[1]}' and '{second[1]}' differ"
+            return
+        kind, (first, unit), (second, other_unit) = self.ends
+        if unit != other_unit:
+            message = f"the units '{unit}' and '{other_unit}' differ"
             faults.add((given[1],), "unit", message, "Write both in one unit.")
-        elif given[0] == "from" and first[0] >= second[0]:
-            message = f"{first[0]:g} is not below {second[0]:g}"
+        elif given[0] == "from" and first >= second:
+            message = f"{first:g} is not below {second:g}"
             faults.add(("from",), "bad-span", message, "Exchange both ends.")
-        elif given[0] == "mean" and second[0] <= 0.0:
-            faults.add(("sd",), "bad-span", "a standard deviation is above zero", "")
-        positive = self.scale == "log" if given[0] == "from" else self.kind == "lognormal"
-        if positive and first[0] <= 0.0:
-            message = f"{first[0]:g} has no logarithm"
-            faults.add(
-                (given[0],), "bad-span", message, "Take the linear scale, or a normal value."
-            )
-        faults.raise_any()
-        return self
+        elif given[0] == "mean" and second <= 0.0:
+            faults.add(("sd",), "bad-span", "a standard deviation is above zero")
+        if kind in ("log", "lognormal") and first <= 0.0:
+            hint = "Take the linear scale, or a normal value."
+            faults.add((given[0],), "bad-span", f"{first:g} has no logarithm", hint)
 
     @property
     def ends(self) -> tuple[str, tuple[float, str], tuple[float, str]]:
@@ -93,10 +82,6 @@ class SpanSection(Section):
         assert self.mean is not None
         assert self.sd is not None
         return self.kind, self.mean, self.sd
-
-
-def _own(name: str) -> str:
-    return "from_" if name == "from" else name
 
 
 class SampleSection(Section):
@@ -116,8 +101,9 @@ class SampleSection(Section):
 
 
 class VariationsSection(Section):
-    """What varies from run to run: one of these."""
+    """What varies from run to run."""
 
+    one_of = (Alternatives("table", "rows", "product", "sample", hint="Write one of them."),)
     table: Text | None = Field(
         None,
         description="Path of a CSV file: its first line names values of the case by their paths, "
@@ -136,18 +122,6 @@ class VariationsSection(Section):
         examples=[{"in_situ.K0": [0.8, 1.0, 1.5], "materials.rock.nu": [0.2, 0.3]}],
     )
     sample: SampleSection | None = Field(None, description="Runs that fill a space.")
-
-    @model_validator(mode="after")
-    def _says_one(self) -> VariationsSection:
-        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
-        if len(given) != 1:
-            faults = SectionFaults()
-            message = (
-                f"found {' and '.join(given) or 'nothing'}; table, rows, product or sample is "
-            )
-            faults.add((), "wrong-pair", f"{message}expected", "Write one of them.")
-            faults.raise_any()
-        return self
 
 
 class CampaignSection(Section):
@@ -196,9 +170,8 @@ class CampaignSection(Section):
         [], description="Of `predict`: stages to predict; by default those that were not fitted."
     )
 
-    @model_validator(mode="after")
-    def _suits_its_command(self) -> CampaignSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """The keys suit the command."""
         if self.command == "predict" and self.result is None:
             faults.add((), "missing-key", "'result' is missing", "Name the fit to predict from.")
         owners = {"result": "predict", "stages": "predict", "noise": "simulate", "draw": "simulate"}
@@ -207,5 +180,3 @@ class CampaignSection(Section):
             if getattr(self, name) not in (None, False, []) and self.command != owner:
                 message = f"'{name}' is of the command {owner}; this campaign is to {self.command}"
                 faults.add((name,), "wrong-command", message, "Remove it, or correct 'command'.")
-        faults.raise_any()
-        return self

@@ -6,17 +6,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.cluster.sections import ClusterFileSection, ClusterSection
-from geoident.io.schema.faults import add_schema_faults
-from geoident.io.schema.values import kind_of
-from geoident.io.text.faults import Faults, Places
-from geoident.io.text.kinds import refuse_other_kind
-from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.schema.run_file import is_file, open_run_file, require_file, validated
+from geoident.io.text.faults import Faults
 from geoident.io.text.wording import shorten
-from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import KeyPath
 from geoident.model.cluster import LOCAL, QUEUES, Cluster, TlsKeys
 
@@ -36,34 +30,13 @@ def read_cluster(given: str) -> Cluster:
     if given == LOCAL:
         return Cluster()
     if _ADDRESS.fullmatch(given):
-        address = given if "://" in given else f"tcp://{given}"
-        return Cluster(address=address, place=Location(f"{Term.CLUSTER} {given}"))
-    try:
-        is_file = Path(given).is_file()
-    except (OSError, ValueError):
-        is_file = False
-    if not is_file:
+        return Cluster(address=_with_protocol(given), place=Location(f"{Term.CLUSTER} {given}"))
+    if not is_file(Path(given)):
         message = f"'{shorten(given)}' is not an address, and there is no file of that name"
         raise InputError([Fault("no-cluster", message, _HINT, Location(str(Term.CLUSTER)))])
-    return _of_file(given)
-
-
-def _of_file(path: str) -> Cluster:
-    document = parse_yaml(decode(read_bytes(path, limit=MAX_BYTES, what="cluster"), path), path)
-    refuse_other_kind(document, "cluster")
-    faults = Faults(Places(document, document.data))
-    if not isinstance(document.data, dict):
-        message = f"found {kind_of(document.data)}; a mapping is expected"
-        faults.add((), "wrong-kind", message, "Begin with 'format: geoident-cluster/1'.")
-        faults.raise_any()
-    known: dict[int, tuple[str, ...]] = {}
-    try:
-        section = ClusterFileSection.model_validate(document.data, context=known)
-    except ValidationError as error:
-        add_schema_faults(faults, error.errors(include_url=False), document.data, known)
-        faults.raise_any()
-        raise
-    cluster = cluster_of(section, (), Path(path).parent, faults)
+    faults = open_run_file(given, "cluster")
+    section = validated(ClusterFileSection, faults, "cluster")
+    cluster = cluster_of(section, (), Path(given).parent, faults)
     faults.raise_any()
     return cluster
 
@@ -77,41 +50,33 @@ def cluster_of(section: ClusterSection, at: KeyPath, folder: Path, faults: Fault
         folder: of the file.
         faults: takes what is wrong, and knows the places.
     """
-    locate = faults.places.locate
-    if section.address is not None and not _ADDRESS.fullmatch(section.address):
-        message = f"'{shorten(section.address)}' is not an address"
+    locate, address = faults.places.locate, section.address or ""
+    if section.address is not None and not _ADDRESS.fullmatch(address):
+        message = f"'{shorten(address)}' is not an address"
         faults.add((*at, "address"), "bad-address", message, "Write it like tcp://node1:8786.")
     queue = next((name for name in QUEUES if getattr(section, name) is not None), "")
     options = {name: _plain(value) for name, value in (getattr(section, queue, None) or {}).items()}
-    key = queue or ("address" if section.address else LOCAL)
+    keys = None
+    if section.security is not None:
+        files = {name: folder / file for name, file in section.security}
+        for name, file in files.items():
+            require_file(file, (*at, "security", name), faults, "campaign" if at else "cluster")
+        keys = TlsKeys(**{name: str(file) for name, file in files.items()})
     return Cluster(
-        address=_with_protocol(section.address),
+        address=_with_protocol(address),
         queue=queue,
         options=options,
         jobs=section.jobs or 1,
-        keys=_keys(section, at, folder, faults),
+        keys=keys,
         patience=section.patience,
         file=faults.places.document.file,
-        place=locate((*at, key)),
+        place=locate((*at, queue or ("address" if address else LOCAL))),
         places={name: locate((*at, queue, name)) for name in options},
     )
 
 
-def _with_protocol(address: str | None) -> str:
-    return "" if address is None else address if "://" in address else f"tcp://{address}"
-
-
-def _keys(section: ClusterSection, at: KeyPath, folder: Path, faults: Faults) -> TlsKeys | None:
-    given = section.security
-    if given is None:
-        return None
-    paths = {name: folder / getattr(given, name) for name in ("ca_file", "cert", "key")}
-    for name, path in paths.items():
-        if not path.is_file():
-            message = f"there is no file '{shorten(path)}'"
-            hint = "Paths are meant from the folder of this file."
-            faults.add((*at, "security", name), "missing-file", message, hint)
-    return TlsKeys(**{name: str(path) for name, path in paths.items()})
+def _with_protocol(address: str) -> str:
+    return f"tcp://{address}" if address and "://" not in address else address
 
 
 def _plain(value: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Section, SectionFaults
@@ -55,9 +55,8 @@ class ClusterSection(Section):
         examples=["10 min"],
     )
 
-    @model_validator(mode="after")
-    def _says_one(self) -> ClusterSection:
-        faults = SectionFaults()
+    def check(self, faults: SectionFaults) -> None:
+        """Exactly one place to compute, and keys that suit it."""
         given = [name for name in CHOICES if getattr(self, name) not in (None, False)]
         if len(given) != 1:
             message = f"found {' and '.join(given) or 'nothing'}; one of {', '.join(CHOICES)} is "
@@ -68,8 +67,6 @@ class ClusterSection(Section):
         elif self.security is not None and not (self.address or "").startswith("tls://"):
             message = "'security' needs an address that begins with tls://"
             faults.add(("security",), "wrong-key", message, "Correct the address, or remove it.")
-        faults.raise_any()
-        return self
 
 
 class ClusterFileSection(ClusterSection):

@@ -1,4 +1,4 @@
-"""What files of runs, campaigns and projects, have in common: they name cases, and set values."""
+"""What files of campaigns, projects and clusters have in common; how the first two set values."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from geoident.model.case import KeyPath
 from geoident.model.run import Setting
 
 S = TypeVar("S", bound=BaseModel)
+FileKind = Literal["campaign", "project", "cluster"]
 
 
 def require_value_path(text: str) -> str:
@@ -42,7 +43,7 @@ Settings = dict[ValuePath, Any]
 """Path of a value of a case to what takes its place."""
 
 
-def open_run_file(path: str, what: Literal["campaign", "project"]) -> Faults:
+def open_run_file(path: str, what: FileKind) -> Faults:
     """Read the text of a file; its data and the places of its keys, without faults so far.
 
     Raises:
@@ -53,7 +54,7 @@ def open_run_file(path: str, what: Literal["campaign", "project"]) -> Faults:
     return Faults(Places(document, document.data))
 
 
-def validated(section: type[S], faults: Faults, what: Literal["campaign", "project"]) -> S:
+def validated(section: type[S], faults: Faults, what: FileKind) -> S:
     """The keys of a file.
 
     Args:
@@ -78,7 +79,7 @@ def validated(section: type[S], faults: Faults, what: Literal["campaign", "proje
         raise
 
 
-def require_file(path: Path, key: KeyPath, faults: Faults, what: str) -> bool:
+def require_file(path: Path, key: KeyPath, faults: Faults, what: FileKind) -> bool:
     """Whether there is a file that a key names; a fault is noted where there is none.
 
     Args:

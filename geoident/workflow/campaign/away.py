@@ -14,14 +14,14 @@ from pathlib import Path
 from geoident.errors import ExitCode, Fault, InputError, Location
 from geoident.io.result.file import read_identity
 from geoident.io.text.atomic import atomic_output, make_folder
-from geoident.io.text.named_files import named_files
+from geoident.io.text.named_files import files_of_text
 from geoident.io.text.text_file import decode, read_bytes
-from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.cluster import Cluster
-from geoident.model.external import ExternalProgram, ExternalSource, PythonFunction
+from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.model.results.many.campaign import FAILED, RunRecord
-from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, compute
-from geoident.workflow.campaign.plan import CampaignPlan, model_of
+from geoident.workflow.campaign.one_run import RunTask, compute
+from geoident.workflow.campaign.plan import CampaignPlan
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
 from geoident.workflow.executing.parcel import packed, relative
@@ -52,8 +52,7 @@ class AwayTask(TravellingTask):
     @property
     def checkpoint(self) -> str:
         """Path of the evaluations of the run."""
-        task = self.task
-        return checkpoint_of(task.campaign, task.folder, task.run).as_posix()
+        return self.task.checkpoint.as_posix()
 
 
 AwayEnd = TravellingAnswer[RunRecord]
@@ -75,7 +74,7 @@ class AwayRuns(Converted[RunTask, AwayTask, RunRecord, AwayEnd]):
             answer.keep_runs()
             return record
 
-        super().__init__(executor, lambda task: _sent(task, runs), kept)
+        super().__init__(executor, lambda task: sent(task, runs), kept)
 
 
 def cluster_executor(
@@ -95,19 +94,23 @@ def cluster_executor(
     Raises:
         InputError: a file is named in a way that has no meaning on another machine.
     """
-    campaign = plan.campaign
-    model = _model(plan)
-    ran = model if isinstance(model, ExternalProgram | PythonFunction) else None
-    first = ran.command[0] if isinstance(ran, ExternalProgram) else ""
-    _require_relative(campaign.case, but=first)
-    on_cluster = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
-    inputs = [path for path in plan.inputs if path not in on_cluster]
-    logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
-                                   for runs in [_runs_of(plan)]}  # fmt: skip
+    campaign, model, runs = plan.campaign, plan.model, _runs_of(plan)
+    program = model.command[0] if isinstance(model, ExternalProgram) else ""
+    _refuse_absolute(campaign.case, program)
+    on_cluster, logs = {program}, {}
+    programs: tuple[str, ...] = ()
+    if isinstance(model, ExternalProgram | PythonFunction):
+        on_cluster = {program, *model_files(model)} - set(model.inputs)
+        programs = program_of(model)
+        logs = {str(log_of(Path(runs))): known_lines(Path(runs))}
     return DaskCluster(
         cluster,
         partial(begun_with, logs, set_up_away),
-        packed(inputs, beside=[plan.folder], programs=() if ran is None else program_of(ran)),
+        packed(
+            [path for path in plan.inputs if path not in on_cluster],
+            beside=[plan.folder],
+            programs=programs,
+        ),
         jobs=max(1, min(jobs, len(plan.remaining))),
         time_limit=campaign.time_limit,
         retries=campaign.retries,
@@ -115,50 +118,41 @@ def cluster_executor(
     )
 
 
-def _model(plan: CampaignPlan) -> ExternalSource | None:
-    """The model of the base case where that is elsewhere, with paths as they are there.
-
-    Raises:
-        InputError: the case is wrong.
-    """
-    case = plan.campaign.case
-    text = decode(read_bytes(case, limit=MAX_BYTES, what="case"), case)
-    campaign = replace(plan.campaign, case=relative(case))
-    return model_of(campaign, parse_yaml(text, case).data)
-
-
 def _runs_of(plan: CampaignPlan) -> str:
-    """The folder of the runs of the model; empty where that runs nothing."""
-    model = _model(plan)
-    if not isinstance(model, ExternalProgram | PythonFunction):
+    """The folder of the runs of the model, as seen from there; empty where that runs nothing."""
+    if not isinstance(plan.model, ExternalProgram | PythonFunction):
         return ""
     return str(runs_folder(relative(plan.campaign.case)))
 
 
-def _require_relative(case: str, *, but: str = "") -> None:
+def _refuse_absolute(case: str, program: str) -> None:
     """Refuse a case that names a file by its place on this machine.
 
     Args:
         case: its path.
-        but: a program that may be named so.
+        program: that may be named so.
 
     Raises:
         InputError: it does.
     """
-    folder = Path(relative(str(Path(case).parent)))
     text = decode(read_bytes(case, limit=MAX_BYTES, what="case"), case)
     hint = "Name it as seen from the folder of the case."
     faults = [
         Fault("absolute-path", f"'{name}' is not in this place on a cluster", hint, Location(case))
-        for name in named_files(parse_yaml(text, case).data, folder)
-        if Path(name).is_absolute() and name != but
+        for name in files_of_text(text, relative(case))
+        if Path(name).is_absolute() and name != program
     ]
     if faults:
         raise InputError(faults)
 
 
-def _sent(task: RunTask, runs: str) -> AwayTask:
-    """A run as it travels, with the evaluations that an interrupted one has left."""
+def sent(task: RunTask, runs: str) -> AwayTask:
+    """A run as it travels, with the evaluations that an interrupted one has left.
+
+    Args:
+        task: the run.
+        runs: folder of the runs of its model; empty where that runs nothing.
+    """
     campaign = task.campaign
     portable = replace(
         campaign,
@@ -203,19 +197,18 @@ def _kept(answer: AwayEnd, folder: Path, inputs: Iterable[str]) -> RunRecord:
     for name, content in answer.files.items():
         with atomic_output(folder / name, overwrite=True, inputs=inputs) as temporary:
             Path(temporary).write_bytes(content)
-            if place is not None and name == place.name:
-                _set_other_aside(place, temporary)
+            if place is not None and name == place.name and _replaces_other(place, temporary):
+                set_aside(place)
     if place is not None:
-        checkpoint = place.with_name(place.name.removesuffix(".h5") + ".checkpoint")
+        checkpoint = place.with_suffix(".checkpoint")
         if checkpoint.name not in answer.files:
             checkpoint.unlink(missing_ok=True)
     return record
 
 
-def _set_other_aside(place: Path, coming: str) -> None:
-    """Keep a result of other input that is about to be replaced, as if it were computed here."""
+def _replaces_other(place: Path, coming: str) -> bool:
+    """Whether a result would replace one of other input, which a command here would keep."""
     old, new = read_identity(place), read_identity(coming)
     if old is None or new is None or new.kind not in ("fit", "scan"):
-        return
-    if old.identity != new.identity:
-        set_aside(place)
+        return False
+    return old.identity != new.identity

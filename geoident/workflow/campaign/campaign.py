@@ -10,13 +10,7 @@ from geoident.errors import ExitCode, LostCluster
 from geoident.io.result.campaign import RunJournal
 from geoident.model.cluster import Cluster
 from geoident.model.results.many.campaign import INTERRUPTED, SET_ASIDE, CampaignTable, RunRecord
-from geoident.workflow.campaign.one_run import (
-    RunTask,
-    checkpoint_of,
-    set_up,
-    tasks,
-    without_result,
-)
+from geoident.workflow.campaign.one_run import RunTask, set_up, without_result
 from geoident.workflow.campaign.plan import CampaignPlan, PlannedRun
 from geoident.workflow.campaign.runs import table_of, write_tables
 from geoident.workflow.executing.executor import Answered, Executor, usable_cores
@@ -99,14 +93,15 @@ def compute(
     if plan.settled:
         return table_of(plan.head, [plan.known[run.name] for run in plan.runs])
     ended, left = dict(plan.known), plan.remaining
+    bare = replace(plan.campaign, runs=(), sampling=None, cluster=None)  # sent with every run
+    tasks = [RunTask(bare, plan.folder, run, fresh, trust, permitted) for run in left]
     if fresh:  # forgotten once: a run that is begun again goes on from its own
-        for run in left:
-            checkpoint_of(plan.campaign, plan.folder, run).unlink(missing_ok=True)
-    made = tasks(plan.campaign, plan.folder, fresh=fresh, trust=trust, permitted=permitted)
+        for task in tasks:
+            task.checkpoint.unlink(missing_ok=True)
     with RunJournal(plan.folder, plan.head, tuple(plan.known.values())) as journal:
         lost: LostCluster | None = None
         try:
-            for answer in executor.run(made(run) for run in left):
+            for answer in executor.run(tasks):
                 record = _record_of(answer, left[answer.number])
                 if not (answer.stopped and not answer.seconds):  # it was never begun
                     journal.add(record)

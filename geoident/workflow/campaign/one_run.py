@@ -38,9 +38,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan, provenance
 from geoident.workflow.running.readings import reading_table
 from geoident.workflow.scan import scan
-from geoident.workflow.simulate import ComputedBy, Noise, Simulated, simulate
-
-SIMULATED = "simulated, not measured"
+from geoident.workflow.simulate import ComputedBy, Noise, simulate
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class RunTask:
     campaign: Campaign
     folder: Path
     run: PlannedRun
-    fresh: bool
+    fresh: bool = False
     trust: bool = False
     permitted: tuple[str, ...] = ()
 
@@ -69,38 +67,19 @@ class RunTask:
         return self.folder / f"{self.run.name}.{self.campaign.command}.h5"
 
     @property
+    def checkpoint(self) -> Path:
+        """Path of the evaluations of a run that was cut short."""
+        return self.result.with_suffix(".checkpoint")
+
+    @property
     def log(self) -> Path:
         """Path of the details of a bug."""
         return self.folder / f"{self.run.name}.log"
 
 
-def tasks(
-    campaign: Campaign,
-    folder: Path,
-    *,
-    fresh: bool,
-    trust: bool = False,
-    permitted: tuple[str, ...] = (),
-) -> Callable[[PlannedRun], RunTask]:
-    """Makes tasks of runs; the arguments are those of `RunTask`."""
-    bare = replace(campaign, runs=(), sampling=None, cluster=None)
-    return lambda run: RunTask(bare, folder, run, fresh, trust, permitted)
-
-
 def set_up() -> Callable[[RunTask], RunRecord]:
     """What a process does with its tasks."""
     return compute
-
-
-def checkpoint_of(campaign: Campaign, folder: Path, run: PlannedRun) -> Path:
-    """Path of the evaluations of a run that was cut short.
-
-    Args:
-        campaign: that it is of.
-        folder: for its result.
-        run: the run.
-    """
-    return folder / f"{run.name}.{campaign.command}.checkpoint"
 
 
 def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
@@ -116,7 +95,7 @@ def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
         refuse_link(task.result)
         refuse_link(task.log)
         with decided_by(decide, remembered=remembered), names_may_be_lost():
-            finished = _COMMANDS[task.campaign.command](task)
+            finished = _finished(task)
         record = _record(task.run, finished.result, Path(finished.paths[0]).name)
     except Interrupted as error:
         cut = error.exit_code == ExitCode.NOT_CONVERGED
@@ -148,37 +127,40 @@ def without_result(run: PlannedRun, status: str, code: int, reason: str) -> RunR
     return RunRecord(run.name, run.key, run.varied, status, int(code), reason)
 
 
-def _request(task: RunTask) -> Request:
-    return Request(
-        case=task.campaign.case,
-        overrides=task.run.overrides,
+def _finished(task: RunTask) -> Finished:
+    """Do what the command of the campaign does with one case."""
+    campaign, run = task.campaign, task.run
+    control = Control(stop=STOP, max_time=campaign.max_time)
+    if campaign.command == "simulate":
+        return _simulated(task)
+    if campaign.command == "predict":
+        prediction = PredictRequest(
+            result=campaign.result,
+            stages=campaign.stages,
+            case=campaign.case,
+            overrides=run.overrides,
+            output=str(task.result),
+            solver=campaign.solver,
+            force=True,  # the folder is the campaign's own
+            fresh=task.fresh,
+        )
+        return predict(plan_prediction(prediction), control)
+    request = Request(
+        case=campaign.case,
+        overrides=run.overrides,
         output=str(task.result),
-        seed=task.run.seed,
-        solver=task.campaign.solver,
+        seed=run.seed,
+        solver=campaign.solver,
         fresh=task.fresh,
         begun=True,
     )
+    if campaign.command == "scan":
+        return scan(plan_scan(request), control)
+    return fit(plan_fit(request), control)
 
 
-def _control(task: RunTask) -> Control:
-    return Control(stop=STOP, max_time=task.campaign.max_time)
-
-
-def _predict(task: RunTask) -> Finished:
-    request = PredictRequest(
-        result=task.campaign.result,
-        stages=task.campaign.stages,
-        case=task.campaign.case,
-        overrides=task.run.overrides,
-        output=str(task.result),
-        solver=task.campaign.solver,
-        force=True,  # the folder is the campaign's own
-        fresh=task.fresh,
-    )
-    return predict(plan_prediction(request), _control(task))
-
-
-def _simulate(task: RunTask) -> Finished:
+def _simulated(task: RunTask) -> Finished:
+    """Simulate readings, and write them as a result."""
     campaign, run = task.campaign, task.run
     began = time.monotonic()
     simulated = simulate(
@@ -189,40 +171,17 @@ def _simulate(task: RunTask) -> Finished:
         seed=run.seed,
         by=ComputedBy(campaign.solver),
     )
-    result = simulated_result(simulated, task.result, identity=run.key, seed=run.seed)
-    took = replace(result.provenance, seconds=time.monotonic() - began)
-    result, inputs = replace(result, provenance=took), simulated.files_read
-    write_result(result, task.result, overwrite=True, inputs=inputs)
-    return Finished(result, (str(task.result),))
-
-
-_COMMANDS: dict[str, Callable[[RunTask], Finished]] = {
-    "fit": lambda task: fit(plan_fit(_request(task)), _control(task)),
-    "scan": lambda task: scan(plan_scan(_request(task)), _control(task)),
-    "simulate": _simulate,
-    "predict": _predict,
-}
-
-
-def simulated_result(simulated: Simulated, path: Path, *, identity: str, seed: int) -> Result:
-    """Simulated readings as a result.
-
-    Args:
-        simulated: the readings.
-        path: where the result is going to stand.
-        identity: hash of everything that it depends on.
-        seed: of random numbers.
-    """
     case = replace(simulated.case, readings=simulated.readings)
-    table = reading_table(case, [SIMULATED] * len(simulated.readings))
+    table = reading_table(case, ["simulated, not measured"] * len(case.readings))
     channels = {channel.name: i for i, channel in enumerate(case.channels)}
     stages = {stage.name: j for j, stage in enumerate(case.stages)}
-    computed = [
-        simulated.computed[channels[r.channel], stages[r.stage]] for r in simulated.readings
-    ]
+    computed = [simulated.computed[channels[r.channel], stages[r.stage]] for r in case.readings]
     readings = replace(table, computed=np.array(computed, dtype=np.float64))
     inputs = simulated.inputs
-    return Result(
+    origin = provenance(
+        inputs, command="simulate", identity=run.key, seed=run.seed, output=task.result
+    )
+    result = Result(
         kind="simulate",
         status="done",
         exit_code=ExitCode.DONE,
@@ -232,15 +191,15 @@ def simulated_result(simulated: Simulated, path: Path, *, identity: str, seed: i
         findings=(),
         case_text=inputs.loaded.text,
         case_resolved=inputs.loaded.resolved,
-        provenance=provenance(
-            inputs, command="simulate", identity=identity, seed=seed, output=path
-        ),
+        provenance=replace(origin, seconds=time.monotonic() - began),
         parameters=bare_parameter_table(case.parameters, simulated.values),
         gauges=gauge_table(case, readings, simulated.computed),
         counts=simulated.counts,
         history=(),
         notes=case.notes,
     )
+    write_result(result, task.result, overwrite=True, inputs=simulated.files_read)
+    return Finished(result, (str(task.result),))
 
 
 def _record(run: PlannedRun, result: Result, file: str) -> RunRecord:

@@ -13,14 +13,8 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, OutputError, Term
 from geoident.forward.external.program import ProgramModel
 from geoident.io.campaign.file import read_campaign
-from geoident.io.case.file import parse_case
 from geoident.io.mesh.file import mesh_files
-from geoident.io.result.campaign import (
-    CampaignHead,
-    read_head,
-    read_journal,
-    tables_are_newer,
-)
+from geoident.io.result.campaign import CampaignHead, read_head, read_journal, tables_are_newer
 from geoident.io.result.file import FORMAT, read_identity
 from geoident.io.schema.run_file import is_file
 from geoident.io.text.campaign_folder import JOURNAL
@@ -33,30 +27,27 @@ from geoident.model.cluster import Cluster
 from geoident.model.external import ExternalSource
 from geoident.model.results.many.campaign import RunRecord
 from geoident.model.run import Run, Setting, varied_paths
+from geoident.workflow.campaign.check import require_right_cases
 from geoident.workflow.campaign.sampling import sampled
 from geoident.workflow.programs.digest import model_files
 from geoident.workflow.programs.workplace import cluster_given, trusted
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, sums
-from geoident.workflow.running.run_table import in_order, placed
 
 
 @dataclass(frozen=True)
-class PlannedRun:
-    """A run.
+class PlannedRun(Run):
+    """A run of a campaign, with the settings of all its runs before its own.
 
     Args:
-        name: of it and of its files.
         key: hash of everything that it depends on.
-        overrides: of the base case.
-        varied: what varies, in the order of the campaign's paths.
+        varied: what varies, in the order of the campaign's paths; a value that the run leaves as it
+            is, empty.
         seed: of random numbers.
     """
 
-    name: str
-    key: str
-    overrides: tuple[str, ...]
-    varied: tuple[Setting, ...]
-    seed: int
+    key: str = ""
+    varied: tuple[Setting, ...] = ()
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -70,6 +61,7 @@ class CampaignPlan:
         runs: all of them.
         known: name to record of those that need not be computed.
         inputs: paths of all that is read, which no output may replace.
+        model: of the base case, where that is elsewhere; None for ground of its own.
         settled: journal and tables have these runs and no others, all of them known.
         fit: `Result.fingerprint` of the fit that is predicted from; empty where nothing is.
     """
@@ -80,6 +72,7 @@ class CampaignPlan:
     runs: tuple[PlannedRun, ...]
     known: Mapping[str, RunRecord]
     inputs: tuple[str, ...]
+    model: ExternalSource | None = None
     settled: bool = False
     fit: str = ""
 
@@ -128,23 +121,37 @@ def plan_campaign(
     rows = campaign.runs
     if campaign.sampling is not None:
         rows = sampled(campaign.sampling, campaign.case)
-    folder, paths = folder_of(path, output), varied_paths(rows)
     text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
     data = parse_yaml(text, campaign.case).data
+    model = None
+    if isinstance(data, dict) and "model" in data:
+        with suppress(InputError):  # its faults are told with those of the runs
+            overrides = (*campaign.base.overrides, NO_READINGS)
+            model = load_inputs(campaign.case, overrides=overrides).case.elsewhere
     fit = read_identity(campaign.result) if campaign.result else None
     fingerprint = "" if fit is None else fit.fingerprint
-    runs = _planned(campaign, rows, paths, _depends_on(campaign, rows, data, fingerprint))
+
+    results = [campaign.result] if campaign.result else []
+    named = _named_files(campaign, rows, data, model)
+    if campaign.command != "simulate":
+        of_fit = [fingerprint or sums(results)[0]] if results else []
+        depends_on: list[Node] = [*sums([campaign.case]), *of_fit, *sums(named)]
+    else:  # no reading enters: neither those of the case count nor their files
+        if isinstance(data, dict):
+            data = {key: value for key, value in data.items() if key != "readings"}
+        depends_on = [data, *sums(_named_files(campaign, rows, data, model))]
+    paths = varied_paths(rows)
+    runs = _planned(campaign, rows, paths, depends_on)
+
+    folder = folder_of(path, output)
     _require_own(folder, path, force=force)
     head, records = (None, ()) if fresh else read_journal(folder)
     known = _known(runs, records, folder)
-    of_fit = [campaign.result] if campaign.result else []
-    inputs = (campaign.path, campaign.case, *of_fit, *_named(campaign, rows, data))
-    inputs = tuple(dict.fromkeys(inputs))
-    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs, fit=fingerprint)
+    inputs = tuple(dict.fromkeys((campaign.path, campaign.case, *results, *named)))
+    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs, model, fit=fingerprint)
     if head == plan.head and len(records) == len(known) == len(runs):
         plan = replace(plan, settled=tables_are_newer(folder))
-    if left := [row for row in rows if row.name not in known]:
-        _check(campaign, left, text)
+    require_right_cases(campaign, plan.remaining, text)
     return plan
 
 
@@ -175,14 +182,79 @@ def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     Raises:
         InputError: it may not.
     """
-    if not plan.remaining:
+    if plan.model is None or not plan.remaining:
         return ()
     base = plan.campaign.base
-    inputs = load_inputs(base.case, overrides=(*base.overrides, NO_READINGS))
-    if inputs.case.elsewhere is None:
-        return ()
-    model = build_model(inputs)
+    model = build_model(load_inputs(base.case, overrides=(*base.overrides, NO_READINGS)))
     return (model.runs.require_trust(),) if isinstance(model, ProgramModel) else ()
+
+
+def _named_files(
+    campaign: Campaign, rows: Sequence[Run], data: Node, model: ExternalSource | None
+) -> list[str]:
+    """Paths of all files that the base case or a run names, or that decide what its model gives.
+
+    Args:
+        campaign: with the base case.
+        rows: what its runs set.
+        data: the base case as mappings, lists and texts.
+        model: of the base case.
+    """
+    folder = Path(campaign.case).parent
+    values = {value for run in (campaign.base, *rows) for _, value in run.settings}
+    named = [*named_files(data, folder), *(() if model is None else model_files(model))]
+    named += [str(folder / value) for value in sorted(values) if is_file(folder / value)]
+    return [part for name in named for part in mesh_files(name)]
+
+
+def _planned(
+    campaign: Campaign, rows: Sequence[Run], paths: Sequence[str], depends_on: list[Node]
+) -> tuple[PlannedRun, ...]:
+    """The runs with what each depends on, as a hash.
+
+    Args:
+        campaign: with what is set in all runs.
+        rows: what each run sets beside, its seed among it.
+        paths: all that is set in some row.
+        depends_on: the base case and checksums of files, on which all depend.
+
+    Raises:
+        InputError: a seed is none.
+    """
+    common = {
+        "command": campaign.command,
+        "version": __version__,
+        "format": FORMAT,
+        "inputs": depends_on,
+        "settings": campaign.settings,
+        "noise": campaign.noise,
+        "draw": campaign.draw,
+        "stages": campaign.stages,
+    }
+    digest = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
+    runs, faults = [], []
+    for row in rows:
+        places = dict(zip(row.settings, row.places, strict=True))
+        settings = dict(row.settings)
+        stated, seed = settings.get(SEED), campaign.seed
+        if stated is not None:
+            if not (stated.isdecimal() and len(stated) < 19):
+                message = f"'{stated}' is not a seed; a whole number from 0 on is expected"
+                hint = "Write seeds out, such as seed: [1, 2, 3] in a product; "
+                hint += "they cannot be sampled."
+                faults.append(Fault("bad-count", message, hint, places[SEED, stated], SEED))
+                continue
+            del places[SEED, stated]
+            seed = int(stated)
+        key = digest.copy()
+        key.update(json.dumps([row.settings, seed], ensure_ascii=False).encode())
+        run = replace(row, settings=tuple(places), places=tuple(places.values()))
+        run = run.on(campaign.base)
+        varied = tuple((path, settings.get(path, "")) for path in paths)
+        runs.append(PlannedRun(**vars(run), key=key.hexdigest(), varied=varied, seed=seed))
+    if faults:
+        raise InputError(shortened(faults))
+    return tuple(runs)
 
 
 def _known(
@@ -201,7 +273,11 @@ def _known(
 
 
 def _require_own(folder: Path, path: str, *, force: bool) -> None:
-    """Refuse a folder that holds something else."""
+    """Refuse a folder that holds something else.
+
+    Raises:
+        OutputError: it does, or is a file.
+    """
     if folder.exists() and not folder.is_dir():
         raise OutputError(
             f"{folder}: is a file, not a folder\n    choose another place with {Term.OUTPUT}"
@@ -219,169 +295,3 @@ def _require_own(folder: Path, path: str, *, force: bool) -> None:
     if head is not None and head.campaign_file != seen_from(folder, path):
         other = head.campaign_file
         raise OutputError(f"{folder}: has the runs of another campaign ({other})\n    {remedy}")
-
-
-def _named(campaign: Campaign, rows: Sequence[Run], data: Node) -> tuple[str, ...]:
-    """Paths of all files that a base case or a run names, or that decide what its model gives."""
-    folder = Path(campaign.case).parent
-    named = list(named_files(data, folder))
-    with suppress(InputError):  # its faults are told with those of the runs
-        model = model_of(campaign, data)
-        named += [] if model is None else model_files(model)
-    values = {value for run in (campaign.base, *rows) for _, value in run.settings}
-    named += [str(folder / value) for value in sorted(values) if is_file(folder / value)]
-    return tuple(part for name in named for part in mesh_files(name))
-
-
-def _depends_on(
-    campaign: Campaign, rows: Sequence[Run], data: Node, fingerprint: str
-) -> list[Node]:
-    """What the runs depend on beside their settings: the base case, and checksums of files.
-
-    No reading enters a simulation, so neither those of the case nor their files count for it.
-
-    Args:
-        campaign: with the base case.
-        rows: what its runs set.
-        data: the base case.
-        fingerprint: of the fit that is predicted from; empty where it has none.
-    """
-    if campaign.command == "simulate":
-        if isinstance(data, dict):
-            data = {key: value for key, value in data.items() if key != "readings"}
-        return [data, *sums(_named(campaign, rows, data))]
-    of_fit = [fingerprint or sums([campaign.result])[0]] if campaign.result else []
-    return [*sums([campaign.case]), *of_fit, *sums(_named(campaign, rows, data))]
-
-
-def model_of(campaign: Campaign, data: Node) -> ExternalSource | None:
-    """The model of the base case where that is elsewhere; None of one with ground of its own.
-
-    Args:
-        campaign: with it.
-        data: the base case as mappings, lists and texts.
-
-    Raises:
-        InputError: the case is wrong.
-    """
-    if not (isinstance(data, dict) and "model" in data):
-        return None
-    overrides = (*campaign.base.overrides, NO_READINGS)
-    return load_inputs(campaign.case, overrides=overrides).case.elsewhere
-
-
-def _planned(
-    campaign: Campaign, rows: Sequence[Run], paths: Sequence[str], depends_on: list[Node]
-) -> tuple[PlannedRun, ...]:
-    """The runs with what each depends on, as a hash.
-
-    Raises:
-        InputError: a seed is none.
-    """
-    common = {
-        "command": campaign.command,
-        "version": __version__,
-        "format": FORMAT,
-        "inputs": depends_on,
-        "settings": campaign.settings,
-        "noise": campaign.noise,
-        "draw": campaign.draw,
-        "stages": campaign.stages,
-    }
-    digest = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
-    runs, faults = [], []
-    for row in rows:
-        seed, settings = campaign.seed, dict(row.settings)
-        if SEED in settings and not (settings[SEED].isdecimal() and len(settings[SEED]) < 19):
-            message = f"'{settings[SEED]}' is not a seed; a whole number from 0 on is expected"
-            hint = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
-            place = dict(zip(settings, row.places, strict=True))[SEED]
-            faults.append(Fault("bad-count", message, hint, place, SEED))
-        elif SEED in settings:
-            seed = int(settings[SEED])
-        key = digest.copy()
-        key.update(json.dumps([row.settings, seed], ensure_ascii=False).encode())
-        varied = tuple((path, settings.get(path, "")) for path in paths)
-        overrides = _of_case(row).on(campaign.base).overrides
-        runs.append(PlannedRun(row.name, key.hexdigest(), overrides, varied, seed))
-    if faults:
-        raise InputError(shortened(faults))
-    return tuple(runs)
-
-
-def _of_case(row: Run) -> Run:
-    """A run without its seed, which is no value of the case."""
-    pairs = zip(row.settings, row.places, strict=True)
-    kept = [(setting, place) for setting, place in pairs if setting[0] != SEED]
-    settings, places = tuple(setting for setting, _ in kept), tuple(place for _, place in kept)
-    return replace(row, settings=settings, places=places)
-
-
-# Whether the cases of the runs are right
-
-_CHECKED = 50
-"""Runs whose cases are read before anything is computed."""
-
-_OF_PATHS = ("bad-override", "unknown-key")
-"""Faults that do not depend on the value."""
-
-
-def _check(campaign: Campaign, rows: Sequence[Run], text: str) -> None:
-    """Read the base case, and the cases of some runs.
-
-    Args:
-        campaign: with the base case.
-        rows: runs that are to be computed.
-        text: of the base case.
-
-    Raises:
-        InputError: with the faults of the base case, and what runs have besides, where they are
-            written.
-    """
-    no_readings = (NO_READINGS,) if campaign.command == "simulate" else ()
-
-    def faults_of(run: Run) -> tuple[Fault, ...]:
-        try:
-            parse_case(text, run.case, overrides=(*run.overrides, *no_readings), with_texts=False)
-        except InputError as error:
-            return error.faults
-        return ()
-
-    of_base = faults_of(campaign.base)
-    faults = [placed(fault, campaign.base) for fault in of_base]
-    paths: set[str] = set()
-    for row in _telling(rows):
-        run = _of_case(row).on(campaign.base)
-        for fault in faults_of(run):
-            if fault in of_base or (fault.code in _OF_PATHS and fault.path in paths):
-                continue  # said of the base case, or of another value
-            paths.add(fault.path)
-            of_run = placed(fault, run)
-            if of_run.location.file == run.case:
-                of_run = replace(of_run, message=f"in the run {run.name}: {of_run.message}")
-            faults.append(of_run)
-    if faults:
-        raise InputError(in_order(faults))
-
-
-def _telling(rows: Sequence[Run]) -> list[Run]:
-    """Runs with a value that no earlier one has; of numbers in one unit the ends."""
-    chosen: dict[str, Run] = {}
-    for path in varied_paths(rows):
-        with_value: dict[str, Run] = {}
-        for row in rows:
-            for other, value in row.settings:
-                if other == path:
-                    with_value.setdefault(value, row)
-        values = list(with_value)
-        with suppress(ValueError):  # not all are numbers
-            numbers = {value: float(value.partition(" ")[0]) for value in values}
-            if len({value.partition(" ")[2] for value in values}) == 1:
-                values = [
-                    min(values, key=numbers.__getitem__),
-                    max(values, key=numbers.__getitem__),
-                ]
-        chosen |= {with_value[value].name: with_value[value] for value in values}
-        if len(chosen) >= _CHECKED:
-            break
-    return list(chosen.values())[:_CHECKED]

@@ -15,8 +15,8 @@ from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.workflow.campaign import away
 from geoident.workflow.campaign.away import AwayRuns, cluster_executor, compute_away
 from geoident.workflow.campaign.campaign import compute
+from geoident.workflow.campaign.one_run import RunTask
 from geoident.workflow.campaign.one_run import compute as compute_run
-from geoident.workflow.campaign.one_run import tasks
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.campaign.runs import read_runs
 from geoident.workflow.executing.executor import Answered
@@ -62,8 +62,7 @@ def content(path):
 def serial(plan):
     """The same runs, one after the other in this process."""
     plan.folder.mkdir()
-    make = tasks(plan.campaign, plan.folder, fresh=False)
-    return [compute_run(make(run)) for run in plan.runs]
+    return [compute_run(RunTask(plan.campaign, plan.folder, run)) for run in plan.runs]
 
 
 class There:
@@ -155,9 +154,8 @@ def test_a_result_of_other_input_is_kept_beside(there):
 
 def test_a_file_that_is_named_by_its_place_here_is_refused(here):
     readings = str(here / "readings.csv")
-    Path(readings).touch()
     case = Path("case.yaml")
-    case.write_text(f"{case.read_text()}\ntitle2: {readings}\n")
+    case.write_text(case.read_text().replace("readings: readings.csv", f"readings: {readings}"))
     with pytest.raises(InputError, match="is not in this place on a cluster") as caught:
-        away._require_relative("case.yaml")
+        cluster_executor(plan_campaign("campaign.yaml"), Cluster(), 1, lambda message: None)
     assert readings in str(caught.value)

@@ -23,7 +23,6 @@ from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.many import page_of_many
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import campaign_text, outcome_sentences
-from geoident.workflow.campaign import one_run
 from geoident.workflow.campaign.campaign import compute
 from geoident.workflow.campaign.one_run import compute as compute_run
 from geoident.workflow.campaign.plan import plan_campaign
@@ -243,19 +242,18 @@ def test_a_run_with_a_bug_leaves_its_log(here, monkeypatch):
 def test_runs_without_memory_or_disk_are_named_and_begun_again_by_the_same_command(
     here, monkeypatch
 ):
-    write("command: simulate\nvariations: {rows: [{run: large}, {run: last}, {run: fine}]}")
+    runs = "{run: large, parameters.c.start: 1 MPa}, {run: last, parameters.c.start: 2 MPa}"
+    write(f"command: simulate\nvariations: {{rows: [{runs}, {{run: fine}}]}}")
 
-    def fail(task):
-        if task.run.name == "large":
+    def fails(*arguments, overrides, **given):
+        if "parameters.c.start=1 MPa" in overrides:
             raise MemoryError
-        raise output_error("last.h5", OSError(errno.ENOSPC, "No space left on device"))
+        if "parameters.c.start=2 MPa" in overrides:
+            raise output_error("last.h5", OSError(errno.ENOSPC, "No space left on device"))
+        return simulate(*arguments, overrides=overrides, **given)
 
-    once = one_run._COMMANDS["simulate"]
     with monkeypatch.context() as patch:
-        patch.setitem(
-            one_run._COMMANDS, "simulate",
-            lambda task: once(task) if task.run.name == "fine" else fail(task),
-        )  # fmt: skip
+        patch.setattr("geoident.workflow.campaign.one_run.simulate", fails)
         table, _, _ = computed()
     assert table.exit_code == ExitCode.SOME_FAILED
     reasons = {run.name: run.reason for run in table.failed}

@@ -16,10 +16,10 @@ from geoident.cli.several_away import run_cases
 from geoident.errors import ExitCode, InputError
 from geoident.model.cluster import Cluster
 from geoident.report.text.campaign.spreadsheet import runs_csv
-from geoident.workflow.campaign.away import AwayRuns, _sent, cluster_executor, compute_away
+from geoident.workflow.campaign.away import AwayRuns, cluster_executor, compute_away, sent
 from geoident.workflow.campaign.campaign import compute
+from geoident.workflow.campaign.one_run import RunTask
 from geoident.workflow.campaign.one_run import compute as compute_run
-from geoident.workflow.campaign.one_run import tasks
 from geoident.workflow.campaign.plan import plan_campaign, require_trust
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.programs.trust import decided_by, trusting
@@ -84,9 +84,10 @@ def test_a_function_with_what_it_imports_and_reads_is_fitted_there_as_here(here,
     assert len({(run["key"]) for run in made}) == len(made) > 20  # none was lost, none made twice
     plan = plan_campaign("campaign.yaml", output="here")
     plan.folder.mkdir()
-    make = tasks(plan.campaign, plan.folder, fresh=False)
     for run, one in zip(plan.runs, table.runs, strict=True):
-        mine = compute_run(make(run))  # the permission is remembered here, with the runs
+        mine = compute_run(
+            RunTask(plan.campaign, plan.folder, run)
+        )  # the permission is remembered here, with the runs
         assert repr(mine.parameters) == repr(one.parameters)
     assert logged() == made  # what was made there is known here
     (here / "nu.txt").write_text("0.3")
@@ -109,8 +110,8 @@ def test_a_program_beside_the_case_runs_there_and_what_failed_comes_back(here, c
 def ends_there(permitted):
     """How the runs of the campaign end in a process elsewhere."""
     plan = plan_campaign("campaign.yaml", output="out")
-    make = tasks(plan.campaign, Path("out"), fresh=False, permitted=permitted)
-    return [compute_away(_sent(make(run), "case.runs")).end for run in plan.runs]
+    tasks = [RunTask(plan.campaign, Path("out"), run, permitted=permitted) for run in plan.runs]
+    return [compute_away(sent(task, "case.runs")).end for task in tasks]
 
 
 def test_nothing_is_run_there_that_nobody_has_permitted(here):
@@ -161,8 +162,7 @@ def test_the_journal_of_a_run_is_what_it_writes(here):
     text = Path("campaign.yaml").read_text()
     Path("campaign.yaml").write_text(f"{text}max_time: 0.001 s\n")
     plan = plan_campaign("campaign.yaml", output="out")
-    (task,) = map(tasks(plan.campaign, Path("out"), fresh=False), plan.runs)
-    away = _sent(task, "")
+    away = sent(RunTask(plan.campaign, Path("out"), plan.runs[0]), "")
     end = compute_away(away)
     assert away.journals == (away.checkpoint,)
     assert Path(away.checkpoint).name in end.files
