@@ -31,8 +31,7 @@ from geoident.workflow.programs.travelling import (
     TravellingAnswer,
     TravellingTask,
     begun_with,
-    known_lines,
-    log_of,
+    known_logs,
 )
 from geoident.workflow.running.outputs import runs_folder, set_aside
 
@@ -102,8 +101,7 @@ def cluster_executor(
     _require_relative(campaign.case, but=first)
     on_cluster = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
     inputs = [path for path in plan.inputs if path not in on_cluster]
-    logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
-                                   for runs in [_runs_of(plan)]}  # fmt: skip
+    logs = known_logs([] if ran is None else [Path(_runs_of(plan))])
     return DaskCluster(
         cluster,
         partial(begun_with, logs, set_up_away),
