@@ -34,9 +34,9 @@ from geoident.model.external import ExternalSource
 from geoident.model.results.many.campaign import RunRecord
 from geoident.model.run import Run, Setting, varied_paths
 from geoident.workflow.campaign.sampling import sampled
-from geoident.workflow.programs.digest import model_files
+from geoident.workflow.programs.digest import known_sha256, model_files
 from geoident.workflow.programs.workplace import cluster_given, trusted
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, sums
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 from geoident.workflow.running.run_table import in_order, placed
 
 
@@ -249,9 +249,10 @@ def _depends_on(
     if campaign.command == "simulate":
         if isinstance(data, dict):
             data = {key: value for key, value in data.items() if key != "readings"}
-        return [data, *sums(_named(campaign, rows, data))]
-    of_fit = [fingerprint or sums([campaign.result])[0]] if campaign.result else []
-    return [*sums([campaign.case]), *of_fit, *sums(_named(campaign, rows, data))]
+        return [data, *map(known_sha256, _named(campaign, rows, data))]
+    of_fit = [fingerprint or known_sha256(campaign.result)] if campaign.result else []
+    named = _named(campaign, rows, data)
+    return [known_sha256(campaign.case), *of_fit, *map(known_sha256, named)]
 
 
 def model_of(campaign: Campaign, data: Node) -> ExternalSource | None:
