@@ -285,17 +285,12 @@ def error_structure(
                 entries.append((k, columns[source], size))
     if own_components is not None:
         of_readings[: len(own_components)] = own_components.tolist()
-    i, j, size = zip(*entries, strict=True) if entries else ((), (), ())
+    i, j, sd = np.array(entries, dtype=np.float64).reshape(-1, 3).T
+    at = i.astype(np.int64), j.astype(np.int64)
     return ErrorStructure(
         sd=np.array([channel.own_sd(reading) for channel, reading in rows], dtype=np.float64),
         component=np.array(of_readings, dtype=np.int64),
-        columns=sp.csr_array(
-            (
-                np.array(size, dtype=np.float64),
-                (np.array(i, dtype=np.int64), np.array(j, dtype=np.int64)),
-            ),
-            shape=(len(rows), len(columns)),
-        ),
+        columns=sp.csr_array((sd, at), shape=(len(rows), len(columns))),
         column_component=np.array(of_columns, dtype=np.int64),
         names=tuple(numbers),
     )
