@@ -423,8 +423,8 @@ def _plan(request: Request, command: str, *further: str) -> Job:
     if not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."
-        place = case.source.locate(("parameters",))
-        raise InputError([Fault("no-parameters", message, hint, place, "parameters")])
+        written = case.source.locate(("parameters",))
+        raise InputError([Fault("no-parameters", message, hint, written, "parameters")])
     methods = case.fit.methods
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)

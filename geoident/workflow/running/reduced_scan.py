@@ -243,7 +243,7 @@ class ReducedInLog:
             response: of whose analyses it is made.
         """
         kept = kept_model(reduced, self._model, response.visited())
-        content = np.frombuffer(reduced_bytes(kept), dtype=np.uint8)
+        content = np.frombuffer(reduced_bytes(kept), dtype=np.uint8).astype(np.float64)
         cost = np.array(astuple(spent), dtype=float)
         self.log.add(_REDUCED, centre, {"file": content, "cost": cost})
         return self._restored(kept), spent
