@@ -12,8 +12,8 @@ from typing import Any, ParamSpec, TypeVar
 
 from geoident.errors import Caller, GeoidentError, MissingExtra, UsageError
 from geoident.model.results.result import Iteration
-from geoident.workflow.programs.workplace import workplace
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.programs.workplace import on_cluster
+from geoident.workflow.running.control import Control, Monitor
 
 AnyPath = str | os.PathLike[str]
 Progress = Callable[[Iteration], None]
@@ -79,7 +79,7 @@ def control(
     """
     telling, at_once = _Telling(progress), processes(jobs)
     named = None if cluster is None else os.fspath(cluster)
-    place = workplace(named, at_once, telling.inform)
+    place = on_cluster(named, at_once, telling.inform)
     return Control(telling, max_time=max_time, jobs=at_once, cluster=place)
 
 
@@ -95,7 +95,7 @@ def processes(jobs: int | None) -> int | None:
 
 
 @dataclass(frozen=True)
-class _Telling(Silent):
+class _Telling(Monitor):
     """Passes iterations on, and warnings as those of Python."""
 
     progress: Progress | None = field(repr=False, default=None)

@@ -24,7 +24,7 @@ from geoident.report.text.project.tables import project_summary
 from geoident.report.text.result import summary_text
 from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.executing.stop import StopRequest
-from geoident.workflow.programs.workplace import workplace
+from geoident.workflow.programs.workplace import on_cluster
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Planned, Request
 from geoident.workflow.running.outputs import Existing
@@ -140,7 +140,7 @@ def run_and_say(
     """
     control = Control(
         terminal, stop or StopRequest(), max_time=options.max_time, jobs=options.jobs,
-        cluster=workplace(cluster, options.jobs, terminal.inform),
+        cluster=on_cluster(cluster, options.jobs, terminal.inform),
     )  # fmt: skip
     listening = stop_on_signals(control.stop) if stop is None else nullcontext()
     with terminal.live(title), listening:

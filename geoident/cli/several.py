@@ -124,8 +124,6 @@ def _compute(
     command: str, left: Sequence[int], ends: _Ends, options: Options, cluster: str | None
 ) -> ExitCode | None:
     """Compute cases in processes; the exit code of the signal that has ended this, if one has."""
-    from geoident.workflow.running.run_table import lost_words
-
     terminal = Terminal(options)
     cases = [ends.cases[n] for n in left]
     with (
@@ -138,7 +136,7 @@ def _compute(
             if end is None and answer.stopped:
                 end = CaseEnd(ExitCode.TERMINATED)
             elif end is None:
-                end = CaseEnd(ExitCode.BUG, stderr=f"set aside: {lost_words(answer)}")
+                end = CaseEnd(ExitCode.BUG, stderr=f"set aside: {answer.why_set_aside}")
             ends.add(left[answer.number], end)
             terminal.part(f"{done} of {len(left)} cases done", done / len(left))
     return log.code

@@ -30,8 +30,7 @@ from geoident.workflow.programs.travelling import (
     TravellingAnswer,
     TravellingTask,
     begun_with,
-    known_lines,
-    log_of,
+    known_logs,
 )
 from geoident.workflow.running.jobs import build_model, load_inputs
 from geoident.workflow.running.outputs import kept_results, runs_folder, target
@@ -138,8 +137,7 @@ def cases_on(
     programs = [name for one in run.values() for name in program_of(one.model)]
     named = (*(name for case in cases for name in _files(case)), *of_models)
     files = tuple(name for name in dict.fromkeys(named) if name not in programs)
-    folders = [runs_folder(case) for case in run]
-    logs = {str(log_of(folder)): known_lines(folder) for folder in folders}
+    logs = known_logs(runs_folder(case) for case in run)
     outputs = [] if options.output is None else [options.output]
     return DaskCluster(
         cluster,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from geoident.cli.options import Options
+from geoident.workflow.running.control import Monitor
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -35,7 +36,7 @@ _DONE = 1e-8
 _MOST = 100.0
 
 
-class Terminal:
+class Terminal(Monitor):
     """The monitor of commands that run at a terminal or under a script.
 
     Args:

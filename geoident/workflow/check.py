@@ -34,6 +34,7 @@ from geoident.model.results.summary import (
 )
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.setup import require_possible
+from geoident.workflow.programs.program import executed
 from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
@@ -149,8 +150,6 @@ def _elsewhere(case: Case) -> str:
     """What computes the readings, where geoident does not."""
     if case.elsewhere is None:
         return ""
-    from geoident.workflow.programs.program import executed  # noqa: PLC0415 - there alone
-
     words = executed(case.elsewhere)
     if isinstance(case.elsewhere, ConvergenceLaw):
         return words

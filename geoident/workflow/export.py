@@ -7,7 +7,6 @@ made from an earlier result of the case, and gives way to what is made now.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.mark import marked, origin_of
 from geoident.model.results.result import FieldSeries, Result
+from geoident.workflow.programs.digest import file_sha256
 from geoident.workflow.running.older_files import listed_files, listing_text
 from geoident.workflow.running.outputs import kept_results
 from geoident.workflow.running.remade import foreign
@@ -144,7 +144,9 @@ class ListedFiles:
             for file, part in parts.items():
                 writers[file](part)
             if not own:
-                made = {f.name: (_sha256(Path(part)), self.identity) for f, part in parts.items()}
+                made = {
+                    f.name: (file_sha256(Path(part)), self.identity) for f, part in parts.items()
+                }
                 text = listing_text(before | made)
                 part = place(listing, ours=True)
                 origin = origin_of([self.case], listing)
@@ -167,12 +169,7 @@ class ListedFiles:
 
 def _is_listed(file: Path, known: Mapping[str, tuple[str, str]]) -> bool:
     """Whether a file is as it was made."""
-    return file.name in known and file.is_file() and _sha256(file) == known[file.name][0]
-
-
-def _sha256(file: Path) -> str:
-    with file.open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
+    return file.name in known and file.is_file() and file_sha256(file) == known[file.name][0]
 
 
 def export_texts(export: Export, texts: Mapping[str, str]) -> tuple[str, ...]:

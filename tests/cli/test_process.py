@@ -49,7 +49,7 @@ def test_help_imports_nothing_heavy(arguments):
 NEEDLESS = (
     "scipy.optimize", "scipy.interpolate", "scipy.stats",
     "meshio", "openpyxl", "matplotlib", "rich", "arviz", "distributed",
-    "geoident.workflow.programs.program", "geoident.workflow.predict", "geoident.workflow.sample",
+    "geoident.workflow.predict", "geoident.workflow.sample",
 )  # fmt: skip
 """What neither a check nor a simulation of a case with a mesh of its own needs."""
 

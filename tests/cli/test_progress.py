@@ -11,7 +11,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import Iteration
 from geoident.workflow.fit import fit
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import Control, Monitor
 from geoident.workflow.running.jobs import Request, plan_fit
 
 
@@ -57,7 +57,7 @@ def test_between_two_iterations_it_counts_down_and_does_not_grow():
     assert pace.remaining() == pytest.approx(50.0)
 
 
-class Told(Silent):
+class Told(Monitor):
     def __init__(self):
         self.stages = []
 

@@ -18,7 +18,7 @@ from geoident.errors import ExitCode, Interrupted
 from geoident.io.result.file import read_result, write_result
 from geoident.workflow.running import control
 from geoident.workflow.running.answers import Asked
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import Control, Monitor
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
 with warnings.catch_warnings():
@@ -161,7 +161,7 @@ def test_what_is_not_installed_is_named(fitted, run, monkeypatch):
     assert 'pip install "geoident[sample]"' in refused.stderr
 
 
-class Stopping(Silent):
+class Stopping(Monitor):
     """Asks for a stop when some evaluations are done."""
 
     def __init__(self, control_of, number):

@@ -17,7 +17,7 @@ from geoident.workflow.backtest import backtest, ending
 from geoident.workflow.estimating import mesh_error, search
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
-from geoident.workflow.running.control import OUT_OF_TIME, Control, Silent
+from geoident.workflow.running.control import OUT_OF_TIME, Control, Monitor
 from geoident.workflow.running.evaluation_log import carry_over
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
 from geoident.workflow.scoring.trials import NEARBY, near_answer, up_to
@@ -371,7 +371,7 @@ def test_a_backtest_that_is_out_of_time_says_how_many_fits_it_has():
 
 class TestInterrupted:
     def test_out_of_time_keeps_what_was_done(self, pit, whole):
-        short = run(control=Control(Silent(), max_time=0.0))
+        short = run(control=Control(max_time=0.0))
         assert (short.status, short.exit_code) == ("out-of-budget", ExitCode.NOT_CONVERGED)
         assert short.backtest is None
         assert short.reason == f"{OUT_OF_TIME} No fit was done."
@@ -386,7 +386,7 @@ class TestInterrupted:
         [pytest.param(1, marks=pytest.mark.slow), 8, pytest.param(12, marks=pytest.mark.slow)],
     )
     def test_it_goes_on_to_the_result_of_an_uninterrupted_run(self, pit, whole, after):
-        class Stopping(Silent):
+        class Stopping(Monitor):
             steps = 0
 
             def step(self, iteration):
@@ -406,7 +406,7 @@ class TestInterrupted:
         job = plan_fit(Request("case.yaml", ("fit.backtest=false",)))
         steps = len(fit(job, Control()).result.history)
 
-        class Counting(Silent):
+        class Counting(Monitor):
             seen = 0
 
             def step(self, iteration):
@@ -485,7 +485,7 @@ def test_where_ground_yields_a_fit_beside_an_answer_weighs_the_readings_there(pi
     def answer(*more, near, start):
         setup = prepare(plan_fit(Request("case.yaml", (*said, *more))))
         begun.clear()
-        given = (NEARBY,), Kept(), Control(Silent())
+        given = (NEARBY,), Kept(), Control()
         found = search.estimated(setup, *given, start=start, near=near)
         assert found.outcome.status == "converged"
         return found.outcome.values

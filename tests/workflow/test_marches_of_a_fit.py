@@ -11,7 +11,7 @@ import pytest
 from geoident.forward.reduced import reduction
 from geoident.model.results.findings import sentences_of
 from geoident.workflow.fit import fit
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_fit
 from geoident.workflow.simulate import simulate
 from tests.support.deck import write_deck
@@ -99,7 +99,7 @@ def case(files, tmp_path, monkeypatch):
 
 def fitted(*overrides, control=None, **options):
     job = plan_fit(Request("case.yaml", overrides, **options))
-    return fit(job, control or Control(Silent())).result
+    return fit(job, control or Control()).result
 
 
 @pytest.fixture(scope="module")

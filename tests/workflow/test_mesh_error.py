@@ -26,7 +26,7 @@ from geoident.workflow.estimating.setup import Setup, prepare
 from geoident.workflow.fit import fit as run_fit
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_predict
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_fit
 from geoident.workflow.simulate import simulate
 from tests.support.cases import displacement, material, model, rollers
@@ -330,7 +330,7 @@ def coarse(files, tmp_path):
 
 def fitted(path, **changes):
     job = plan_fit(Request(str(path), force=True, fresh=True, **changes))
-    return run_fit(job, Control(Silent())).result
+    return run_fit(job, Control()).result
 
 
 def test_a_fit_says_that_its_mesh_is_too_coarse_and_its_interval_covers(coarse):
@@ -347,7 +347,7 @@ def test_a_fit_says_that_its_mesh_is_too_coarse_and_its_interval_covers(coarse):
     assert np.all((bands.lower95[:, 1] < truth) & (truth < bands.upper95[:, 1]))
     # what a later command makes of the result is the same
     task = plan_prediction(PredictRequest(str(coarse.with_name("case.fit.h5")), force=True))
-    later = run_predict(task, Control(Silent())).result.prediction
+    later = run_predict(task, Control()).result.prediction
     np.testing.assert_allclose(later.sd, bands.sd, rtol=1e-6)
     np.testing.assert_allclose(later.mean, bands.mean, rtol=1e-9)
 
@@ -387,7 +387,7 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
         analysed.clear()
         rough = tuple(f"gauges.{name}.accuracy={accuracy}" for name in ("CV", "R", "S"))
         job = plan_fit(Request(str(coarse), rough, force=True, fresh=True))
-        found, _, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))
+        found, _, outcome = estimated(prepare(job), job.methods, NoLog(), Control())
         assert analysed == asked
         whole = mesh_error(found.model, found.model.case, outcome.values)
         first = found.readings.used
@@ -400,7 +400,7 @@ def test_what_the_finer_mesh_costs_is_counted(coarse, monkeypatch):
     """A factorization for each stage on the finer mesh; the analysis of the search goes on."""
     override = ("fit.model_error=none",)
     job = plan_fit(Request(str(coarse), override, force=True, fresh=True))
-    found, problem, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))
+    found, problem, outcome = estimated(prepare(job), job.methods, NoLog(), Control())
     assert found.mesh.table.cost.factorizations == 2
     assert found.mesh.spent.factorizations == 2 + 1
     counted = fitted(coarse, overrides=override).counts

@@ -15,19 +15,20 @@ from support.trench import write_case
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.model.cluster import Cluster
 from geoident.workflow.executing import connection
-from geoident.workflow.executing.cluster import DaskCluster, OnCluster
+from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Answered
 from geoident.workflow.fit import fit
+from geoident.workflow.programs.workplace import OnCluster
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
-from geoident.workflow.running.control import NOTHING_SENT, Control, Silent
+from geoident.workflow.running.control import NOTHING_SENT, Control, Monitor
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
 from geoident.workflow.running.workers import ModelWorkers
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 from geoident.workflow.scan import scan
 
 
-class Hears(Silent):
+class Hears(Monitor):
     """Keeps what it is told."""
 
     def __init__(self):

@@ -25,8 +25,9 @@ from geoident.workflow.fit import fit
 from geoident.workflow.running import workers
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.evaluation_log import Recording
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
-from geoident.workflow.running.prefetching import Recording, ResponseBeside
+from geoident.workflow.running.prefetching import ResponseBeside
 from geoident.workflow.scan import scan
 from tests.support.plastic_bars import Frame, PlasticBars
 from tests.support.trench import write_case, write_yielding_case
@@ -151,7 +152,8 @@ def asked(log, beside=None, points=POINTS):
     """The readings at points, None where there is no solution, and what was computed here."""
     model = bars()
     where = None if beside is None else ResponseBeside(beside, (), ())
-    response = CachedResponse(model, log, before=lambda: None, elsewhere=where)
+    before = (lambda: None) if beside is None else beside.check
+    response = CachedResponse(model, log, before=before, elsewhere=where)
     parameters = tuple(Parameter(f"k{i}", 5.0, 0.1, 20.0, "log") for i in (1, 2, 3))
     problem = Problem(response, np.zeros(6), np.ones(6), parameters)
     found = []

@@ -10,9 +10,11 @@ from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions, ScanAxis, ScanOptions
 from geoident.workflow.running.cached_response import CachedResponse, substituting
-from geoident.workflow.running.reduced_scan import (
-    with_reduced_readings,
-)
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Request, plan_scan
+from geoident.workflow.running.reduced_scan import with_reduced_readings
+from geoident.workflow.scan import scan
+from tests.support.trench import write_case
 
 from .test_remember import Notebook
 
@@ -89,3 +91,16 @@ def test_a_small_grid_is_not_worth_a_reduced_model(measured):
     options = ScanOptions({"E": ScanAxis(3e9, 9e9, 20)})
     again = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
     assert again is problem
+
+
+def test_a_scan_whose_checkpoint_cannot_be_kept_has_its_reduced_model_all_the_same(tmp_path):
+    case, objectives = write_case(tmp_path), []
+    for place in ("kept", "not"):
+        (tmp_path / place).mkdir()
+        if place == "not":  # nothing can be written there, as on a full disk
+            (tmp_path / place / "case.scan.checkpoint").mkdir()
+        request = Request(str(case), ("fit.scan.points=10",), str(tmp_path / place))
+        result = scan(plan_scan(request), Control()).result
+        assert any("a reduced model" in note for note in result.notes)
+        objectives.append(result.grid.objective)
+    np.testing.assert_array_equal(*objectives)

@@ -7,7 +7,7 @@ from geoident.errors import ExitCode, Interrupted
 from geoident.workflow.backtest import backtest
 from geoident.workflow.fit import fit
 from geoident.workflow.running import control as module
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import Control, Monitor
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
 from tests.support.lifts import SAME, readings_of, write_case, write_readings
 
@@ -23,7 +23,7 @@ def pit(tmp_path, monkeypatch):
     return tmp_path
 
 
-class Clock(Silent):
+class Clock(Monitor):
     """Every stage of an evaluation takes some seconds."""
 
     def __init__(self, monkeypatch, seconds):

@@ -6,6 +6,7 @@ Its many small arrays stand one after the other in ``numbers``, in rows, with ``
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import Any
 
 import h5py
@@ -96,3 +97,17 @@ def _blocks(group: TableReader) -> dict[str, Floats]:
     return {
         name: part.reshape(shape) for name, part, shape in zip(names, parts, shapes, strict=True)
     }
+
+
+def reduced_bytes(kept: KeptReducedModel) -> bytes:
+    """A reduced model as a file of its own: for a checkpoint."""
+    content = BytesIO()
+    with h5py.File(content, "w") as file:
+        write_reduced(file, kept)
+    return content.getvalue()
+
+
+def reduced_from_bytes(content: bytes) -> KeptReducedModel:
+    """The reduced model that `reduced_bytes` made a file of."""
+    with h5py.File(BytesIO(content), "r") as file:
+        return read_reduced(file)

@@ -31,8 +31,7 @@ from geoident.workflow.programs.travelling import (
     TravellingAnswer,
     TravellingTask,
     begun_with,
-    known_lines,
-    log_of,
+    known_logs,
 )
 from geoident.workflow.running.outputs import runs_folder, set_aside
 
@@ -97,12 +96,12 @@ def cluster_executor(
     campaign, model, runs = plan.campaign, plan.model, _runs_of(plan)
     program = model.command[0] if isinstance(model, ExternalProgram) else ""
     _refuse_absolute(campaign.case, program)
-    on_cluster, logs = {program}, {}
+    on_cluster, logs = {program}, known_logs([])
     programs: tuple[str, ...] = ()
     if isinstance(model, ExternalProgram | PythonFunction):
         on_cluster = {program, *model_files(model)} - set(model.inputs)
         programs = program_of(model)
-        logs = {str(log_of(Path(runs))): known_lines(Path(runs))}
+        logs = known_logs([Path(runs)])
     return DaskCluster(
         cluster,
         partial(begun_with, logs, set_up_away),

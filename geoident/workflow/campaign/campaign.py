@@ -15,7 +15,6 @@ from geoident.workflow.campaign.plan import CampaignPlan, PlannedRun
 from geoident.workflow.campaign.runs import table_of, write_tables
 from geoident.workflow.executing.executor import Answered, Executor, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses
-from geoident.workflow.running.run_table import lost_words
 
 RunExecutor = Executor[RunTask, RunRecord]
 
@@ -124,5 +123,5 @@ def _record_of(answer: Answered[RunRecord], run: PlannedRun) -> RunRecord:
     if answer.stopped:
         record = without_result(run, INTERRUPTED, ExitCode.TERMINATED, "cut short")
     else:
-        record = without_result(run, SET_ASIDE, ExitCode.BUG, lost_words(answer))
+        record = without_result(run, SET_ASIDE, ExitCode.BUG, answer.why_set_aside)
     return replace(record, seconds=answer.seconds, losses=answer.losses)

@@ -29,9 +29,9 @@ from geoident.model.results.many.campaign import RunRecord
 from geoident.model.run import Run, Setting, varied_paths
 from geoident.workflow.campaign.check import require_right_cases
 from geoident.workflow.campaign.sampling import sampled
-from geoident.workflow.programs.digest import model_files
+from geoident.workflow.programs.digest import known_sha256, model_files
 from geoident.workflow.programs.workplace import cluster_given, trusted
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, sums
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 
 
 @dataclass(frozen=True)
@@ -134,12 +134,12 @@ def plan_campaign(
     results = [campaign.result] if campaign.result else []
     named = _named_files(campaign, rows, data, model)
     if campaign.command != "simulate":
-        of_fit = [fingerprint or sums(results)[0]] if results else []
-        depends_on: list[Node] = [*sums([campaign.case]), *of_fit, *sums(named)]
+        of_fit = [fingerprint or known_sha256(results[0])] if results else []
+        depends_on: list[Node] = [known_sha256(campaign.case), *of_fit, *map(known_sha256, named)]
     else:  # no reading enters: neither those of the case count nor their files
         if isinstance(data, dict):
             data = {key: value for key, value in data.items() if key != "readings"}
-        depends_on = [data, *sums(_named_files(campaign, rows, data, model))]
+        depends_on = [data, *map(known_sha256, _named_files(campaign, rows, data, model))]
     paths = varied_paths(rows)
     runs = _planned(campaign, rows, paths, depends_on)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from geoident.errors import InputError
 from geoident.forward.model import StagedModel
@@ -31,7 +32,7 @@ from geoident.workflow.estimating.model_error import (
     of_result,
     require_room,
 )
-from geoident.workflow.running.cached_response import CachedResponse
+from geoident.workflow.running.cached_response import CachedResponse, part_evaluator
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model
@@ -149,7 +150,8 @@ def with_workers(job: Job, setup: Setup, control: Control) -> Iterator[Setup]:
     if control.jobs == 1 and control.cluster is None:
         yield setup
         return
-    with ModelWorkers(parts, control.jobs, control, setup.model) as workers:
+    begin = partial(part_evaluator, parts)
+    with ModelWorkers(begin, control, setup.model, job.request.solver) as workers:
         yield replace(setup, workers=workers)
 
 

@@ -22,17 +22,12 @@ from typing import Any, Generic, Self, TypeVar
 from distributed import KilledWorker
 
 from geoident.model.cluster import Cluster
-from geoident.workflow.executing.connection import Connection, require_scheduler
-from geoident.workflow.executing.dask_worker import (
-    Order,
-    WorkerRefused,
-    computed,
-    own_versions,
-    stop_tasks,
-)
+from geoident.workflow.executing.connection import Connection
+from geoident.workflow.executing.dask_worker import Order, WorkerRefused, computed, stop_tasks
 from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
-from geoident.workflow.executing.parcel import Parcel, packed
+from geoident.workflow.executing.parcel import Parcel
 from geoident.workflow.executing.resumable import Resumable, add_part
+from geoident.workflow.executing.versions import decisive_versions
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -116,7 +111,7 @@ class DaskCluster(Generic[T, R]):
     ) -> None:
         self._name, self._retries = f"geoident-{uuid.uuid4().hex[:12]}", retries
         order = Order(
-            self._name, parcel, own_versions(), set_up, time_limit, retries,
+            self._name, parcel, decisive_versions(), set_up, time_limit, retries,
             ignores_interrupt=cluster.local, journals_every=self.journals_every,
         )  # fmt: skip
         self._happened: SimpleQueue[Any] = SimpleQueue()
@@ -315,51 +310,6 @@ class DaskCluster(Generic[T, R]):
         waiting = [sent.future for sent in self._out.values() if not sent.worker]
         if waiting:
             self._link.client.cancel(waiting)
-
-
-class OnCluster:
-    """Begins executors of one command on a cluster.
-
-    Args:
-        cluster: which one.
-        jobs: number of workers, where they are started here; None for the cores there are.
-        tell: is told what people should know.
-
-    Attributes:
-        used: an executor was begun.
-    """
-
-    def __init__(self, cluster: Cluster, jobs: int | None, tell: Callable[[str], None]) -> None:
-        self._cluster, self._jobs, self._tell = cluster, jobs, tell
-        self.used = False
-
-    def require(self) -> None:
-        """Say at once that nobody is there, before anything else is computed.
-
-        Raises:
-            InputError: nobody answers at the address.
-        """
-        require_scheduler(self._cluster)
-
-    def begin(
-        self,
-        set_up: SetUp[T, R],
-        parcel: Parcel | None = None,
-        *,
-        check: Callable[[], None] = lambda: None,
-    ) -> DaskCluster[T, R]:
-        """An executor; a context.
-
-        Args:
-            set_up: gives, in a process of a worker, the function that answers tasks. It is pickled.
-            parcel: files that tasks read; None for none.
-            check: is called every moment while somebody waits for an answer; raises to end all.
-        """
-        self.used = True
-        return DaskCluster(
-            self._cluster, set_up, packed() if parcel is None else parcel,
-            jobs=self._jobs, tell=self._tell, check=check,
-        )  # fmt: skip
 
 
 def _contents(paths: Iterable[str]) -> dict[str, bytes]:

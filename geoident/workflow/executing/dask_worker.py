@@ -17,19 +17,18 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 from distributed import Reschedule, WorkerPlugin, get_worker
 
-from geoident import __version__
 from geoident.workflow.executing.environment import share_of_cores
 from geoident.workflow.executing.executor import Answered, SetUp
 from geoident.workflow.executing.parcel import Parcel
 from geoident.workflow.executing.processes import ChildProcess
 from geoident.workflow.executing.resumable import LINES, Resumable, size_of
+from geoident.workflow.executing.versions import decisive_versions
 
 _PART = 4_000_000
 """Bytes of a journal that come back at a time."""
@@ -43,17 +42,6 @@ _DROPPED = ("released", "cancelled", "forgotten")
 
 class WorkerRefused(Exception):
     """A worker cannot compute for us, and none of our tasks can be given to it."""
-
-
-def own_versions() -> dict[str, str]:
-    """Versions on which numbers, or what is sent, depend."""
-    versions = {"geoident": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "h5py"):
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "missing"
-    return versions
 
 
 @dataclass(frozen=True)
@@ -152,7 +140,7 @@ class TaskPlugin(WorkerPlugin):
         self._lock, self._over, self._stopping = threading.RLock(), threading.Event(), False
         if order.ignores_interrupt and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        ours, installed = order.versions, own_versions()
+        ours, installed = order.versions, decisive_versions()
         wrong = [
             f"{n} {installed[n]} (here {ours[n]})" for n in ours if installed.get(n) != ours[n]
         ]

@@ -11,12 +11,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
+from typing import Generic, Protocol, Self, TypeVar
 
 from geoident.processors import processors
-
-if TYPE_CHECKING:
-    from geoident.workflow.executing.parcel import Parcel
 
 T_contra = TypeVar("T_contra", contravariant=True)
 R = TypeVar("R")
@@ -47,6 +44,11 @@ class Answered(Generic[R]):
     def set_aside(self) -> bool:
         """It has cost so many workers that it is not begun again."""
         return self.value is None and not self.stopped
+
+    @property
+    def why_set_aside(self) -> str:
+        """Why there is no value, a clause, where processes were lost again and again."""
+        return f"it has cost {len(self.losses)} processes, and the last one {self.losses[-1]}"
 
 
 class Executor(Protocol[T_contra, R]):
@@ -85,32 +87,6 @@ class BegunExecutor(Executor[T_contra, R], Protocol[T_contra, R]):
     @property
     def workers(self) -> int:
         """Number of tasks that are computed at a time."""
-
-
-class Workplace(Protocol):
-    """Where a command has its tasks computed, other than in processes of this machine."""
-
-    @property
-    def used(self) -> bool:
-        """Whether an executor was begun."""
-
-    def require(self) -> None:
-        """Say at once that nobody is there, before anything else is computed."""
-
-    def begin(
-        self,
-        set_up: SetUp[T_contra, R],
-        parcel: Parcel | None = None,
-        *,
-        check: Callable[[], None] = lambda: None,
-    ) -> BegunExecutor[T_contra, R]:
-        """An executor; a context.
-
-        Args:
-            set_up: gives, in each process there, the function that answers tasks. It is pickled.
-            parcel: files that tasks read; None for none.
-            check: is called every moment while somebody waits for an answer; raises to end all.
-        """
 
 
 S_contra = TypeVar("S_contra", contravariant=True)

@@ -6,21 +6,19 @@ By itself, since who only shows results asks for them too, and needs nothing of 
 from __future__ import annotations
 
 import platform
-from functools import cache
 from importlib.metadata import version
 
 from geoident import __version__
 
-LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")
+_DECISIVE = ("numpy", "scipy", "h5py")
 
 
 def versions() -> dict[str, str]:
     """Versions of geoident, of Python and of the libraries that numbers go through."""
-    return dict(_versions())
+    return decisive_versions() | {name: version(name) for name in ("meshio", "pyyaml", "pydantic")}
 
 
-@cache
-def _versions() -> dict[str, str]:
-    """The same; looking for them takes 5 ms, and they stay while a process runs."""
+def decisive_versions() -> dict[str, str]:
+    """Those on which numbers depend, or what is sent to workers of a cluster."""
     own = {"geoident": __version__, "python": platform.python_version()}
-    return own | {name: version(name) for name in LIBRARIES}
+    return own | {name: version(name) for name in _DECISIVE}

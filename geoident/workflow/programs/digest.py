@@ -126,10 +126,23 @@ def _state(path: str) -> tuple[int, ...]:
     return status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
+def file_sha256(path: str | Path) -> str:
+    """SHA-256 of a file as hexadecimal digits; raises OSError."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def known_sha256(path: str | Path) -> str:
+    """The same; empty where the file cannot be read."""
+    try:
+        return file_sha256(path)
+    except OSError:
+        return ""
+
+
 def _hashed(path: str) -> bytes:
     try:
-        with Path(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").digest()
+        return bytes.fromhex(file_sha256(path))
     except OSError as error:
         message = f"the file of the model cannot be read: {error.strerror or error}"
         raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error

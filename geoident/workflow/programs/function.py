@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,14 +19,9 @@ from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import ModelFiles, names_of
 from geoident.workflow.programs.function_process import FunctionProcess
-from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, run_maker
 from geoident.workflow.programs.program import executed
-from geoident.workflow.programs.run_log import RunLog
-from geoident.workflow.programs.trust import Execution, Permission
-
-_PRINTED = "printed.txt"
-"""File in the folder of the runs that takes what the function prints."""
+from geoident.workflow.programs.trust import Execution
 
 
 class FunctionRuns(LoggedRuns):
@@ -45,15 +39,15 @@ class FunctionRuns(LoggedRuns):
     ) -> None:
         self._free: list[FunctionProcess] = []
         self._busy: set[FunctionProcess] = set()
-        self._case, self._function, self._folder = case, function, folder
-        self._names = tuple(parameter.name for parameter in case.parameters)
+        self._function = function
         tied = {
             scalar.parameter
             for channel in case.channels
             for scalar in (channel.offset, channel.drift, channel.drift_per_stage)
             if scalar is not None
         }
-        self.seen: Bools = np.array([name not in tied for name in self._names], dtype=bool)
+        names = [parameter.name for parameter in case.parameters]
+        self.seen: Bools = np.array([name not in tied for name in names], dtype=bool)
         self.provided: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
         channels = [channel.name for channel in case.channels]
         texts = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
@@ -61,11 +55,7 @@ class FunctionRuns(LoggedRuns):
         files = ModelFiles(function.inputs)
         digest = files.digest(texts, function.inputs)
         execution = Execution(executed(function), digest, digest)
-        permission = Permission(execution, folder, case.source, "function")
-        log = RunLog(folder, digest, again=again)
-        super().__init__(function, folder, files, log, permission)
-        self._readable = Readable(function.inputs, str(folder))
-        self._lock = threading.Lock()
+        super().__init__(case, function, folder, files=files, execution=execution, again=again)
 
     @property
     def has_jacobian(self) -> bool:
@@ -123,7 +113,8 @@ class FunctionRuns(LoggedRuns):
     def compute(self, item: RunItem) -> Floats | FailedRun:
         """Call the function: readings (n_stages, n_channels), or derivatives (..., n)."""
         with self._lock:
-            process = self._free.pop() if self._free else self._new_process()
+            process = self._free.pop() if self._free else None
+            process = process or FunctionProcess(self._function.machine.time_limit, self._printed())
             self._busy.add(process)
         function, name = self._function, item.argument
         values = dict(item.values)
@@ -136,13 +127,13 @@ class FunctionRuns(LoggedRuns):
             return answer
         return self._derivatives(answer) if name == function.jacobian else self._table(answer)
 
-    def _new_process(self) -> FunctionProcess:
-        limit = self._function.machine.time_limit
+    def _printed(self) -> Path | None:
+        """The file that takes what the function prints; None where there can be none."""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError:
-            return FunctionProcess(limit)
-        return FunctionProcess(limit, self._folder / _PRINTED)
+            return None
+        return self._folder / "printed.txt"
 
     def _table(self, answer: Any) -> Floats | FailedRun:
         """Readings (n_stages, n_channels) of what the function gave."""

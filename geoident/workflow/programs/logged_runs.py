@@ -8,6 +8,7 @@ the model may be run: what travels is what was decided on.
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -19,12 +20,12 @@ from typing import Any
 from geoident.errors import ExitCode, Interrupted
 from geoident.forward.external.runs import FailedRun
 from geoident.model.arrays import Floats
+from geoident.model.case import Case
 from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.executor import (
     Answered,
     BegunExecutor,
     SetUp,
-    Workplace,
     in_order,
     usable_cores,
 )
@@ -33,12 +34,17 @@ from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.programs.digest import ModelFiles
+from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.run_log import CompletedRun, RunLog
 from geoident.workflow.programs.travelling import RunsMade, begin_there, keep_runs, runs_there
-from geoident.workflow.programs.trust import Permission
+from geoident.workflow.programs.trust import Execution, Permission
+from geoident.workflow.programs.workplace import OnCluster
 
 _AT_LEAST = 2
 """Runs that a cluster is thought to make at a time before its workers are known."""
+
+_SHOWN = 3
+"""Runs that failed of which it is said why."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +67,10 @@ class RemoteRun:
     """A run that was made on another machine.
 
     Args:
-        item: what was asked.
         run: what came of it; None where it was ended before.
         left: what its folder holds, where that is kept.
     """
 
-    item: RunItem
     run: CompletedRun | None
     left: RunsMade
 
@@ -75,23 +79,31 @@ class LoggedRuns(ABC):
     """Runs of the model of a case.
 
     Args:
-        model: the program or the function.
+        case: the case.
+        model: its program or function.
         folder: of the runs.
         files: that decide what they give.
-        log: of all runs that were made.
-        permission: whether they may be made.
+        execution: what is run.
+        again: runs that failed before are made again.
     """
 
     def __init__(
         self,
+        case: Case,
         model: ExternalProgram | PythonFunction,
         folder: Path,
+        *,
         files: ModelFiles,
-        log: RunLog,
-        permission: Permission,
+        execution: Execution,
+        again: bool,
     ) -> None:
-        self._model, self._folder, self._files, self._log = model, folder, files, log
-        self._permission = permission
+        self._case, self._model, self._folder, self._files = case, model, folder, files
+        self._names = tuple(parameter.name for parameter in case.parameters)
+        self._log = RunLog(folder, execution.digest, again=again)
+        key = "function" if isinstance(model, PythonFunction) else "command"
+        self._permission = Permission(execution, folder, case.source, key)
+        self._readable = Readable(model.inputs, str(folder))
+        self._lock = threading.Lock()
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
         self._ended = False
@@ -120,7 +132,13 @@ class LoggedRuns(ABC):
     @property
     def notes(self) -> tuple[str, ...]:
         """Runs that failed."""
-        return failed_note(tuple(self._failed.values()), len(self._asked))
+        failed = list(self._failed.values())
+        if not failed:
+            return ()
+        shown = "; ".join(str(run) for run in failed[:_SHOWN])
+        rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
+        count = f"{len(failed)} of {len(self._asked)} runs failed"
+        return (f"{count}, and the search went around them: {shown}{rest}",)
 
     def require_trust(self) -> str:
         """Ask whether they may be made, unless that is known.
@@ -135,7 +153,7 @@ class LoggedRuns(ABC):
         return self._permission.portable
 
     @contextmanager
-    def on_cluster(self, cluster: Workplace, stop: StopRequest) -> Iterator[None]:
+    def on_cluster(self, cluster: OnCluster, stop: StopRequest) -> Iterator[None]:
         """Meanwhile new runs are made on a cluster.
 
         Args:
@@ -209,18 +227,32 @@ class LoggedRuns(ABC):
         check()
         self._there = self._there or self._begin(check)
         for answer in self._there.run(items):
+            item = items[answer.number]
             if answer.value is not None:
-                self._keep(answer.value)
+                self._keep(item, answer.value)
             elif answer.set_aside:
-                item, count = items[answer.number], len(answer.losses)
-                why = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
-                self._log.add(item.key, CompletedRun(FailedRun(why), answer.seconds), item.values)
+                failed = CompletedRun(FailedRun(answer.why_set_aside), answer.seconds)
+                self._log.add(item.key, failed, item.values)
             yield answer
 
     def _make(self, item: RunItem) -> None:
         made = self.completed(item)
         if made is not None:
             self._log.add(item.key, made, item.values)
+
+    def _keep(self, item: RunItem, remote: RemoteRun) -> None:
+        """Keep a run that was made on another machine.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if remote.run is None:
+            return
+        result = remote.run.result
+        if isinstance(result, FailedRun) and result.folder:
+            result = replace(result, folder=str(self._folder / Path(result.folder).name))
+        keep_runs(remote.left, self._folder)
+        self._log.add(item.key, replace(remote.run, result=result), item.values)
 
     def completed(self, item: RunItem) -> CompletedRun | None:
         """Make a run; None where runs were ended meanwhile.
@@ -246,20 +278,6 @@ class LoggedRuns(ABC):
         """Runs may be made again after they were ended."""
         self._ended = False
 
-    def _keep(self, remote: RemoteRun) -> None:
-        """Keep a run that was made on another machine.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
-        if remote.run is None:
-            return
-        result = remote.run.result
-        if isinstance(result, FailedRun) and result.folder:
-            result = replace(result, folder=str(self._folder / Path(result.folder).name))
-        keep_runs(remote.left, self._folder)
-        self._log.add(remote.item.key, replace(remote.run, result=result), remote.item.values)
-
 
 def run_maker(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]:
     """In a process far away: what makes a run, and takes what it leaves.
@@ -280,25 +298,6 @@ def run_maker(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]:
         for name in {Path(file).parts[0] for file in left.files}:
             shutil.rmtree(folder / name, ignore_errors=True)
             (folder / name).mkdir(exist_ok=True)  # so that no other run has its name
-        return RemoteRun(item, run, left)
+        return RemoteRun(run, left)
 
     return make
-
-
-_SHOWN = 3
-
-
-def failed_note(failed: Sequence[FailedRun], asked: int) -> tuple[str, ...]:
-    """That runs have failed, if some have.
-
-    Args:
-        failed: they.
-        asked: number of all runs.
-    """
-    if not failed:
-        return ()
-    shown = "; ".join(str(run) for run in failed[:_SHOWN])
-    rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
-    return (
-        f"{len(failed)} of {asked} runs failed, and the search went around them: {shown}{rest}",
-    )

@@ -8,7 +8,6 @@ import shutil
 import signal
 import stat
 import subprocess
-import threading
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -57,10 +56,9 @@ from geoident.workflow.programs.digest import (
     names_of,
 )
 from geoident.workflow.programs.function_process import FunctionProcess
-from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, run_maker
-from geoident.workflow.programs.run_log import RunLog, new_folder
-from geoident.workflow.programs.trust import Execution, Permission
+from geoident.workflow.programs.run_log import new_folder
+from geoident.workflow.programs.trust import Execution
 
 _COARSE = 1e-6
 """Relative size of the last digit from which on a parameter counts as coarsely written."""
@@ -135,10 +133,10 @@ class ProgramRuns(LoggedRuns):
         path = executable(program)
         if path is None:
             raise InputError([_no_program(case, program)])
-        self._case, self._program, self._folder = case, program, folder
+        self._program = program
         self._command = (path, *program.command[1:])
-        self._names = tuple(parameter.name for parameter in case.parameters)
-        self.seen: Bools = np.array(seen_parameters(program, self._names), dtype=bool)
+        names = tuple(parameter.name for parameter in case.parameters)
+        self.seen: Bools = np.array(seen_parameters(program, names), dtype=bool)
         self.provided: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
         for output in program.outputs:
             self.provided[output.stage, output.channel] = True
@@ -154,10 +152,7 @@ class ProgramRuns(LoggedRuns):
         digest = files.digest([repr((first, *program.command[1:])), *texts], model_files(program))
         portable = files.digest([repr(program.command), *texts], program.inputs)
         execution = Execution(executed(program), digest, portable)
-        permission = Permission(execution, folder, case.source, "command")
-        log = RunLog(folder, digest, again=again)
-        super().__init__(program, folder, files, log, permission)
-        self._readable = Readable(program.inputs, str(folder))
+        super().__init__(case, program, folder, files=files, execution=execution, again=again)
         run = set(model_files(program)).difference(program.files)
         in_place = any(file.endswith(".py") for file in run)
         self._compiled = mkdtemp(prefix="geoident-") if in_place else ""
@@ -167,7 +162,6 @@ class ProgramRuns(LoggedRuns):
             for field in template.fields:
                 self._fields.setdefault(field.parameter, []).append(field)
         self._running: set[subprocess.Popen[bytes]] = set()
-        self._lock = threading.Lock()
 
     @property
     def notes(self) -> tuple[str, ...]:

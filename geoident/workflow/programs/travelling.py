@@ -10,7 +10,7 @@ from __future__ import annotations
 import platform
 import uuid
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,15 +44,18 @@ class RunsMade:
     files: dict[str, bytes] = field(default_factory=dict)
 
 
-def log_of(folder: Path) -> Path:
-    """The log of all runs in a folder."""
-    return folder / FILE
+def known_logs(folders: Iterable[Path]) -> dict[str, bytes]:
+    """Path of the log of each folder of runs to its lines; nothing where there is none.
+
+    Args:
+        folders: of the runs of cases.
+    """
+    return {str(folder / FILE): _lines(folder) for folder in folders}
 
 
-def known_lines(folder: Path) -> bytes:
-    """What the log of runs holds here; nothing where there is none."""
+def _lines(folder: Path) -> bytes:
     with suppress(OSError):
-        return log_of(folder).read_bytes()
+        return (folder / FILE).read_bytes()
     return b""
 
 
@@ -60,7 +63,7 @@ def begin_there(logs: Mapping[str, bytes]) -> None:
     """Begin with the runs that are known, and with names of folders that tell where they are made.
 
     Args:
-        logs: path of the log of a case to its lines.
+        logs: those of `known_logs`.
     """
     for path, lines in logs.items():
         add_lines(Path(path), lines)
@@ -72,7 +75,7 @@ def begun_with(logs: Mapping[str, bytes], set_up: SetUp[T, R]) -> Callable[[T], 
     """In a process far away: what answers tasks there, which knows the runs that are known here.
 
     Args:
-        logs: path of the log of a case to its lines.
+        logs: those of `known_logs`.
         set_up: gives it.
     """
     begin_there(logs)
@@ -90,9 +93,9 @@ def runs_there(folder: Path | None) -> Iterator[RunsMade]:
     if folder is None:
         yield made
         return
-    lines, folders = known_lines(folder), _folders(folder)
+    lines, folders = _lines(folder), _folders(folder)
     yield made
-    made.lines = known_lines(folder).removeprefix(lines)
+    made.lines = _lines(folder).removeprefix(lines)
     for name in sorted(_folders(folder) - folders):
         content = _content(folder / name)
         made.files |= {f"{name}/{file}": content[file] for file in content}
@@ -117,7 +120,7 @@ class TravellingTask(Resumable):
     @property
     def journals(self) -> tuple[str, ...]:
         """Its checkpoint, and the log of the runs of its model."""
-        return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
+        return (self.checkpoint, *([str(Path(self.runs) / FILE)] if self.runs else []))
 
     def going_on(self) -> Self:
         """The same with the evaluations that an interrupted command has left here."""
@@ -182,7 +185,7 @@ def keep_runs(made: RunsMade, folder: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
         if made.lines:
-            add_lines(log_of(folder), made.lines)
+            add_lines(folder / FILE, made.lines)
     except OSError as error:
         message = f"{folder}: runs cannot be kept: {error.strerror or error}"
         raise OutputError(message) from error

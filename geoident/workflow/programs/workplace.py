@@ -9,13 +9,18 @@ import json
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TypeVar
 
 from geoident.errors import MissingExtra, Term
 from geoident.io.cluster.file import read_cluster
 from geoident.io.text.text_file import read_bytes
 from geoident.model.cluster import QUEUES, Cluster
-from geoident.workflow.executing.executor import Workplace
+from geoident.workflow.executing.executor import BegunExecutor, SetUp
+from geoident.workflow.executing.parcel import Parcel, packed
 from geoident.workflow.programs.trust import Execution, require
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 _MOST = 1_000_000
 """Bytes of a certificate or of a key."""
@@ -83,10 +88,59 @@ def require_dask() -> None:
             raise MissingExtra(f"a cluster needs {package}\n    {hint}", name=package)
 
 
-def workplace(
+class OnCluster:
+    """Begins executors of one command on a cluster, in place of processes of this machine.
+
+    Args:
+        cluster: which one.
+        jobs: number of workers, where they are started here; None for the cores there are.
+        tell: is told what people should know.
+
+    Attributes:
+        used: an executor was begun.
+    """
+
+    def __init__(self, cluster: Cluster, jobs: int | None, tell: Callable[[str], None]) -> None:
+        self._cluster, self._jobs, self._tell = cluster, jobs, tell
+        self.used = False
+
+    def require(self) -> None:
+        """Say at once that nobody is there, before anything else is computed.
+
+        Raises:
+            InputError: nobody answers at the address.
+        """
+        from geoident.workflow.executing.connection import require_scheduler
+
+        require_scheduler(self._cluster)
+
+    def begin(
+        self,
+        set_up: SetUp[T, R],
+        parcel: Parcel | None = None,
+        *,
+        check: Callable[[], None] = lambda: None,
+    ) -> BegunExecutor[T, R]:
+        """An executor; a context.
+
+        Args:
+            set_up: gives, in a process of a worker, the function that answers tasks. It is pickled.
+            parcel: files that tasks read; None for none.
+            check: is called every moment while somebody waits for an answer; raises to end all.
+        """
+        from geoident.workflow.executing.cluster import DaskCluster
+
+        self.used = True
+        return DaskCluster(
+            self._cluster, set_up, packed() if parcel is None else parcel,
+            jobs=self._jobs, tell=self._tell, check=check,
+        )  # fmt: skip
+
+
+def on_cluster(
     option: str | None, jobs: int | None, tell: Callable[[str], None]
-) -> Workplace | None:
-    """Where a command has computed what it can compute at a time; None for processes here.
+) -> OnCluster | None:
+    """The cluster on which a command computes what it can compute at a time; None for processes.
 
     Args:
         option: an address, ``local``, or the path of a cluster file; None for none.
@@ -97,9 +151,4 @@ def workplace(
         InputError: there is no such thing, its file is wrong, or it may not be used.
         MissingExtra: dask is not installed.
     """
-    if option is None:
-        return None
-    cluster = cluster_given(option)
-    from geoident.workflow.executing.cluster import OnCluster
-
-    return OnCluster(cluster, jobs, tell)
+    return None if option is None else OnCluster(cluster_given(option), jobs, tell)

@@ -16,14 +16,10 @@ from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Floats
 from geoident.model.project.project import Project
 from geoident.model.results.costs import NO_COST, Counts
-from geoident.workflow.executing.executor import (
-    Answered,
-    BegunExecutor,
-    Workplace,
-    usable_cores,
-)
+from geoident.workflow.executing.executor import Answered, BegunExecutor, usable_cores
 from geoident.workflow.executing.parcel import packed, relative
 from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.programs.workplace import OnCluster
 from geoident.workflow.project.sections import (
     EVALUATE,
     PREPARE,
@@ -110,7 +106,7 @@ def section_executor(
 
 
 def _on(
-    cluster: Workplace, sources: SectionSources, inputs: Sequence[Inputs], control: Control
+    cluster: OnCluster, sources: SectionSources, inputs: Sequence[Inputs], control: Control
 ) -> BegunExecutor[SectionTask, SectionAnswer]:
     """Workers of a cluster, to which all files of the cases travel.
 

@@ -17,14 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from hashlib import sha256
 from typing import Protocol
 
 import numpy as np
 
-from geoident.errors import ModelError, TimeIsUp
+from geoident.errors import Interrupted, ModelError, TimeIsUp
+from geoident.fem.solvers.threads import one_thread
+from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import BeginPart, SearchTask
 from geoident.identify.problem.responses import (
     AffineElastic,
@@ -45,6 +47,8 @@ from geoident.model.response import (
 )
 from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
+from geoident.workflow.executing.worker import STOP
+from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import (
     EvaluationArrays,
     Log,
@@ -54,6 +58,7 @@ from geoident.workflow.running.evaluation_log import (
     evaluation_arrays,
 )
 from geoident.workflow.running.prefetching import Prefetched, ResponseBeside
+from geoident.workflow.running.workers import ModelParts, SearchPartTask
 
 EXACT = 1e-6
 """Error in energy, relative, up to which the surrogate stands for the model where the model is
@@ -300,7 +305,9 @@ class CachedResponse:
         several = where is not None and len(tasks) > 1 and where.processes.at_once(tasks) > 1
         # what others evaluate gives no surrogate here, which is to answer a part of what they ask
         if where is not None and several and not (self._tolerance and self._surrogate()):
-            self._prefetched = Prefetched(self, where, tasks)
+            self._prefetched = Prefetched(
+                where, tasks, is_known=self._has_readings, take=self._merge, check=self._before
+            )
 
         def turn(number: int) -> None:
             inner.forget()
@@ -316,7 +323,7 @@ class CachedResponse:
             if ahead is not None:
                 ahead.end()
 
-    def merge(self, recording: Recording) -> None:
+    def _merge(self, recording: Recording) -> None:
         """Keep what another process has evaluated."""
         for kind, p, arrays in recording.evaluations:
             if self._log.find(kind, p) is None:
@@ -325,24 +332,28 @@ class CachedResponse:
             self._no_solution[kind, p.tobytes()] = error
         self._spent = self._spent + recording.spent
 
-    def has_readings(self, p: Floats) -> bool:
+    def _has_readings(self, p: Floats) -> bool:
         """Whether the readings at p (n,) are in the log, or known to be none."""
         return any(
             (kind, p.tobytes()) in self._no_solution or self._log.find(kind, p) is not None
             for kind in ("readings", "evaluate")
         )
 
-    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        """The answer at p (n,) if it is in the log.
+    def _prefetched_answer(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        """What another process has evaluated at p (n,); None where it is to be computed here.
 
         Raises:
-            ModelError: it is known that there is no solution.
+            ModelError: there is no solution, or every process that worked on it was lost.
         """
-        error = self._no_solution.get((kind, p.tobytes()))
-        if error is not None:
+        if self._prefetched is None:
+            return None
+        self._prefetched.wait()
+        if (error := self._no_solution.get((kind, p.tobytes()))) is not None:
             self._asked.add((kind, p.tobytes()))
             raise error
-        return self._from_log(kind, p)
+        if (known := self._from_log(kind, p)) is None:
+            self._prefetched.require_answer()
+        return known
 
     # The log
 
@@ -376,7 +387,7 @@ class CachedResponse:
         self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
     ) -> EvaluationArrays:
         self._before()
-        if self._prefetched is not None and (known := self._prefetched.known(kind, p)) is not None:
+        if (known := self._prefetched_answer(kind, p)) is not None:
             return known
         before = self._inner.counts
         try:
@@ -420,3 +431,32 @@ def substituting(response: Response, tolerance: float = EXACT) -> Iterator[None]
 def answered_approximately(response: Response, p: Floats) -> bool:
     """Whether at p (n,) a surrogate has answered with an error that is not `CERTAIN`."""
     return isinstance(response, CachedResponse) and response.answered_approximately(p)
+
+
+def part_evaluator(parts: ModelParts) -> Callable[[SearchPartTask], Recording]:
+    """In a process of its own: the model, and what evaluates parts of a search with it.
+
+    Args:
+        parts: of the model.
+    """
+    model = parts.build()
+
+    def evaluate(task: SearchPartTask) -> Recording:
+        control, recording = Control(stop=STOP, max_time=task.seconds), Recording()
+
+        def before() -> None:
+            STOP.check()
+            if control.over() is not None:
+                raise TimeIsUp(OUT_OF_TIME)
+
+        model.on_state = lambda state: control.within()
+        response = model.response(task.pairs, task.times)
+        assert isinstance(response, ReducibleResponse)
+        cached, begun = CachedResponse(response, recording, before=before), response.counts
+        response.forget()
+        with one_thread(), suppress(Interrupted, ModelError):  # what was found until then is of use
+            task.search(cached)
+        recording.failures, recording.spent = cached.failures, response.counts - begun
+        return recording
+
+    return evaluate

@@ -1,21 +1,19 @@
 """How the outside talks with a running command: progress out, requests to stop in.
 
-The command line implements `Monitor`; a notebook or a test may give another one.
+The command line has a `Monitor` of its own; a notebook or a test may give another one.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from geoident.errors import TimeIsUp
 from geoident.model.results.result import Iteration
-from geoident.workflow.executing.executor import Workplace
 from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.programs.workplace import OnCluster
 
 OUT_OF_TIME = "Time limit reached; the same command continues from here."
-
 
 NOTHING_SENT = "There was nothing to run in parallel: the cluster was not used."
 
@@ -26,8 +24,8 @@ FOR_THE_END = 0.1
 """Part of its time that a run may spend beyond it on what a result says beside the parameters."""
 
 
-class Monitor(Protocol):
-    """Is told how a command proceeds."""
+class Monitor:
+    """Is told how a command proceeds; this one says nothing."""
 
     def warn(self, message: str) -> None:
         """Something that the user should know even when asked to be quiet."""
@@ -59,28 +57,6 @@ class Monitor(Protocol):
         """
 
 
-class Silent:
-    """A monitor that says nothing."""
-
-    def warn(self, message: str) -> None:
-        """Say nothing."""
-
-    def inform(self, message: str) -> None:
-        """Say nothing."""
-
-    def detail(self, message: str) -> None:
-        """Say nothing."""
-
-    def stage(self, name: str, number: int, total: int) -> None:
-        """Say nothing."""
-
-    def step(self, iteration: Iteration) -> None:
-        """Say nothing."""
-
-    def part(self, words: str, done: float) -> None:
-        """Say nothing."""
-
-
 @dataclass
 class Control:
     """What a running command reports to and obeys.
@@ -96,14 +72,14 @@ class Control:
         cluster: where what can be computed at a time is computed instead; None for processes here.
     """
 
-    monitor: Monitor = field(default_factory=Silent)
+    monitor: Monitor = field(default_factory=Monitor)
     stop: StopRequest = field(default_factory=StopRequest)
     max_time: float | None = None
     out_of_time: bool = False
     started: float = field(default_factory=time.monotonic)
     further: float = 0.0
     jobs: int | None = 1
-    cluster: Workplace | None = None
+    cluster: OnCluster | None = None
 
     def remaining(self) -> float | None:
         """Seconds that are left; None where there is no limit."""

@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ import numpy as np
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
+from geoident.forward.external.convergence import LawModel
 from geoident.forward.external.model import ExternalModel
 from geoident.forward.external.program import ProgramModel
+from geoident.forward.external.table import TableModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
@@ -28,12 +31,19 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
-from geoident.model.external import ConvergenceLaw, ExternalProgram, ExternalSource, RunTable
+from geoident.model.external import ConvergenceLaw, ExternalProgram, PythonFunction, RunTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
 from geoident.workflow.executing.versions import versions
-from geoident.workflow.programs.digest import digest_of, model_files
+from geoident.workflow.programs.digest import (
+    digest_of,
+    file_sha256,
+    known_sha256,
+    model_files,
+)
+from geoident.workflow.programs.function import FunctionRuns
+from geoident.workflow.programs.program import ProgramRuns
 from geoident.workflow.running.outputs import (
     Existing,
     Target,
@@ -126,9 +136,9 @@ def load_inputs(
     Raises:
         InputError: with all faults of the case.
     """
-    if text is not None:
-        return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
-    return _hashed(path, read_case(path, overrides=tuple(overrides)))
+    if text is None:
+        return _hashed(path, read_case(path, overrides=tuple(overrides)))
+    return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
 
 
 def inputs_of_result(result: Result, path: str) -> Inputs:
@@ -194,30 +204,26 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
 
 
 def _hashed(path: str, loaded: LoadedCase) -> Inputs:
-    mesh, elsewhere = loaded.mesh_path, loaded.case.elsewhere
-    model, program = "" if mesh is None else _hash_file(mesh, "mesh"), ""
+    elsewhere, mesh, program = loaded.case.elsewhere, "", ""
     if isinstance(elsewhere, RunTable) and elsewhere.campaign:
         # by its numbers: the file is written anew whenever its campaign is looked at
-        arrays = [elsewhere.values.tobytes(), elsewhere.readings.tobytes()]
-        model = sha256(b"".join(arrays))
+        mesh = sha256(elsewhere.values.tobytes() + elsewhere.readings.tobytes())
     elif elsewhere is not None:
-        model = digest_of((), elsewhere.inputs)
+        mesh = digest_of((), elsewhere.inputs)
         run = [file for file in model_files(elsewhere) if file not in elsewhere.inputs]
         program = digest_of((), run) if run else ""
+    elif loaded.mesh_path is not None:
+        mesh = _hash_file(loaded.mesh_path, "mesh")
+    each = [_hash_file(file, "readings") for file in loaded.readings_paths]
+    readings = sha256("".join(each).encode()) if len(each) > 1 else "".join(each)
     return Inputs(
         path,
         loaded,
         case_sha256=sha256((loaded.computed or loaded.resolved).encode()),
-        mesh_sha256=model,
-        readings_sha256=_hash_readings(loaded.readings_paths),
+        mesh_sha256=mesh,
+        readings_sha256=readings,
         program_sha256=program,
     )
-
-
-def _hash_readings(paths: Sequence[str]) -> str:
-    """Of the one file of readings, of the hashes of several, of nothing."""
-    hashes = [_hash_file(path, "readings") for path in paths]
-    return hashes[0] if len(hashes) == 1 else sha256("".join(hashes).encode()) if hashes else ""
 
 
 def sha256(content: bytes) -> str:
@@ -228,8 +234,7 @@ def sha256(content: bytes) -> str:
 def _hash_file(path: str, what: str) -> str:
     require_file(path, what)
     try:
-        with Path(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return file_sha256(path)
     except OSError as error:
         message = f"The {what} file cannot be read: {error.strerror or error}."
         raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error
@@ -242,38 +247,20 @@ def load_mesh(inputs: Inputs, path: str) -> Mesh:
         InputError: the mesh is of no use; a fault without a line in the mesh, which may be a binary
             file, is placed where the case names the mesh.
     """
-    return _read_mesh(inputs.case, path)
-
-
-_last_mesh: list[tuple[object, Mesh]] = []
-"""The mesh that was read last, with what tells whether it is still the same: the next case of a
-campaign is on the same mesh mostly, and what was found of it is there (`forward.of_mesh`)."""
-
-
-def _read_mesh(case: Case, path: str) -> Mesh:
-    key = case.analysis.dim, path, sums(mesh_files(path))
-    if not (_last_mesh and _last_mesh[0][0] == key):
-        _last_mesh[:] = [(key, _mesh_at(case, path))]
-    return _last_mesh[0][1]
-
-
-def sums(paths: Sequence[str]) -> tuple[str, ...]:
-    """Checksums of files; empty where there is none to read."""
-    checksums = []
-    for path in paths:
-        try:
-            with Path(path).open("rb") as file:
-                checksums.append(hashlib.file_digest(file, "sha256").hexdigest())
-        except OSError:
-            checksums.append("")
-    return tuple(checksums)
-
-
-def _mesh_at(case: Case, path: str) -> Mesh:
+    case = inputs.case
     try:
-        return read_mesh(path, dim=case.analysis.dim)
+        return _mesh(path, case.analysis.dim, tuple(map(known_sha256, mesh_files(path))))
     except InputError as error:
         raise InputError(_in_case(fault, case) for fault in error.faults) from error
+
+
+@lru_cache(maxsize=1)
+def _mesh(path: str, dim: int, checksums: tuple[str, ...]) -> Mesh:
+    """A mesh; the next case of a campaign is on the same one mostly, as its checksums tell.
+
+    What was found of it (`forward.of_mesh`) stays with it.
+    """
+    return read_mesh(path, dim=dim)
 
 
 def _in_case(fault: Fault, case: Case) -> Fault:
@@ -298,44 +285,24 @@ def build_model(
             contradict each other at the start values.
         ModelError: the model moves freely somewhere.
     """
-    elsewhere = inputs.case.elsewhere
-    if elsewhere is not None:
-        return _model_elsewhere(inputs.case, elsewhere, runs_folder(inputs.path), fresh=fresh)
-    path = inputs.loaded.mesh_path
+    case, elsewhere, path = inputs.case, inputs.case.elsewhere, inputs.loaded.mesh_path
+    match elsewhere:
+        case RunTable():
+            return TableModel(case, elsewhere)
+        case ConvergenceLaw():
+            return LawModel(case, elsewhere)
+        case ExternalProgram():
+            runs = ProgramRuns(case, elsewhere, runs_folder(inputs.path), again=fresh)
+            return ProgramModel(case, runs)
+        case PythonFunction():
+            calls = FunctionRuns(case, elsewhere, runs_folder(inputs.path), again=fresh)
+            return ProgramModel(case, calls)
     if path is None:
-        return opening_model(inputs.case)
-    model = staged_model(load_mesh(inputs, path), inputs.case, solver=pick_solver(solver))
+        return opening_model(case)
+    model = staged_model(load_mesh(inputs, path), case, solver=pick_solver(solver))
     if faults := model.contradictions():
         raise InputError(faults)
     return model
-
-
-def _model_elsewhere(
-    case: Case, elsewhere: ExternalSource, folder: Path, *, fresh: bool
-) -> ExternalModel:
-    """The runs, the table of runs or the law of a case; each is imported where it is needed.
-
-    Args:
-        case: the case.
-        elsewhere: its model.
-        folder: of its runs.
-        fresh: runs that failed before are made again.
-    """
-    if isinstance(elsewhere, RunTable):
-        from geoident.forward.external.table import TableModel  # noqa: PLC0415
-
-        return TableModel(case, elsewhere)
-    if isinstance(elsewhere, ConvergenceLaw):
-        from geoident.forward.external.convergence import LawModel  # noqa: PLC0415
-
-        return LawModel(case, elsewhere)
-    if isinstance(elsewhere, ExternalProgram):
-        from geoident.workflow.programs.program import ProgramRuns  # noqa: PLC0415
-
-        return ProgramModel(case, ProgramRuns(case, elsewhere, folder, again=fresh))
-    from geoident.workflow.programs.function import FunctionRuns  # noqa: PLC0415
-
-    return ProgramModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
 
 
 def start_values(case: Case, model: ObservedModel) -> Floats:
@@ -452,8 +419,13 @@ def _plan(request: Request, command: str, *further: str) -> Job:
     """Plan a command on a case with further overrides."""
     overrides = [*request.overrides, *further]
     inputs = load_inputs(request.case, overrides=overrides, text=request.text)
-    _require_parameters(inputs.case, command)
-    methods = inputs.case.fit.methods
+    case = inputs.case
+    if not case.parameters and not case.fields:
+        message = f"there are no parameters, so there is nothing to {command}"
+        hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."
+        written = case.source.locate(("parameters",))
+        raise InputError([Fault("no-parameters", message, hint, written, "parameters")])
+    methods = case.fit.methods
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)
     in_file = request.text is None and request.case != STDIN
@@ -472,14 +444,6 @@ def _plan(request: Request, command: str, *further: str) -> Job:
     if not job.up_to_date:
         require_free(job.existing, place, force=request.force, inputs=inputs.files)
     return job
-
-
-def _require_parameters(case: Case, command: str) -> None:
-    if not case.parameters and not case.fields:
-        message = f"there are no parameters, so there is nothing to {command}"
-        hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."
-        place = case.source.locate(("parameters",))
-        raise InputError([Fault("no-parameters", message, hint, place, "parameters")])
 
 
 def provenance(

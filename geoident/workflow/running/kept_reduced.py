@@ -18,6 +18,7 @@ from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.reducible import ReducibleResponse
+from geoident.io.case.file import parse_case
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats
@@ -131,8 +132,6 @@ def restored_alone(result: Result, path: str) -> RestoredModel | None:
     """
     if result.reduced is None:
         return None
-    from geoident.io.case.file import parse_case  # noqa: PLC0415 - a fit may have read its beside
-
     where = case_path(path, result.provenance.case_file)
     loaded = parse_case(
         result.case_resolved, where, overrides=[NO_READINGS], with_mesh=False, with_texts=False

@@ -8,7 +8,6 @@ computation was cut short, so it is never up to date.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
@@ -26,6 +25,7 @@ from geoident.io.result.vtkhdf import sidecar_path
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
 from geoident.io.text.text_file import STDIN, seen_from
 from geoident.model.results.result import STOPPED
+from geoident.workflow.programs.digest import known_sha256
 
 
 class Existing(Enum):
@@ -284,7 +284,7 @@ def stamp(
     Returns:
         JSON; empty where a file cannot be read.
     """
-    sums = {seen_from(folder, path): _sum(Path(path)) for path in files}
+    sums = {seen_from(folder, path): known_sha256(path) for path in files}
     if "" in sums.values():
         return ""
     return json.dumps({**_made_by(command, overrides, seed), "files": sums}, sort_keys=True)
@@ -310,22 +310,13 @@ def known(
     sums, folder = stands.pop("files"), place.path.parent
     if stands != _made_by(command, overrides, seed) or seen_from(folder, case) not in sums:
         return None
-    same = all(_sum(folder / name) == expected for name, expected in sums.items())
+    same = all(known_sha256(folder / name) == expected for name, expected in sums.items())
     return (place, result) if same else None
 
 
 def _made_by(command: str, overrides: Sequence[str], seed: int) -> dict[str, object]:
     own = {"version": __version__, "format": FORMAT}
     return {**own, "command": command, "overrides": list(overrides), "seed": seed}
-
-
-def _sum(path: Path) -> str:
-    """SHA-256 of a file; empty where it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return ""
 
 
 class _Probe(Exception):

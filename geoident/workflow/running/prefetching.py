@@ -6,9 +6,8 @@ search asks in its own order, and waits where the part whose turn it is has not 
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -16,42 +15,8 @@ from geoident.errors import ModelError
 from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.arrays import Floats
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.running.evaluation_log import EvaluationArrays, Recording
-
-
-class SearchProcesses(Protocol):
-    """Processes that work on parts of a search."""
-
-    @property
-    def stopping(self) -> bool:
-        """Whether a stop was asked for."""
-
-    def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
-        """How many parts are worked on at a time."""
-
-    def check(self) -> None:
-        """Raises `Interrupted` if a stop was asked for."""
-
-    def evaluate_ahead(
-        self,
-        tasks: Sequence[SearchTask],
-        pairs: Sequence[tuple[str, str]],
-        times: Sequence[float | None],
-    ) -> Generator[Answered[Recording], None, None]:
-        """What the parts have evaluated, as it comes: `ModelWorkers.evaluate_ahead`."""
-
-
-class LoggedResponse(Protocol):
-    """A response that keeps what was evaluated: `CachedResponse`."""
-
-    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        """The answer at p (n,) if it is in the log."""
-
-    def has_readings(self, p: Floats) -> bool:
-        """Whether the readings at p (n,) are known."""
-
-    def merge(self, recording: Recording) -> None:
-        """Keep what another process has evaluated."""
+from geoident.workflow.running.evaluation_log import Recording
+from geoident.workflow.running.workers import ModelWorkers
 
 
 @dataclass(frozen=True)
@@ -64,7 +29,7 @@ class ResponseBeside:
         times: when each was read.
     """
 
-    processes: SearchProcesses
+    processes: ModelWorkers
     pairs: Sequence[tuple[str, str]]
     times: Sequence[float | None]
 
@@ -76,40 +41,53 @@ class Prefetched:
     it in its log.
 
     Args:
-        response: keeps what they evaluate.
         where: they work.
         tasks: the parts, in their order.
+        is_known: whether the readings at p (n,) are known.
+        take: keeps what a process has evaluated.
+        check: is called while somebody waits; raises to stop the run.
 
     Attributes:
         turn: number of the part whose turn it is.
     """
 
     def __init__(
-        self, response: LoggedResponse, where: ResponseBeside, tasks: Sequence[SearchTask]
+        self,
+        where: ResponseBeside,
+        tasks: Sequence[SearchTask],
+        *,
+        is_known: Callable[[Floats], bool],
+        take: Callable[[Recording], None],
+        check: Callable[[], None],
     ) -> None:
         self.turn = 0
-        self._response, self._where, self._tasks = response, where, tasks
+        self._where, self._tasks = where, tasks
+        self._is_known, self._take, self._check = is_known, take, check
         self._sent: list[int] = []
         self._waited: set[int] = set()
         self._lost: dict[int, str] = {}
         self._answers: Generator[Answered[Recording], None, None] | None = None
 
-    def known(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        """The answer at p (n,), once the part whose turn it is has come back.
+    def wait(self) -> None:
+        """Return when the part whose turn it is has come back, or was lost.
 
         Raises:
-            ModelError: there is none.
             Interrupted: a stop was asked for.
         """
         if self._answers is None:
             self._answers = self._begun()
         while self.turn in self._waited and self._take_next(self._answers):
-            self._where.processes.check()
-        answer = self._response.logged(kind, p)
-        if answer is None and self.turn in self._lost:
+            self._check()
+
+    def require_answer(self) -> None:
+        """What the part whose turn it is has not evaluated is to be computed here.
+
+        Raises:
+            ModelError: the part was lost with all the processes that have worked on it.
+        """
+        if self.turn in self._lost:
             message = "No process computes the model at a parameter vector: the last one {}."
             raise ModelError(message.format(self._lost[self.turn]))
-        return answer
 
     def end(self) -> None:
         """What runs is of no use any more; where a stop was asked for, what it has found is."""
@@ -123,7 +101,7 @@ class Prefetched:
         tasks: list[SearchTask] = []
         for number, task in enumerate(self._tasks[self.turn :], start=self.turn):
             if isinstance(task, ReadingsAt):
-                points = [p for p in task.points if not self._response.has_readings(p)]
+                points = [p for p in task.points if not self._is_known(p)]
                 if not points:
                     continue
                 tasks.append(ReadingsAt(np.array(points)))
@@ -142,7 +120,7 @@ class Prefetched:
         number = self._sent[answer.number]
         self._waited.discard(number)
         if answer.value is not None:
-            self._response.merge(answer.value)
+            self._take(answer.value)
         elif answer.set_aside:
-            self._lost[number] = answer.losses[-1] if answer.losses else "was lost"
+            self._lost[number] = answer.losses[-1]
         return True

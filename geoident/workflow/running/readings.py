@@ -14,8 +14,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -94,20 +93,22 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
     """
     readings = case.readings
     channels = {channel.name: channel for channel in case.channels}
-    owners = [channels[reading.channel] for reading in readings]
+    rows = [(channels[reading.channel], reading) for reading in readings]
+    independent = not any(channel.errors for channel, _ in rows)
     return ReadingTable(
         channel=tuple(reading.channel for reading in readings),
-        gauge=tuple(channel.gauge for channel in owners),
+        gauge=tuple(channel.gauge for channel, _ in rows),
         stage=tuple(reading.stage for reading in readings),
         time=_numbers([reading.time for reading in readings]),
         value=_numbers([reading.value for reading in readings]),
-        sd=_numbers([c.sd(r) for c, r in zip(owners, readings, strict=True)]),
+        sd=_numbers([channel.sd(reading) for channel, reading in rows]),
         used=np.array([not reason for reason in reasons], dtype=np.bool_),
         bad=np.array([bool(reading.bad) for reading in readings], dtype=np.bool_),
         reason=tuple(reasons),
         computed=np.full(len(readings), np.nan),
         note=tuple(r.note for r in readings) if any(r.note for r in readings) else (),
-        **(_error_columns(owners, readings) if any(c.errors for c in owners) else {}),
+        own_sd=None if independent else _numbers([c.own_sd(r) for c, r in rows]),
+        epochs=None if independent else np.array([r.epochs for r in readings], dtype=np.int64),
     )
 
 
@@ -120,13 +121,6 @@ def as_stated(case: Case, readings: ReadingTable) -> ReadingTable:
     """
     stated = reading_table(case, readings.reason)
     return replace(readings, sd=stated.sd, own_sd=stated.own_sd)
-
-
-def _error_columns(owners: Sequence[Channel], readings: Sequence[Reading]) -> dict[str, Any]:
-    """The columns ``own_sd`` and ``epochs`` of a table, where readings share errors."""
-    own = [c.own_sd(r) for c, r in zip(owners, readings, strict=True)]
-    epochs = np.array([reading.epochs for reading in readings], dtype=np.int64)
-    return {"own_sd": _numbers(own), "epochs": epochs}
 
 
 def readings_of(table: ReadingTable) -> tuple[Reading, ...]:
@@ -173,23 +167,18 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
         return
     known = _count(used, "usable reading")
     known += f" and {_count(priors, 'prior')}" if priors else ""
+    hint = "Add readings, give priors, or make some parameters given numbers."
+    if reasons := sorted({readings.reason[k] for k in readings.unused}):
+        hint += f" {_not_used(len(readings.unused))}: {'; '.join(reasons)}."
     fault = case.source.fault(
         ("readings",),
         code="too-few-readings",
         message=f"{known} cannot determine {_count(len(parameters), 'parameter')}"
         f" ({', '.join(parameter.name for parameter in parameters)})"
         + (" and how accurate the gauges are" if estimated else ""),
-        hint=_remedy(readings),
+        hint=hint,
     )
     raise InputError([fault])
-
-
-def _remedy(readings: ReadingTable) -> str:
-    remedy = "Add readings, give priors, or make some parameters given numbers."
-    reasons = sorted({readings.reason[k] for k in readings.unused})
-    if not reasons:
-        return remedy
-    return f"{remedy} {_not_used(len(readings.unused))}: {'; '.join(reasons)}."
 
 
 def _not_used(number: int) -> str:
@@ -271,84 +260,52 @@ def error_structure(
         own_components: (m,) numbers of these components to which the own errors of the first m
             readings belong, -1 for none; None where the channels say it.
     """
-    collector = _ErrorCollector(steps=_steps(rows), estimated=estimated)
-    if estimated is not None:
-        collector.component_names.update(dict.fromkeys(estimated.names))
-    for number, row in enumerate(rows):
-        collector.add(number, row)
-    structure = collector.structure()
-    if own_components is None:
-        return structure
-    rest = structure.component[len(own_components) :]
-    return replace(structure, component=np.concatenate([own_components, rest]))
+    numbers = {name: k for k, name in enumerate(() if estimated is None else estimated.names)}
 
-
-@dataclass
-class _ErrorCollector:
-    """Collects the entries of B, reading by reading, and the components of variance."""
-
-    steps: Mapping[str, tuple[float, ...]]
-    estimated: AccuracyTable | None = None
-    sources: dict[ErrorSource, int] = field(default_factory=dict)
-    component_names: dict[str, None] = field(default_factory=dict)
-    component_of_source: list[str] = field(default_factory=list)
-    entries: list[tuple[int, int, float]] = field(default_factory=list)
-    sd: list[float] = field(default_factory=list)
-    component_of_reading: list[str] = field(default_factory=list)
-
-    def add(self, number: int, row: ChannelReading) -> None:
-        """Takes a reading."""
-        channel, reading = row
-        self.sd.append(channel.own_sd(reading))
-        estimated = channel.errors is not None and reading.accuracy is None
-        self.component_of_reading.append(self._component(channel, "reading") if estimated else "")
+    def component(channel: Channel, part: str) -> int:
+        """Number of the component of a part of the error of a channel; -1 where it is given."""
         if channel.errors is None:
-            return
-        for part, source, size in _shared_terms(channel, channel.errors, reading, self.steps):
-            if size == 0.0:
-                continue
-            column = self.sources.setdefault(source, len(self.sources))
-            if column == len(self.component_of_source):
-                self.component_of_source.append(self._component(channel, part))
-            self.entries.append((number, column, size))
+            return -1
+        if estimated is not None:
+            return numbers.get(dict(channel.errors.already_estimated).get(part, ""), -1)
+        name = channel.errors.component(part)
+        return numbers.setdefault(name, len(numbers)) if name else -1
 
-    def structure(self) -> ErrorStructure:
-        """All of it."""
-        at = np.array([(i, k) for i, k, _ in self.entries], dtype=np.int64).reshape(-1, 2)
-        size = np.array([size for _, _, size in self.entries], dtype=np.float64)
-        shape = (len(self.sd), len(self.sources))
-        of_readings, of_sources = self.component_of_reading, self.component_of_source
-        taken = {*of_readings, *of_sources}
-        names = tuple(name for name in self.component_names if self.estimated or name in taken)
-        numbers = {"": -1} | {name: number for number, name in enumerate(names)}
-        return ErrorStructure(
-            sd=np.array(self.sd, dtype=np.float64),
-            component=np.array([numbers[name] for name in of_readings], dtype=np.int64),
-            columns=sp.csr_array((size, (at[:, 0], at[:, 1])), shape=shape),
-            column_component=np.array([numbers[name] for name in of_sources], dtype=np.int64),
-            names=names,
-        )
-
-    def _component(self, channel: Channel, part: str) -> str:
-        """The component of a part of the error of a channel; empty where its size is given."""
-        if channel.errors is None:
-            return ""
-        if self.estimated is not None:
-            name = dict(channel.errors.already_estimated).get(part, "")
-            return name if name in self.estimated.names else ""
-        name = channel.errors.component(part) or ""
-        if name:
-            self.component_names.setdefault(name)
-        return name
+    steps, columns = _steps(rows), dict[ErrorSource, int]()
+    of_readings, of_columns = [], []
+    entries: list[tuple[int, int, float]] = []  # of B: reading, column, standard deviation
+    for k, (channel, reading) in enumerate(rows):
+        own = channel.errors is not None and reading.accuracy is None
+        of_readings.append(component(channel, "reading") if own else -1)
+        for part, source, size in _shared_terms(channel, reading, steps):
+            if size != 0.0:
+                if source not in columns:
+                    columns[source] = len(columns)
+                    of_columns.append(component(channel, part))
+                entries.append((k, columns[source], size))
+    if own_components is not None:
+        of_readings[: len(own_components)] = own_components.tolist()
+    i, j, sd = np.array(entries, dtype=np.float64).reshape(-1, 3).T
+    at = i.astype(np.int64), j.astype(np.int64)
+    return ErrorStructure(
+        sd=np.array([channel.own_sd(reading) for channel, reading in rows], dtype=np.float64),
+        component=np.array(of_readings, dtype=np.int64),
+        columns=sp.csr_array((sd, at), shape=(len(rows), len(columns))),
+        column_component=np.array(of_columns, dtype=np.int64),
+        names=tuple(numbers),
+    )
 
 
 def _shared_terms(
-    channel: Channel, parts: ErrorParts, reading: Reading, steps: Mapping[str, tuple[float, ...]]
+    channel: Channel, reading: Reading, steps: Mapping[str, tuple[float, ...]]
 ) -> Iterator[tuple[str, ErrorSource, float]]:
     """The shared errors of a reading: part, what it is that of, and standard deviation.
 
     The set-up at a zero is taken as independent of that of readings on the same day.
     """
+    parts = channel.errors
+    if parts is None:
+        return
     averaging = 1.0 / math.sqrt(reading.epochs)
     day = -1.0 if reading.time is None else reading.time // DAY
     yield "zero", ("zero", channel.name), parts.zero

@@ -24,11 +24,12 @@ from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.problem.ahead import BeginPart, ReadingsAt, SearchTask, at_once, prefetching
 from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.io.result.reduced import reduced_bytes, reduced_from_bytes
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
-from geoident.model.results.reduced import FORM, KeptReducedModel
+from geoident.model.results.reduced import KeptReducedModel
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.reduced_answers import ByReducedModel, reduced_around
 
@@ -227,23 +228,8 @@ class ReducedInLog:
         known = self.log.find(_REDUCED, centre)
         if known is None:
             return None
-        model, text = self._model, "".join(map(chr, known["materials"].astype(int)))
-        kept = KeptReducedModel(
-            form=FORM,
-            names=model.names,
-            materials=tuple(text.split("\n")) if text else (),
-            channels=model.rule.channels,
-            weights=model.rule.weights,
-            zero=model.rule.zero,
-            readable=model.rule.readable,
-            built_on=model.built_on,
-            blocks={k.removeprefix(_BLOCK): a for k, a in known.items() if k.startswith(_BLOCK)},
-            rows=known["rows"].astype(np.int64),
-            states=known["states"].astype(np.int64),
-            **{name: known[name] for name in _NUMBERS},
-        )
-        restored = RestoredModel(kept, model.case).response(self._pairs, self._times)
-        return restored, Counts(*map(int, known["cost"]))
+        kept = reduced_from_bytes(known["file"].astype(np.uint8).tobytes())
+        return self._restored(kept), Counts(*map(int, known["cost"]))
 
     def add(
         self, centre: Floats, reduced: ReducedResponse, spent: Counts, response: ReducibleResponse
@@ -257,18 +243,13 @@ class ReducedInLog:
             response: of whose analyses it is made.
         """
         kept = kept_model(reduced, self._model, response.visited())
-        arrays = {name: np.asarray(getattr(kept, name)) for name in (*_NUMBERS, "rows", "states")}
-        arrays |= {_BLOCK + name: block for name, block in kept.blocks.items()}
-        arrays["materials"] = np.array([ord(c) for c in "\n".join(kept.materials)], dtype=float)
-        arrays["cost"] = np.array(astuple(spent), dtype=float)
-        self.log.add(_REDUCED, centre, arrays)
-        kept_again = self.find(centre)
-        assert kept_again is not None
-        return kept_again
+        content = np.frombuffer(reduced_bytes(kept), dtype=np.uint8).astype(np.float64)
+        cost = np.array(astuple(spent), dtype=float)
+        self.log.add(_REDUCED, centre, {"file": content, "cost": cost})
+        return self._restored(kept), spent
 
-
-_NUMBERS = ("reference", "lower", "upper", "analyses")
-_BLOCK = "block "
+    def _restored(self, kept: KeptReducedModel) -> ReducedResponse:
+        return RestoredModel(kept, self._model.case).response(self._pairs, self._times)
 
 
 def _training(problem: Problem, response: Response, axes: Mapping[str, Floats]) -> Floats:

@@ -11,7 +11,7 @@ a section of a project; a single case is a row whose settings stand on the comma
     job to result    `fit`, `scan`, `backtest`, `project.run`; `estimating.finished` has the log
                      that an interrupted run goes on from, and keeps results of earlier input
     many at a time   `executing.executor.Executor`: a row whose process is lost is begun again, goes
-                     on from its log, and is set aside when it has cost several (`lost_words`)
+                     on from its log, and is set aside when it has cost several processes
     once more        the same command passes over what is done: a case by the hash in its result, a
                      run of a campaign by that in the journal (`io.result.campaign.RunJournal`)
 
@@ -31,7 +31,6 @@ from geoident.io.text.faults import OVERRIDES, shortened
 from geoident.io.text.overrides import parse_path
 from geoident.model.case import format_path
 from geoident.model.run import Run
-from geoident.workflow.executing.executor import Answered
 
 AnyRun = TypeVar("AnyRun", bound=Run)
 R = TypeVar("R")
@@ -78,8 +77,3 @@ def in_order(faults: Iterable[Fault]) -> list[Fault]:
     return shortened(
         sorted(once.values(), key=lambda f: (f.location.file, f.location.line, f.location.column))
     )
-
-
-def lost_words(answer: Answered[R]) -> str:
-    """Why a run has no outcome whose processes were lost, again and again."""
-    return f"it has cost {len(answer.losses)} processes, and the last one {answer.losses[-1]}"

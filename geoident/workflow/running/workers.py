@@ -9,35 +9,25 @@ counts and its checkpoint are those of a run without processes.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Generator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from math import inf
 from types import TracebackType
 from typing import Self
 
-from geoident.errors import Interrupted, ModelError, TimeIsUp
 from geoident.fem.solvers import pick_solver
-from geoident.fem.solvers.threads import one_thread
 from geoident.forward.external.program import ProgramModel
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
-from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.workflow.executing.executor import (
-    Answered,
-    BegunExecutor,
-    usable_cores,
-)
+from geoident.workflow.executing.executor import Answered, BegunExecutor, SetUp, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses
-from geoident.workflow.executing.worker import STOP
 from geoident.workflow.programs.logged_runs import LoggedRuns
-from geoident.workflow.running.cached_response import CachedResponse
-from geoident.workflow.running.control import OUT_OF_TIME, Control
+from geoident.workflow.running.control import Control
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.evaluation_log import Recording
 
@@ -83,11 +73,7 @@ class ModelParts:
         return cls(case, None, solver) if isinstance(model, OpeningModel) else None
 
     def build(self) -> StagedModel | OpeningModel:
-        """The model.
-
-        Raises:
-            InputError, ModelError: as where it was built first.
-        """
+        """The model; the same errors as where it was built first."""
         if self.mesh is None:
             return opening_model(self.case)
         return staged_model(self.mesh, self.case, solver=pick_solver(self.solver))
@@ -110,50 +96,26 @@ class SearchPartTask:
     seconds: float | None
 
 
-def task_runner(parts: ModelParts) -> Callable[[SearchPartTask], Recording]:
-    """In a process of its own: the model, and what evaluates parts of a search with it.
-
-    Args:
-        parts: of the model.
-    """
-    return partial(_evaluated, parts.build())
-
-
-def _evaluated(model: ObservedModel, task: SearchPartTask) -> Recording:
-    control, recording = Control(stop=STOP, max_time=task.seconds), Recording()
-
-    def before() -> None:
-        STOP.check()
-        if control.over() is not None:
-            raise TimeIsUp(OUT_OF_TIME)
-
-    model.on_state = lambda state: control.within()
-    response = model.response(task.pairs, task.times)
-    assert isinstance(response, ReducibleResponse)
-    cached, begun = CachedResponse(response, recording, before=before), response.counts
-    response.forget()
-    with one_thread(), suppress(Interrupted, ModelError):  # what was found until then is of use
-        task.search(cached)
-    recording.failures, recording.spent = list(cached.failures), response.counts - begun
-    return recording
-
-
 class ModelWorkers:
     """Processes that have the model of a command; a context, at whose end none is left.
 
     They are on this machine, or on a cluster. None is started before there is something to do.
 
     Args:
-        parts: of the model.
-        jobs: number of processes; None for all cores, where that saves time.
-        control: of the command.
+        set_up: builds the model in a process, and gives what evaluates parts of a search with it.
+        control: of the command; says how many processes there may be, or on which cluster.
         model: in this process, which tells what an evaluation costs.
+        solver: name of the sparse solver, or ``auto``.
     """
 
     def __init__(
-        self, parts: ModelParts, jobs: int | None, control: Control, model: ObservedModel
+        self,
+        set_up: SetUp[SearchPartTask, Recording],
+        control: Control,
+        model: ObservedModel,
+        solver: str,
     ) -> None:
-        self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
+        self._set_up, self._control, self._model, self._solver = set_up, control, model, solver
         self._executor: BegunExecutor[SearchPartTask, Recording] | None = None
 
     def __enter__(self) -> Self:
@@ -177,10 +139,12 @@ class ModelWorkers:
         """
         if self._control.cluster is not None:  # begun with the first parts, not by this question
             return max(_AT_LEAST, 0 if self._executor is None else self._executor.workers)
-        if self._jobs is not None:
-            return self._jobs
-        evaluations = sum(map(_evaluations, tasks)) if tasks else inf
-        return worthwhile_processes(self._model, self._parts.solver, evaluations)
+        if self._control.jobs is not None:
+            return self._control.jobs
+        evaluations = sum(
+            len(task.points) if isinstance(task, ReadingsAt) else _DESCENT for task in tasks
+        )
+        return worthwhile_processes(self._model, self._solver, evaluations if tasks else inf)
 
     def evaluate_ahead(
         self,
@@ -200,21 +164,12 @@ class ModelWorkers:
             SearchPartTask(task, tuple(pairs), tuple(times), control.remaining()) for task in tasks
         )
         if self._executor is None:
-            set_up = partial(task_runner, self._parts)
             if control.cluster is not None:
-                self._executor = control.cluster.begin(set_up).__enter__()
+                self._executor = control.cluster.begin(self._set_up).__enter__()
             else:
-                self._executor = LocalProcesses(self.at_once(tasks), set_up).__enter__()
+                self._executor = LocalProcesses(self.at_once(tasks), self._set_up).__enter__()
         with control.stop.heard_by(self._executor.ask_to_stop):
             yield from self._executor.run(sent)
-
-    def check(self) -> None:
-        """Stop here if a stop was wished.
-
-        Raises:
-            Interrupted: it was.
-        """
-        self._control.stop.check()
 
     @property
     def stopping(self) -> bool:
@@ -249,10 +204,6 @@ def runs_on_cluster(model: ObservedModel, control: Control) -> AbstractContextMa
     if control.cluster is None or not isinstance(runs, LoggedRuns):
         return nullcontext()
     return runs.on_cluster(control.cluster, control.stop)
-
-
-def _evaluations(task: SearchTask) -> int:
-    return len(task.points) if isinstance(task, ReadingsAt) else _DESCENT
 
 
 def _memory() -> float:

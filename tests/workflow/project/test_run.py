@@ -26,7 +26,7 @@ from geoident.workflow.fit import fit
 from geoident.workflow.programs.trust import decided_by, trusting
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import Control, Monitor
 from geoident.workflow.running.jobs import Request, plan_fit
 
 
@@ -132,7 +132,7 @@ def test_a_result_of_the_same_input_is_kept_and_one_of_other_input_set_aside(two
     assert "up to date" not in run.invoke(geoident, ["fit", path]).stderr
 
 
-class Stops(Silent):
+class Stops(Monitor):
     """Asks to stop at the third iteration."""
 
     def __init__(self, control):
