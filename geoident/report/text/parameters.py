@@ -16,7 +16,7 @@ from geoident.model.results.columns import columns
 from geoident.model.results.result import Grid, Iteration, Labelled, ParameterTable, Result
 from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, number, with_interval
-from geoident.report.text.rows import sheet
+from geoident.report.text.rows import CsvTable, beside, headed, sheet
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
 
@@ -31,6 +31,26 @@ def unit_of(parameters: ParameterTable, name: str) -> Unit:
     """Unit and dimension of a parameter."""
     i = parameters.names.index(name)
     return parameters.units[i], parameters.dimensions[i]
+
+
+def headers(parameters: ParameterTable) -> list[str]:
+    """The header of each parameter in a spreadsheet, with its unit."""
+    table = parameters
+    return [headed(*one) for one in zip(table.names, table.units, table.dimensions, strict=True)]
+
+
+def parameters_sheet(result: Result, *, si: bool = False) -> CsvTable:
+    """All columns of the parameters, and their priors.
+
+    Args:
+        result: with the parameters.
+        si: SI units in place of those of the case.
+    """
+    table = result.parameters
+    kinds = zip(table.priors, table.units, table.dimensions, strict=True)
+    priors = tuple((prior_in_unit(prior, "" if si else unit, of),) for prior, unit, of in kinds)
+    columns = sheet(table, "parameter", quantities=result.quantities, si=si)
+    return beside(columns, CsvTable(("prior",), priors))
 
 
 def parameters_text(parameters: ParameterTable, proof: Certificate | None = None) -> str:
