@@ -15,7 +15,7 @@ from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.columns import columns
 from geoident.model.results.result import Grid, Iteration, Labelled, ParameterTable, Result
 from geoident.model.yielding import Certificate
-from geoident.report.text.layout import TextTable, number, with_interval
+from geoident.report.text.layout import TextTable, number, shown_interval
 from geoident.report.text.rows import CsvTable, beside, headed, sheet
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
@@ -91,10 +91,9 @@ def value_cells(parameters: ParameterTable, i: int, *, between: str = " to ") ->
     """
     if not parameters.determined[i]:
         return (AS_PRIOR if parameters.priors[i] else NOT_DETERMINED), ""
+    numbers = parameters.values[i], parameters.lower95[i], parameters.upper95[i]
     unit = parameters.units[i], parameters.dimensions[i]
-    columns = parameters.values, parameters.lower95, parameters.upper95
-    value, low, high = with_interval(*(in_unit(float(column[i]), *unit) for column in columns))
-    return value, "" if low == "-" else f"{low}{between}{high}"
+    return shown_interval(*numbers, *unit, between=between)
 
 
 def _in_units(parameters: ParameterTable, i: int, *columns: np.ndarray) -> list[str]:
