@@ -221,7 +221,9 @@ def predictions(result: Result) -> list[Predicted]:
     """All predictions of readings, fit by fit and stage by stage."""
     gauges, backtest = result.gauges, result.backtest
     rows: list[Predicted] = []
-    for step in () if backtest is None else backtest.steps:
+    if backtest is None:
+        return rows
+    for step in backtest.steps:
         bands = bands_of(backtest, step)
         ahead, z, sd = next_read(bands), bands.z, step.prediction.sd
         rows += [
@@ -273,10 +275,12 @@ def step_parameters(result: Result) -> list[StepParameter]:
     table, rows = result.parameters, []
     for step in () if result.backtest is None else result.backtest.steps:
         for i, name in enumerate(table.names):
-            numbers = (float(x[i]) for x in (step.values, step.sd, step.lower95, step.upper95))
+            columns = step.values, step.sd, step.lower95, step.upper95
+            value, sd, low, high = (float(column[i]) for column in columns)
             rows.append(
                 StepParameter(
-                    result.gauges.stages[step.last], step.readings, name, *numbers,
+                    result.gauges.stages[step.last], step.readings, name,
+                    value, sd, low, high,
                     table.units[i], step.status, bool(step.determined[i]), table.dimensions[i],
                 )
             )  # fmt: skip

@@ -339,10 +339,10 @@ def each_reading(gauges: GaugeTable) -> list[ListedReading]:
     for k, channel in enumerate(table.channel):
         unit, dimension = units[channel]
         time = moment_text(float(table.time[k]))
-        numbers = (float(x[k]) for x in (table.value, table.computed, table.sd))
+        value, computed, sd = (float(x[k]) for x in (table.value, table.computed, table.sd))
         readings.append(
             ListedReading(
-                channel, table.stage[k], time, *numbers, unit, bool(table.used[k]),
+                channel, table.stage[k], time, value, computed, sd, unit, bool(table.used[k]),
                 table.reason[k], table.notes[k], dimension,
             )
         )  # fmt: skip
