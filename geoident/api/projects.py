@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
-from geoident.api.found import ResultHandle
+from geoident.api.result_handle import ResultHandle
 from geoident.api.tables import ResultTable
 from geoident.io.result.project import read_project_result
 from geoident.io.text.wording import did_you_mean

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from geoident.api.arrays import dataset
 from geoident.api.calling import AnyPath, spoken
-from geoident.api.found import ResultHandle
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
 from geoident.api.reduced import KeptModel
+from geoident.api.result_handle import ResultHandle
 from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_of, tables_of
 from geoident.io.result.file import read_result as read_file
 from geoident.model.arrays import Floats

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
 from geoident.api.cases import CaseFile, origin_of
-from geoident.api.found import Stored
+from geoident.api.result_handle import Stored
 from geoident.api.results import (
     BacktestResult,
     FitResult,

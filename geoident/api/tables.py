@@ -16,9 +16,14 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import GaugeTable, ParameterTable, Result
 from geoident.report.page.html import table as html_table
 from geoident.report.text.case import stage_dates
-from geoident.report.text.csv_tables import csv_tables, parameters_sheet
+from geoident.report.text.csv_tables import csv_tables
 from geoident.report.text.layout import TextTable, number
-from geoident.report.text.parameters import parameter_table, parameters_text, value_cells
+from geoident.report.text.parameters import (
+    parameter_table,
+    parameters_sheet,
+    parameters_text,
+    value_cells,
+)
 from geoident.report.text.rows import CsvCell, CsvTable
 from geoident.units import shown_unit, si_unit
 

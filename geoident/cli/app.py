@@ -1,7 +1,5 @@
 """The group of commands. A command's module is imported when it is asked for."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 import io
@@ -14,6 +12,7 @@ import click
 
 from geoident import __version__
 from geoident.cli.error_boundary import PipeClosed, guarded
+from geoident.io.text.wording import did_you_mean
 
 COMMANDS = (
     "init",
@@ -77,8 +76,6 @@ class Commands(click.Group):
         Raises:
             click.UsageError: there is no such command.
         """
-        from geoident.io.text.wording import did_you_mean
-
         name = str(args[0])
         if name not in COMMANDS and not name.startswith("-"):
             hint = did_you_mean(name, COMMANDS, what="The commands are")

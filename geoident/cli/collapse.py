@@ -1,7 +1,5 @@
 """The mechanism of a collapse as a picture beside the case, where a command ends by it."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed
-
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -10,6 +8,9 @@ from pathlib import Path
 
 from geoident.cli.options import Options
 from geoident.errors import CollapseError, GeoidentError
+from geoident.model.results.yielded import Mechanism
+from geoident.workflow.running.outputs import target
+from geoident.workflow.running.remade import write_remade
 
 
 @contextmanager
@@ -31,19 +32,14 @@ def mechanism_drawn(case: str, options: Options) -> Iterator[None]:
 
 def _drawn(error: CollapseError, case: str, options: Options) -> str:
     """A line that names the picture, or says why there is none; empty where nothing is known."""
-    from geoident.model.results.yielded import Mechanism
-
     motion = error.motion
     if not isinstance(motion, Mechanism):
         return ""
     try:
-        from geoident.report.drawing.fields.mechanism import mechanism_picture
-        from geoident.report.drawing.style import image
+        from geoident.report.drawing.fields.mechanism import mechanism_picture  # noqa: PLC0415
+        from geoident.report.drawing.style import image  # noqa: PLC0415 - matplotlib is an extra
     except ImportError:
         return "A picture of the mechanism needs matplotlib: pip install 'geoident[report]'."
-    from geoident.workflow.running.outputs import target
-    from geoident.workflow.running.remade import write_remade
-
     name = target(case, "collapse").path.with_suffix(".png")
     inputs = [] if case == "-" else [case]
     picture = mechanism_picture(motion, ("x", "y", "z"))

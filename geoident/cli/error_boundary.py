@@ -1,7 +1,5 @@
 """The one place where errors become messages on stderr and exit codes, one for several cases."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 import errno
@@ -162,7 +160,10 @@ def failures_as_json(case: str, options: Options) -> Iterator[None]:
         yield
     except GeoidentError as error:
         if options.as_json:
-            from geoident.report.text.json import dumps, failure_object
+            from geoident.report.text.json import (  # noqa: PLC0415 - help must not wait for it
+                dumps,
+                failure_object,
+            )
 
             click.echo(dumps(failure_object(error, case=case)))
         raise

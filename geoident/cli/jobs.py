@@ -1,13 +1,11 @@
 """Running one command that leaves a result: how it goes on, what came out, or what it would do."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -18,21 +16,22 @@ from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.model.results.many.project import ProjectResult
+from geoident.report.text.case import case_text
 from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.project.json import project_object
 from geoident.report.text.project.tables import project_summary
 from geoident.report.text.result import summary_text
+from geoident.workflow.check import summarize
 from geoident.workflow.estimating.finished import Finished, FinishedRun
+from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.workplace import on_cluster
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Planned, Request
 from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
-
-if TYPE_CHECKING:
-    from geoident.workflow.predict import PredictRequest
-    from geoident.workflow.sample import SampleRequest
+from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
 PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
@@ -85,8 +84,6 @@ def run_case(
 
 def run_prediction(request: PredictRequest, options: Options) -> int:
     """Make a prediction, and say what came out."""
-    from geoident.workflow.predict import plan_prediction, predict
-
     task = plan_prediction(request)
     case, work = task.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
@@ -104,8 +101,6 @@ def run_sample(request: SampleRequest, options: Options, *, cluster: str | None 
     Returns:
         The exit code.
     """
-    from geoident.workflow.sample import plan_sample, sample
-
     task = plan_sample(request)
     case, work = task.job.inputs.path, partial(sample, task)
     with mechanism_drawn(case, options):
@@ -195,10 +190,6 @@ def say_plan(job: Planned, text: str, as_object: dict[str, Any], options: Option
 
 def _say_plan_of_case(job: Job, options: Options) -> int:
     """What would be done; the model is built, nothing is solved."""
-    from geoident.report.text.case import case_text
-    from geoident.workflow.check import summarize
-    from geoident.workflow.estimating.setup import prepare
-
     setup = prepare(job)
     summary = summarize(job.inputs, setup.model, setup.readings)
     return say_plan(job, case_text(summary), summary_object(summary), options)

@@ -3,8 +3,6 @@
 A command names the steps that make sense after it; they are said on stderr at its end.
 """
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 import shlex
@@ -19,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from geoident.errors import ExitCode
+from geoident.io.text.wording import nearest
 from geoident.units import UnitError, read_duration
 
 if TYPE_CHECKING:
@@ -88,8 +87,6 @@ class OneOf(_Choice):
             value: what was written.
             ctx: of the command.
         """
-        from geoident.io.text.wording import nearest
-
         near = nearest(str(value), [str(word) for word in self.choices])
         message = str(super().get_invalid_choice_message(value, ctx))
         return f"{message.removesuffix('.')}. Did you mean {near!r}?" if near else message
@@ -192,7 +189,7 @@ def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[.
             shared = {f.name: given.pop(f.name) for f in fields(Options) if f.name in given}
             options = Options(**shared)
             if "trust" in names:
-                from geoident.cli.trust import asked
+                from geoident.cli.trust import asked  # noqa: PLC0415 - help must not wait for it
 
                 with asked(trust=options.trust, as_json=options.as_json):
                     code = function(**given, options=options)
@@ -253,7 +250,7 @@ def result_of(kind: str, case: str, options: Options) -> str:
         case: what it was run on.
         options: the shared options.
     """
-    from geoident.workflow.running.outputs import target
+    from geoident.workflow.running.outputs import target  # noqa: PLC0415 - help must not wait for it
 
     return str(target(case, kind, output=options.output).path)
 

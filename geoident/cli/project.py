@@ -1,7 +1,5 @@
 """Fitting a project: what is said while it is computed, and at the end."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -14,13 +12,17 @@ from geoident.cli.jobs import run_and_say, say_plan
 from geoident.cli.options import Options
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode, UsageError
+from geoident.io.result.project import read_project_result
 from geoident.report.text.csv_tables import csv_text
 from geoident.report.text.json import dumps
 from geoident.report.text.project.json import plan_object, project_object
 from geoident.report.text.project.spreadsheet import project_csv, project_tables
 from geoident.report.text.project.tables import plan_text, project_text
+from geoident.workflow.project.check import check_project
+from geoident.workflow.project.export import export_project, write_project_table
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
+from geoident.workflow.running.result_files import case_path
 
 _SETS_ITSELF = "A project sets values of its sections itself: sections[..].set."
 
@@ -74,8 +76,6 @@ def check_one_project(path: str, options: Options) -> int:
     Raises:
         UsageError: values are to be set, which a project does itself.
     """
-    from geoident.workflow.project.check import check_project
-
     if options.overrides:
         raise UsageError(_SETS_ITSELF)
     with failures_as_json(path, options):
@@ -96,9 +96,6 @@ def show_project(path: str, options: Options, *, as_csv: bool = False) -> int:
         options: of the command.
         as_csv: its tables for spreadsheets.
     """
-    from geoident.io.result.project import read_project_result
-    from geoident.workflow.running.result_files import case_path
-
     with failures_as_json(path, options):
         result = read_project_result(path)
     project = case_path(path, result.provenance.case_file)
@@ -123,9 +120,6 @@ def export_project_tables(path: str, formats: Sequence[str], options: Options) -
     Raises:
         UsageError: a format is not that of tables.
     """
-    from geoident.io.result.project import read_project_result
-    from geoident.workflow.project.export import export_project
-
     if set(formats) != {"csv"}:
         raise UsageError(f"{path} is the result of several sections: --format csv is all it has.")
     result = read_project_result(path)
@@ -146,9 +140,6 @@ def export_project_table(path: str, name: str, options: Options) -> int:
     Raises:
         UsageError: it has no such table.
     """
-    from geoident.io.result.project import read_project_result
-    from geoident.workflow.project.export import write_project_table
-
     result = read_project_result(path)
     tables = project_tables(result)
     if name not in tables:

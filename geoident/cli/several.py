@@ -1,9 +1,4 @@
-"""Several cases, in processes that share the cores, so that a case that dies takes nobody with it.
-
-What is up to date is known from the checksums of its files, before anything of a model is imported.
-"""
-
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+"""Several cases, in processes that share the cores: a case that dies takes nobody with it."""
 
 from __future__ import annotations
 
@@ -13,18 +8,26 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppres
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from geoident.cli.error_boundary import combined, guarded, say_error
+from geoident.cli.jobs import run_case
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_runs_on_signals
 from geoident.cli.terminal import Terminal
+from geoident.cli.trust import asked
 from geoident.errors import ExitCode
-
-if TYPE_CHECKING:
-    from geoident.workflow.executing.executor import Executor
+from geoident.io.result.file import read_result
+from geoident.report.text.json import dumps, result_object
+from geoident.workflow.backtest import backtest
+from geoident.workflow.executing.executor import Executor, usable_cores
+from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.executing.worker import STOP
+from geoident.workflow.fit import fit
+from geoident.workflow.programs.workplace import cluster_given
+from geoident.workflow.running.jobs import plan_backtest, plan_fit
+from geoident.workflow.running.outputs import known, target
 
 WORDS = {
     ExitCode.DONE: "done",
@@ -78,8 +81,6 @@ def run_cases(
     Returns:
         The exit code: 7 if some have failed.
     """
-    from geoident.workflow.running.outputs import target
-
     refuse_ambiguous(cases, options)
     ends = _Ends(cases, options)
     for number, case in enumerate(cases):
@@ -103,8 +104,6 @@ def run_cases(
 
 def _up_to_date(command: str, case: str, options: Options) -> CaseEnd | None:
     """A case whose result is up to date, as the checksums of its files tell."""
-    from geoident.workflow.running.outputs import known
-
     result = known(
         case, command, output=options.output, overrides=options.overrides, seed=options.seed
     )
@@ -113,9 +112,6 @@ def _up_to_date(command: str, case: str, options: Options) -> CaseEnd | None:
     place, identity = result
     path = line = str(place.path)
     if options.as_json:
-        from geoident.io.result.file import read_result
-        from geoident.report.text.json import dumps, result_object
-
         line = dumps(result_object(read_result(path), case=case, output=path))
     return CaseEnd(identity.exit_code, f"{line}\n", up_to_date=True)
 
@@ -151,17 +147,14 @@ def _executor(
     cluster: str | None,
 ) -> Iterator[Executor[str, CaseEnd]]:
     """What computes the cases: processes of this machine, or a cluster."""
-    from geoident.workflow.executing.executor import usable_cores
-    from geoident.workflow.executing.processes import LocalProcesses
-
     if cluster is None:
         jobs = min(options.jobs or usable_cores(), len(cases))
         with LocalProcesses[str, CaseEnd](jobs, partial(_set_up, command, options)) as processes:
             yield processes
         return
-    from geoident.cli.several_away import AwayCases, cases_on
-    from geoident.cli.several_away import run_cases as cases_that_run
-    from geoident.workflow.programs.workplace import cluster_given
+    # with dask, which is an extra
+    from geoident.cli.several_away import AwayCases, cases_on  # noqa: PLC0415
+    from geoident.cli.several_away import run_cases as cases_that_run  # noqa: PLC0415
 
     if any(Path(path).is_absolute() for path in (*cases, options.output or "")):
         raise click.UsageError("With --cluster, name cases and -o as seen from this folder.")
@@ -183,13 +176,6 @@ def _set_up(
         options: as given.
         permitted: on another machine, `Execution.portable` of what cases may run.
     """
-    from geoident.cli.jobs import run_case
-    from geoident.cli.trust import asked
-    from geoident.workflow.backtest import backtest
-    from geoident.workflow.executing.worker import STOP
-    from geoident.workflow.fit import fit
-    from geoident.workflow.running.jobs import plan_backtest, plan_fit
-
     plan, run = (plan_fit, fit) if command == "fit" else (plan_backtest, backtest)
     quiet = replace(options, quiet=not options.verbose, jobs=1)
 

@@ -3,8 +3,6 @@
 How long a search may still take is told from how fast its steps shrink.
 """
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 import math
@@ -13,19 +11,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from rich.console import Console
+from rich.text import Text
 
 from geoident.cli.options import Options
+from geoident.model.parameter import Parameter
+from geoident.model.results.result import Iteration
+from geoident.report.text.parameters import iteration_text
 from geoident.workflow.running.control import Monitor
-
-if TYPE_CHECKING:
-    from rich.text import Text
-
-    from geoident.model.parameter import Parameter
-    from geoident.model.results.result import Iteration
-
 
 _EYE = 0.1
 """Seconds between updates of the live line within an iteration."""
@@ -69,8 +65,6 @@ class Terminal(Monitor):
 
     def step(self, iteration: Iteration) -> None:
         """One iteration: a line when verbose, else the live line."""
-        from geoident.report.text.parameters import iteration_text
-
         line = iteration_text(iteration, self._parameters)
         self._pace.add(iteration.step)
         self._step, self._stage = line, ""
@@ -111,8 +105,6 @@ class Terminal(Monitor):
 
     def __rich__(self) -> Text:
         """The live line now: a terminal asks several times a second, so its clock goes evenly."""
-        from rich.text import Text
-
         remaining = self._pace.remaining()
         words = [self._step, self._stage, clock_text(self._pace.elapsed)]
         words += [] if remaining is None else [f"about {about_text(remaining)} left"]
@@ -125,8 +117,6 @@ class Terminal(Monitor):
         if self._options.quiet or self._options.verbose or not sys.stderr.isatty():
             yield
             return
-        from rich.console import Console
-
         with Console(stderr=True, highlight=False, markup=False).status(title) as status:
             self._status = status
             try:

@@ -7,8 +7,8 @@ from geoident import fit
 from geoident.io.result.file import read_result
 from geoident.report.text.case import case_text
 from geoident.report.text.csv_tables import csv_tables
-from geoident.report.text.gauges import fit_table
-from geoident.report.text.json import readings_list, summary_object
+from geoident.report.text.gauges import each_reading, fit_table
+from geoident.report.text.json import summary_object
 from geoident.workflow.check import check
 from tests.support.trench import write_case
 
@@ -75,4 +75,4 @@ def test_remarks_go_with_the_readings_into_the_result(case, tmp_path):
     (table,) = [table for name, table in csv_tables(kept).items() if name == "readings"]
     at = table.header.index("note")
     assert [row[at] for row in table.rows] == list(kept.gauges.readings.notes)
-    assert readings_list(kept)[1]["note"] == "after rain"
+    assert each_reading(kept.gauges)[1].note == "after rain"

@@ -1,7 +1,5 @@
 """``geoident check``."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 from importlib.util import find_spec

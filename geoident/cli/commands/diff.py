@@ -5,8 +5,6 @@ otherwise has the codes of the other commands, and a bug, which they call 1, is 
 of sysexits.h), so that a script can never take a bug for a difference.
 """
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

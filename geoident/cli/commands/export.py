@@ -1,7 +1,5 @@
 """``geoident export``."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 import textwrap

@@ -1,7 +1,5 @@
 """``geoident simulate``."""
 
-# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -9,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from geoident.cli.collapse import mechanism_drawn
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, new_name, overrides, takes
 from geoident.errors import UsageError
@@ -96,6 +93,7 @@ def command(
     Prints lines gauge,stage,value,unit, that a case can use as readings. With -o into a file,
     which says that they are simulated; earlier ones of the case are kept beside (FILE.1.csv).
     """
+    from geoident.cli.collapse import mechanism_drawn
     from geoident.workflow.simulate import ComputedBy, Noise, Outputs, simulate
 
     if dakota is not None:

@@ -79,14 +79,14 @@ def date_hint(text: str, pattern: str) -> str:
     """What is to be done about a text that is no date of a format.
 
     >>> date_hint("31.02.2025", "DD.MM.YYYY")
-    'There is no such day in the calendar: correct it, or the order of day and month in date_format.'
+    'There is no such day in the calendar: correct it, or date_format (day, month).'
     >>> date_hint("21.02.2025", "YYYY-MM-DD")
     'Declare how it is written: readings: {file: ..., date_format: DD.MM.YYYY}.'
     """
     text = text.strip()
     shape = re.escape(_TOKEN.sub(lambda match: "0" * len(match[0]), pattern))
     if re.fullmatch(shape.replace("0", r"\d"), text):
-        return "There is no such day in the calendar: correct it, or the order of day and month in date_format."
+        return "There is no such day in the calendar: correct it, or date_format (day, month)."
     others = [day + time for day in _USUAL for time in _TIMES if _is_date(text, day + time)]
     forms = " or ".join(others) or "DD.MM.YYYY hh:mm"
     return f"Declare how it is written: readings: {{file: ..., date_format: {forms}}}."

@@ -34,6 +34,9 @@ from geoident.model.arrays import Bools, Floats, Ints
 LABELS: Mapping[str, tuple[str, ...]] = {"axis": ("x", "y", "z"), "end": ("first", "second")}
 """Labels of axes that mean the same everywhere; the first of them where an axis is shorter."""
 
+ROW = "row"
+"""Axis along which several records of one type stand."""
+
 _KINDS: Mapping[Any, str] = {
     Floats: "float", Ints: "int", Bools: "bool", tuple[str, ...]: "text",
     float: "float", int: "int", bool: "bool", str: "text", Mapping[str, str]: "json",
@@ -61,7 +64,7 @@ class Column:
         part: axis and label, where several fields stand in one dataset along one more axis.
         prefix: before the names of the columns of a record in this field.
         dimension: key of `geoident.units.DIMENSIONS`; or ``parameter`` or ``gauge``, where each
-            entry along this axis has its own.
+            entry along this axis has its own; or `ROW`, where the record names `unit`, `dimension`.
         unit: in the result file, where it is not the SI unit of the dimension.
         optional: not written where there is nothing; a file without it is read.
         stored: a derived column that is read, for `restored` of its record.

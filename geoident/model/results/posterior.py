@@ -39,7 +39,9 @@ class PosteriorDraws:
 
     names: tuple[str, ...] = field(metadata=column("parameter", name="parameter"))
     fields: tuple[str, ...] = field(metadata=column("parameter"))
-    values: Floats = field(metadata=column("chain", "draw", "parameter", dimension="parameter"))
+    values: Floats = field(
+        metadata=column("chain", "draw", "parameter", dimension="parameter", sheet="{parameter}")
+    )
     log_density: Floats = field(metadata=column("chain", "draw"))
     sampler: str
     pareto_k: float

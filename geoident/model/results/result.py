@@ -121,7 +121,7 @@ class ParameterTable:
         metadata=column("parameter", name="dimension", hidden=VIEWS)
     )
     covariance: Floats = field(metadata=column("parameter", "other"))
-    correlation: Floats = field(metadata=column("parameter", "other"))
+    correlation: Floats = field(metadata=column("parameter", "other", sheet="{other}"))
     fields: tuple[str, ...] = field(
         default=(), metadata=column("parameter", name="field", optional=True, hidden=VIEWS)
     )
@@ -481,7 +481,9 @@ class Diagnostics:
     weight: Floats = field(metadata=column("reading", group="readings"))
     leverage: Floats = field(metadata=column("reading", group="readings"))
     distance: Floats = field(metadata=column("reading", group="readings"))
-    influence: Floats = field(metadata=column("reading", "parameter", group="readings"))
+    influence: Floats = field(
+        metadata=column("reading", "parameter", group="readings", sheet="influence_{parameter}")
+    )
     misfit: float = np.nan
     above: float = 1.0
     below: float = 1.0
@@ -535,7 +537,7 @@ class Iteration:
     method: str
     number: int = field(metadata=column(title="iteration"))
     objective: float
-    values: Floats = field(metadata=column("parameter", dimension="parameter"))
+    values: Floats = field(metadata=column("parameter", dimension="parameter", sheet="{parameter}"))
     step: float
     counts: Counts = field(metadata=column())
     note: str = ""

@@ -6,21 +6,28 @@ A fit of a backtest is called by the last stage whose readings it used ("up to b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from geoident.model.arrays import Floats
-from geoident.model.results.backtest import Backtest, BacktestStep, Scores, bands_of
+from geoident.model.results.backtest import Backtest, BacktestStep, bands_of
 from geoident.model.results.bands import next_read
+from geoident.model.results.columns import ROW, column
 from geoident.model.results.result import Result
 from geoident.report.text.gauges import predicted_texts, reading_text
-from geoident.report.text.layout import TextTable, decimals, section, sections, with_interval
+from geoident.report.text.layout import (
+    TextTable,
+    decimals,
+    section,
+    sections,
+    shown_interval,
+    with_unit,
+)
 from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
 from geoident.report.text.rows import by_stage, objects
-from geoident.units import in_unit, shown_unit, si_unit
+from geoident.units import si_unit
 
 TITLE = "Backtest"
 
@@ -50,47 +57,38 @@ def fits_table(result: Result) -> TextTable:
     backtest, table = result.backtest, result.parameters
     if backtest is None:
         return TextTable((), ())
-    units = [shown_unit(*pair) for pair in zip(table.units, table.dimensions, strict=True)]
-    named = [
-        f"{name} ({unit})" if unit else name for name, unit in zip(table.names, units, strict=True)
-    ]
+    units = zip(table.names, table.units, table.dimensions, strict=True)
+    named = [with_unit(*one) for one in units]
     rows = []
     for step in backtest.steps:
         cells = [_interval(result, step, i) for i in range(len(named))]
-        ahead = _ahead(backtest, step)
+        inside, width = _ahead(backtest, step)
         stage = result.gauges.stages[step.last]
-        rows.append([stage, str(step.readings), *cells, ahead, _width(backtest, step), step.status])
+        rows.append([stage, str(step.readings), *cells, inside, width, step.status])
     header = ("up to", "readings", *named, "next stage inside", "band by rms", "status")
     return TextTable(header, rows, right="lr" + "r" * len(named) + "rrl")
 
 
 def _interval(result: Result, step: BacktestStep, i: int) -> str:
     """Value and 95 % interval of a parameter in its unit; in words where it is not determined."""
+    table = result.parameters
     if not step.determined[i]:
-        return AS_PRIOR if result.parameters.priors[i] else NOT_DETERMINED
-    unit = result.parameters.units[i], result.parameters.dimensions[i]
-    columns = step.values, step.lower95, step.upper95
-    value, low, high = with_interval(*(in_unit(float(column[i]), *unit) for column in columns))
-    return value if low == "-" else f"{value} [{low}, {high}]"
+        return AS_PRIOR if table.priors[i] else NOT_DETERMINED
+    numbers = step.values[i], step.lower95[i], step.upper95[i]
+    value, interval = shown_interval(*numbers, table.units[i], table.dimensions[i], between=", ")
+    return f"{value} [{interval}]" if interval else value
 
 
-def _ahead(backtest: Backtest, step: BacktestStep) -> str:
+def _ahead(backtest: Backtest, step: BacktestStep) -> tuple[str, str]:
+    """Readings of the next stage inside their bands; width of these by the rms of the readings."""
     bands = bands_of(backtest, step)
     ahead = bands.only(next_read(bands))
-    count, loose = np.count_nonzero(ahead.scored), np.count_nonzero(ahead.open)
-    if not count:
-        return NOT_DETERMINED if loose else "-"
-    return f"{np.count_nonzero(ahead.inside)} of {count}"
-
-
-def _width(backtest: Backtest, step: BacktestStep) -> str:
-    """Mean width of the bands of the next stage by the root mean square of its readings."""
-    bands = bands_of(backtest, step)
-    at = next_read(bands) & bands.scored
+    at = ahead.scored
     if not at.any():
-        return "-"
-    size = math.sqrt(float(np.mean(bands.measured[at] ** 2)))
-    return decimals(float(np.mean((bands.upper95 - bands.lower95)[at])) / size, 2)
+        return NOT_DETERMINED if ahead.open.any() else "-", "-"
+    inside = f"{np.count_nonzero(ahead.inside)} of {np.count_nonzero(at)}"
+    width = float(np.mean((bands.upper95 - bands.lower95)[at]))
+    return inside, decimals(width / math.sqrt(float(np.mean(bands.measured[at] ** 2))), 2)
 
 
 def scores_table(backtest: Backtest) -> TextTable:
@@ -99,22 +97,20 @@ def scores_table(backtest: Backtest) -> TextTable:
         "stages", "readings", "inside 95 %", "coverage", "rms error (sd)", "band by rms",
         "log score",
     )  # fmt: skip
-    rows = [_score_row("next", backtest.next), _score_row("further", backtest.further)]
-    return TextTable(header, [row for row in rows if row], right="lrrrrrr")
-
-
-def _score_row(name: str, scores: Scores) -> list[str]:
-    if not scores.readings:
-        return []
-    return [
-        name,
-        str(scores.readings),
-        str(scores.inside),
-        f"{100 * scores.coverage:.0f} %",
-        decimals(scores.rms, 2),
-        decimals(scores.sharpness, 2),
-        decimals(scores.log_score, 2),
+    rows = [
+        [
+            name,
+            str(scores.readings),
+            str(scores.inside),
+            f"{100 * scores.coverage:.0f} %",
+            decimals(scores.rms, 2),
+            decimals(scores.sharpness, 2),
+            decimals(scores.log_score, 2),
+        ]
+        for name, scores in (("next", backtest.next), ("further", backtest.further))
+        if scores.readings
     ]
+    return TextTable(header, rows, right="lrrrrrr")
 
 
 ERRORS_TITLE = (
@@ -156,24 +152,22 @@ def _error(z: float) -> str:
 
 def prediction_table(result: Result) -> TextTable:
     """Every reading that was predicted and read, with its band; those farthest off if many."""
-    backtest, gauges = result.backtest, result.gauges
-    if backtest is None:
-        return TextTable((), ())
-    ranked = sorted(predictions(result), key=lambda one: -abs(one.z if one.z == one.z else 0.0))
-    kept = {id(one) for one in ranked[:_MOST_ROWS]}
+    gauges, every = result.gauges, list(predictions(result))
+    distances = sorted(
+        range(len(every)), key=lambda k: -abs(0.0 if math.isnan(every[k].z) else every[k].z)
+    )
     rows = []
-    for one in predictions(result):
-        if len(ranked) > _MOST_ROWS and id(one) not in kept:
-            continue
-        texts = predicted_texts(gauges, one.row, one.mean, one.low, one.high)
-        known = math.isfinite(one.low)
+    for one in (every[k] for k in sorted(distances[:_MOST_ROWS])):
+        row = one.place[0]
+        texts = predicted_texts(gauges, row, one.mean, one.lower95, one.upper95)
+        known = math.isfinite(one.lower95)
         rows.append(
             [
-                gauges.channels[one.row],
-                gauges.stages[one.column],
-                gauges.stages[one.last],
+                one.gauge,
+                one.stage,
+                one.up_to,
                 *(texts if known else ["-"] * 3),
-                reading_text(gauges, one.row, one.measured),
+                reading_text(gauges, row, one.measured),
                 _error(one.z).strip() if known else NOT_DETERMINED,
             ]
         )
@@ -186,172 +180,144 @@ class Predicted:
     """A reading that a fit of a backtest has predicted, SI.
 
     Args:
-        last: number of the last fitted stage.
-        row: number of the channel.
-        column: number of the stage.
-        ahead: whether it is the next stage that was read.
+        up_to: last stage that was fitted.
+        gauge: name of the channel.
+        stage: name of the stage.
+        next: it is of the next stage that was read.
         mean: what was predicted.
         sd: its standard deviation.
-        low: lower end of the 95 % band; infinite where it is not determined.
-        high: its upper end.
+        lower95: lower end of the 95 % band; infinite where it is not determined.
+        upper95: its upper end.
         measured: what was read.
+        unit: in which people see it.
         z: standardized error.
         log_density: logarithm of the predicted density.
+        dimension: key of `geoident.units.DIMENSIONS`.
+        place: numbers of channel and stage.
     """
 
-    last: int
-    row: int
-    column: int
-    ahead: bool
-    mean: float
-    sd: float
-    low: float
-    high: float
-    measured: float
-    z: float
-    log_density: float
+    up_to: str
+    gauge: str
+    stage: str
+    next: bool
+    mean: float = field(metadata=column(dimension=ROW, known="determined", sheet="predicted"))
+    sd: float = field(metadata=column(dimension=ROW))
+    lower95: float = field(metadata=column(dimension=ROW, known="determined"))
+    upper95: float = field(metadata=column(dimension=ROW, known="determined"))
+    measured: float = field(metadata=column(dimension=ROW))
+    unit: str = field(metadata=column(dimension=ROW))
+    z: float = field(metadata=column(sheet="error_in_sd"))
+    log_density: float = field(metadata=column(hidden=("csv",)))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    place: tuple[int, int]
+
+    @property
+    def determined(self) -> bool:
+        """The fit determines the prediction."""
+        return math.isfinite(self.sd)
 
 
-def predictions(result: Result) -> Iterator[Predicted]:
+def predictions(result: Result) -> list[Predicted]:
     """All predictions of readings, fit by fit and stage by stage."""
-    backtest = result.backtest
+    gauges, backtest = result.gauges, result.backtest
+    rows: list[Predicted] = []
     if backtest is None:
-        return
+        return rows
     for step in backtest.steps:
         bands = bands_of(backtest, step)
-        ahead, z = next_read(bands), bands.z
-        for i, j in by_stage(np.isfinite(bands.mean) & np.isfinite(bands.measured)):
-            yield Predicted(
-                step.last,
-                i,
-                j,
-                bool(ahead[i, j]),
-                mean=float(bands.mean[i, j]),
-                sd=float(step.prediction.sd[i, j]),
-                low=float(bands.lower95[i, j]),
-                high=float(bands.upper95[i, j]),
-                measured=float(bands.measured[i, j]),
-                z=float(z[i, j]),
-                log_density=float(step.log_density[i, j]),
+        ahead, z, sd = next_read(bands), bands.z, step.prediction.sd
+        rows += [
+            Predicted(
+                gauges.stages[step.last], gauges.channels[i], gauges.stages[j], bool(ahead[i, j]),
+                float(bands.mean[i, j]), float(sd[i, j]),
+                float(bands.lower95[i, j]), float(bands.upper95[i, j]),
+                float(bands.measured[i, j]), gauges.units[i], float(z[i, j]),
+                float(step.log_density[i, j]), gauges.dimensions[i], (i, j),
             )
+            for i, j in by_stage(np.isfinite(bands.mean) & np.isfinite(bands.measured))
+        ]  # fmt: skip
+    return rows
+
+
+@dataclass(frozen=True)
+class StepParameter:
+    """A parameter as a fit of a backtest has found it, SI.
+
+    Args:
+        up_to: last stage that was fitted.
+        readings: how many were fitted.
+        parameter: its name.
+        value: kept also where it is not determined.
+        sd: standard deviation.
+        lower95: lower end of the 95 % interval.
+        upper95: upper end.
+        unit: in which people see it.
+        status: how the search ended.
+        determined: readings or prior determine it.
+        dimension: key of `geoident.units.DIMENSIONS`.
+    """
+
+    up_to: str
+    readings: int
+    parameter: str
+    value: float = field(metadata=column(dimension=ROW, known="determined"))
+    sd: float = field(metadata=column(dimension=ROW, known="determined"))
+    lower95: float = field(metadata=column(dimension=ROW, known="determined"))
+    upper95: float = field(metadata=column(dimension=ROW, known="determined"))
+    unit: str = field(metadata=column(dimension=ROW))
+    status: str
+    determined: bool = field(metadata=column(hidden=("csv",)))
+    dimension: str = field(metadata=column(hidden=("csv",)))
+
+
+def step_parameters(result: Result) -> list[StepParameter]:
+    """The parameters of each fit."""
+    table, rows = result.parameters, []
+    for step in () if result.backtest is None else result.backtest.steps:
+        for i, name in enumerate(table.names):
+            columns = step.values, step.sd, step.lower95, step.upper95
+            value, sd, low, high = (float(column[i]) for column in columns)
+            rows.append(
+                StepParameter(
+                    result.gauges.stages[step.last], step.readings, name,
+                    value, sd, low, high,
+                    table.units[i], step.status, bool(step.determined[i]), table.dimensions[i],
+                )
+            )  # fmt: skip
+    return rows
 
 
 def backtest_object(result: Result) -> dict[str, Any]:
     """A backtest for other programs, SI."""
-    backtest, gauges, table = result.backtest, result.gauges, result.parameters
+    backtest, table, stages = result.backtest, result.parameters, result.gauges.stages
     if backtest is None:
         return {}
     return {
-        "next": _scores_object(backtest.next),
-        "further": _scores_object(backtest.further),
+        "next": {**asdict(backtest.next), "coverage": backtest.next.coverage},
+        "further": {**asdict(backtest.further), "coverage": backtest.further.coverage},
         "chance_of_so_few_inside": backtest.few,
         "chance_of_so_large_errors": backtest.far,
         "fits": [
             {
-                "up_to": gauges.stages[step.last],
+                "up_to": stages[step.last],
                 "readings": step.readings,
                 "status": step.status,
                 "reason": step.reason,
                 "parameters": {
                     name: {**row, "unit": si_unit(dimension)}
-                    for name, row, dimension in zip(
-                        table.names, objects(step, "parameter"), table.dimensions, strict=True
+                    for name, dimension, row in zip(
+                        table.names, table.dimensions, objects(step, "parameter"), strict=True
                     )
                 },
                 "stress_excess": {
-                    stage: step.excess[j]
-                    for j, stage in enumerate(gauges.stages)
-                    if np.isfinite(step.excess[j])
+                    stage: excess
+                    for stage, excess in zip(stages, step.excess, strict=True)
+                    if np.isfinite(excess)
                 },
                 "counts": asdict(step.counts),
             }
             for step in backtest.steps
         ],
         "skipped": [asdict(one) for one in backtest.skipped],
-        "predictions": [
-            {
-                "up_to": gauges.stages[one.last],
-                "gauge": gauges.channels[one.row],
-                "stage": gauges.stages[one.column],
-                "next": one.ahead,
-                "mean": one.mean if math.isfinite(one.sd) else None,
-                "sd": one.sd,
-                "lower95": one.low,
-                "upper95": one.high,
-                "measured": one.measured,
-                "z": one.z,
-                "log_density": one.log_density,
-                "unit": si_unit(gauges.dimensions[one.row]),
-            }
-            for one in predictions(result)
-        ],
+        "predictions": objects(predictions(result), ROW),
     }
-
-
-def _scores_object(scores: Scores) -> dict[str, Any]:
-    return {**asdict(scores), "coverage": scores.coverage}
-
-
-BacktestRows = list[tuple[str | int | float | bool, ...]]
-
-
-def csv_rows(result: Result) -> tuple[tuple[str, ...], BacktestRows]:
-    """Header and rows of the predictions for spreadsheets, in the units of the channels."""
-    gauges = result.gauges
-    rows: BacktestRows = [
-        (
-            gauges.stages[one.last],
-            gauges.channels[one.row],
-            gauges.stages[one.column],
-            one.ahead,
-            *(
-                in_unit(x, gauges.units[one.row], gauges.dimensions[one.row])
-                if math.isfinite(x) and math.isfinite(one.sd)
-                else math.nan
-                for x in (one.mean, one.sd, one.low, one.high)
-            ),
-            in_unit(one.measured, gauges.units[one.row], gauges.dimensions[one.row]),
-            gauges.shown_units[one.row],
-            one.z,
-        )
-        for one in predictions(result)
-    ]
-    header = (
-        "up_to", "gauge", "stage", "next", "predicted", "sd", "lower95", "upper95", "measured",
-        "unit", "error_in_sd",
-    )  # fmt: skip
-    return header, rows
-
-
-def csv_fit_rows(result: Result) -> tuple[tuple[str, ...], BacktestRows]:
-    """Header and rows of the parameters of each fit, in their units."""
-    header = (
-        "up_to",
-        "readings",
-        "parameter",
-        "value",
-        "sd",
-        "lower95",
-        "upper95",
-        "unit",
-        "status",
-    )
-    backtest, table = result.backtest, result.parameters
-    rows: BacktestRows = [
-        (
-            result.gauges.stages[step.last],
-            float(step.readings),
-            name,
-            *(
-                in_unit(float(column[i]), table.units[i], table.dimensions[i])
-                if step.determined[i]
-                else math.nan
-                for column in (step.values, step.sd, step.lower95, step.upper95)
-            ),
-            shown_unit(table.units[i], table.dimensions[i]),
-            step.status,
-        )
-        for step in (() if backtest is None else backtest.steps)
-        for i, name in enumerate(table.names)
-    ]
-    return header, rows

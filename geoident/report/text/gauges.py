@@ -9,14 +9,15 @@ import csv
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 import numpy as np
 
 from geoident.model.arrays import Bools
 from geoident.model.gauges import Channel, Reading
 from geoident.model.results.bands import Prediction
+from geoident.model.results.columns import ROW, column
 from geoident.model.results.result import GaugeTable, Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
@@ -297,29 +298,99 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float, *, predicted: boo
     ]
 
 
-def each_reading(gauges: GaugeTable) -> list[dict[str, Any]]:
-    """Every reading with its time, and why it is not used, in the order of the files.
+@dataclass(frozen=True)
+class ListedReading:
+    """A reading of the files; SI, NaN where there is none.
 
-    Values in SI, the time as text or None; ``shown`` is unit and dimension of its channel.
+    Args:
+        gauge: name of the channel.
+        stage: name of the stage.
+        time: when it was taken (ISO 8601); None where only the stage is known.
+        value: what was read.
+        computed: the model at the time of the reading.
+        sd: standard deviation.
+        unit: in which people see it.
+        used: it took part in the identification.
+        reason: why it did not.
+        note: remark of the field sheet.
+        dimension: key of `geoident.units.DIMENSIONS`.
     """
+
+    gauge: str
+    stage: str
+    time: str | None = field(metadata=column())
+    value: float = field(metadata=column(dimension=ROW))
+    computed: float = field(metadata=column(dimension=ROW))
+    sd: float = field(metadata=column(dimension=ROW))
+    unit: str = field(metadata=column(dimension=ROW))
+    used: bool
+    reason: str
+    note: str
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+
+def each_reading(gauges: GaugeTable) -> list[ListedReading]:
+    """Every reading with its time, and why it is not used, in the order of the files."""
     table = gauges.readings
-    units = zip(gauges.channels, gauges.units, gauges.dimensions, strict=True)
-    shown = {channel: (unit, dimension) for channel, unit, dimension in units}
+    units = dict(
+        zip(gauges.channels, zip(gauges.units, gauges.dimensions, strict=True), strict=True)
+    )
+    readings = []
+    for k, channel in enumerate(table.channel):
+        unit, dimension = units[channel]
+        time = moment_text(float(table.time[k]))
+        value, computed, sd = (float(x[k]) for x in (table.value, table.computed, table.sd))
+        readings.append(
+            ListedReading(
+                channel, table.stage[k], time, value, computed, sd, unit, bool(table.used[k]),
+                table.reason[k], table.notes[k], dimension,
+            )
+        )  # fmt: skip
+    return readings
+
+
+@dataclass(frozen=True)
+class PredictedReading:
+    """A predicted reading; SI, NaN where there is none.
+
+    Args:
+        gauge: name of the channel.
+        stage: name of the stage.
+        mean: the prediction.
+        sd: its standard deviation; NaN where it is not determined.
+        lower95: lower end of its 95 % band.
+        upper95: upper end.
+        measured: what was read.
+        unit: in which people see it.
+        determined: the fit determines it.
+        dimension: key of `geoident.units.DIMENSIONS`.
+    """
+
+    gauge: str
+    stage: str
+    mean: float = field(metadata=column(dimension=ROW, known="determined", sheet="predicted"))
+    sd: float = field(metadata=column(dimension=ROW))
+    lower95: float = field(metadata=column(dimension=ROW))
+    upper95: float = field(metadata=column(dimension=ROW))
+    measured: float = field(metadata=column(dimension=ROW))
+    unit: str = field(metadata=column(dimension=ROW))
+    determined: bool = field(metadata=column(hidden=("csv",)))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+
+def predicted_readings(result: Result) -> list[PredictedReading]:
+    """Every predicted reading, stage by stage."""
+    prediction, gauges = result.prediction, result.gauges
+    if prediction is None:
+        return []
     return [
-        {
-            "gauge": table.channel[k],
-            "stage": table.stage[k],
-            "time": moment_text(float(table.time[k])),
-            "value": float(table.value[k]),
-            "computed": float(table.computed[k]),
-            "sd": float(table.sd[k]),
-            "used": bool(table.used[k]),
-            "reason": table.reason[k],
-            "note": table.notes[k],
-            "shown": shown[table.channel[k]],
-        }
-        for k in range(len(table))
-    ]
+        PredictedReading(
+            gauges.channels[i], gauges.stages[j], prediction.mean[i, j], prediction.sd[i, j],
+            prediction.lower95[i, j], prediction.upper95[i, j], gauges.measured[i, j],
+            gauges.units[i], bool(prediction.known[i, j]), gauges.dimensions[i],
+        )
+        for i, j in by_stage(np.isfinite(prediction.mean))
+    ]  # fmt: skip
 
 
 def moment_text(seconds: float) -> str | None:

@@ -17,19 +17,20 @@ import numpy as np
 from geoident.errors import Fault, GeoidentError, InputError, ModelError, worded
 from geoident.model.gauges import Channel, Reading
 from geoident.model.parameter import Prior
+from geoident.model.results.columns import ROW
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
+from geoident.model.yielding import Certificate
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
-from geoident.report.text.errors.model_error import model_error_object
 from geoident.report.text.errors.surface import surface_object
-from geoident.report.text.gauges import each_reading, moment_text
+from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
 from geoident.report.text.posterior import posterior_object
-from geoident.report.text.residuals import compared_with, diagnostics_object
+from geoident.report.text.residuals import compared_readings, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
-from geoident.report.text.rows import attributes, by_stage, objects
+from geoident.report.text.rows import attributes, objects
 from geoident.report.text.structures import structures_list
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
@@ -74,47 +75,39 @@ def result_object(
         "output": output,
         "objective": result.objective,
         "parameters": parameters_object(result.parameters),
-        "gauges": gauges_list(result),
-        "predictions": predictions_list(result),
-        "readings": readings_list(result),
+        "gauges": objects(compared_readings(result), ROW),
+        "predictions": objects(predicted_readings(result), ROW),
+        "readings": objects(each_reading(result.gauges), ROW),
         "findings": [attributes(finding) for finding in result.findings],
         "notes": result.notes,
         **({"outdated": list(outdated)} if outdated else {}),
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
-        **(
-            {"accuracies": accuracies_list(result.accuracies)}
-            if result.accuracies is not None
-            else {}
-        ),
-        **({"rivals": rivals_list(result)} if result.rivals is not None else {}),
-        **({"comparison": models_object(result.comparison)} if result.comparison else {}),
-        **({"evidence": evidence_object(result.evidence)} if result.evidence else {}),
-        **({"backtest": backtest_object(result)} if result.backtest is not None else {}),
-        **(
-            {"model_error": model_error_object(result.model_error)}
-            if result.model_error is not None
-            else {}
-        ),
-        **({"surface": surface_object(result.surface)} if result.surface is not None else {}),
-        **({"fields": varied_list(result.varied)} if result.varied else {}),
-        **({"certificate": certificate_object(proof)} if proof is not None else {}),
-        **({"structures": structures_list(result.members)} if result.members is not None else {}),
-        **(
-            {
-                "reactions": objects(
-                    result.reactions, "support", "state", rows=result.reactions.holding
-                )
-            }
-            if result.reactions is not None
-            else {}
-        ),
-        **({"yielded": objects(result.yielded, "state")} if result.yielded is not None else {}),
-        **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
-        **({"opening": opening_object(result.reaction)} if result.reaction is not None else {}),
-        **({"face": face_object(result.advance)} if result.advance is not None else {}),
-        **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
+        **{name: value for name, value in _parts(result, proof).items() if value is not None},
+    }
+
+
+def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
+    """What only some results have; None where this one has it not."""
+    names, reactions, fields = result.parameters.names, result.reactions, result.varied or None
+    return {
+        "accuracies": result.accuracies and accuracies_list(result.accuracies),
+        "rivals": result.rivals and rivals_list(result.rivals, names),
+        "comparison": result.comparison and models_object(result.comparison),
+        "evidence": result.evidence and evidence_object(result.evidence),
+        "backtest": result.backtest and backtest_object(result),
+        "model_error": result.model_error and attributes(result.model_error),
+        "surface": result.surface and surface_object(result.surface),
+        "fields": fields and varied_list(fields),
+        "certificate": proof and certificate_object(proof),
+        "structures": result.members and structures_list(result.members),
+        "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
+        "yielded": result.yielded and objects(result.yielded, "state"),
+        "posterior": result.posterior and posterior_object(result),
+        "opening": result.reaction and opening_object(result.reaction),
+        "face": result.advance and face_object(result.advance),
+        "grid": result.grid and grid_object(result.grid),
     }
 
 
@@ -177,56 +170,6 @@ def _prior_object(prior: Prior | None) -> dict[str, Any]:
         "prior_mean": None if prior is None else prior.mean,
         "prior_sd": None if prior is None else prior.sd,
     }
-
-
-def gauges_list(result: Result) -> list[dict[str, Any]]:
-    """One object for every reading that is measured or computed, stage by stage.
-
-    In a backtest ``computed`` and ``sd`` are those of the prediction by the last fit before.
-    """
-    gauges, (computed, sd) = result.gauges, compared_with(result)
-    known = np.isfinite(gauges.measured) | np.isfinite(computed)
-    return [
-        {
-            "gauge": gauges.channels[i],
-            "stage": gauges.stages[j],
-            "measured": gauges.measured[i, j],
-            "computed": computed[i, j],
-            "sd": sd[i, j],
-            "used": bool(gauges.used[i, j]),
-            "bad": bool(gauges.bad[i, j]),
-            "unit": si_unit(gauges.dimensions[i]),
-        }
-        for i, j in by_stage(known)
-    ]
-
-
-def readings_list(result: Result) -> list[dict[str, Any]]:
-    """One object for every reading, in the order of the files, with the reason why it is unused."""
-    readings = each_reading(result.gauges)
-    units = [si_unit(reading.pop("shown")[1]) for reading in readings]
-    return [{**reading, "unit": unit} for reading, unit in zip(readings, units, strict=True)]
-
-
-def predictions_list(result: Result) -> list[dict[str, Any]]:
-    """One object for every predicted reading, stage by stage; sd null where not determined."""
-    prediction, gauges = result.prediction, result.gauges
-    if prediction is None:
-        return []
-    places = by_stage(np.isfinite(prediction.mean))
-    return [
-        {
-            "gauge": gauges.channels[i],
-            "stage": gauges.stages[j],
-            **row,
-            "measured": gauges.measured[i, j],
-            "determined": bool(prediction.known[i, j]),
-            "unit": si_unit(gauges.dimensions[i]),
-        }
-        for (i, j), row in zip(
-            places, objects(prediction, "gauge", "stage", rows=places), strict=True
-        )
-    ]
 
 
 def evidence_object(evidence: Evidence) -> dict[str, Any]:

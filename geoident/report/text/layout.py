@@ -7,6 +7,8 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from geoident.units import in_unit, shown_unit
+
 WIDTH = 80
 GAP = "  "
 
@@ -167,6 +169,37 @@ def with_interval(value: float, low: float, high: float, *, most: int = 99) -> t
         _rounded(low, places, apart, most),
         _rounded(high, places, apart, most),
     )
+
+
+def shown_interval(
+    value: float, low: float, high: float, unit: str, dimension: str, *, between: str = " to "
+) -> tuple[str, str]:
+    """A value, and its interval where there is one, in a unit with the digits that it warrants.
+
+    Args:
+        value: SI.
+        low: lower end, SI; NaN for none.
+        high: upper end.
+        unit: as the user wrote it.
+        dimension: of the value.
+        between: what stands between the ends.
+
+    >>> shown_interval(9.98765e9, 8.4912e9, 11.7049e9, "GPa", "pressure")
+    ('9.99', '8.5 to 11.7')
+    """
+    ends = (in_unit(float(x), unit, dimension) for x in (value, low, high))
+    text, lower, upper = with_interval(*ends)
+    return text, "" if lower == "-" else f"{lower}{between}{upper}"
+
+
+def with_unit(name: str, unit: str, dimension: str, *, form: str = "{} ({})") -> str:
+    """A name with the unit of its numbers, where they have one.
+
+    >>> with_unit("E", "GPa", "pressure"), with_unit("K0", "", "")
+    ('E (GPa)', 'K0')
+    """
+    shown = shown_unit(unit, dimension)
+    return form.format(name, shown) if shown else name
 
 
 _MOST_DIGITS = 6

@@ -15,8 +15,8 @@ from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.columns import columns
 from geoident.model.results.result import Grid, Iteration, Labelled, ParameterTable, Result
 from geoident.model.yielding import Certificate
-from geoident.report.text.layout import TextTable, number, with_interval
-from geoident.report.text.rows import sheet
+from geoident.report.text.layout import TextTable, number, shown_interval
+from geoident.report.text.rows import CsvTable, beside, headed, sheet
 from geoident.report.text.yielding import least_text
 from geoident.units import in_unit, shown_unit
 
@@ -31,6 +31,26 @@ def unit_of(parameters: ParameterTable, name: str) -> Unit:
     """Unit and dimension of a parameter."""
     i = parameters.names.index(name)
     return parameters.units[i], parameters.dimensions[i]
+
+
+def headers(parameters: ParameterTable) -> list[str]:
+    """The header of each parameter in a spreadsheet, with its unit."""
+    table = parameters
+    return [headed(*one) for one in zip(table.names, table.units, table.dimensions, strict=True)]
+
+
+def parameters_sheet(result: Result, *, si: bool = False) -> CsvTable:
+    """All columns of the parameters, and their priors.
+
+    Args:
+        result: with the parameters.
+        si: SI units in place of those of the case.
+    """
+    table = result.parameters
+    kinds = zip(table.priors, table.units, table.dimensions, strict=True)
+    priors = tuple((prior_in_unit(prior, "" if si else unit, of),) for prior, unit, of in kinds)
+    columns = sheet(table, "parameter", quantities=result.quantities, si=si)
+    return beside(columns, CsvTable(("prior",), priors))
 
 
 def parameters_text(parameters: ParameterTable, proof: Certificate | None = None) -> str:
@@ -71,10 +91,9 @@ def value_cells(parameters: ParameterTable, i: int, *, between: str = " to ") ->
     """
     if not parameters.determined[i]:
         return (AS_PRIOR if parameters.priors[i] else NOT_DETERMINED), ""
+    numbers = parameters.values[i], parameters.lower95[i], parameters.upper95[i]
     unit = parameters.units[i], parameters.dimensions[i]
-    columns = parameters.values, parameters.lower95, parameters.upper95
-    value, low, high = with_interval(*(in_unit(float(column[i]), *unit) for column in columns))
-    return value, "" if low == "-" else f"{low}{between}{high}"
+    return shown_interval(*numbers, *unit, between=between)
 
 
 def _in_units(parameters: ParameterTable, i: int, *columns: np.ndarray) -> list[str]:

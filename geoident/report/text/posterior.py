@@ -10,7 +10,8 @@ import numpy as np
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
-from geoident.report.text.parameters import AS_PRIOR, unit_of
+from geoident.report.text.parameters import AS_PRIOR, headers, unit_of
+from geoident.report.text.rows import CsvRow, CsvTable, beside, sheet
 from geoident.units import in_unit, shown_unit, si_unit
 
 TITLE = "Posterior: draws of the parameters"
@@ -106,19 +107,35 @@ def posterior_object(result: Result) -> dict[str, Any]:
     }
 
 
-def draw_rows(result: Result) -> tuple[tuple[str, ...], list[tuple[float, ...]]]:
-    """Header and rows of all draws in the user's units: chain, draw, parameters, log density."""
-    posterior, table = result.posterior, result.parameters
-    units = [(table.units[i], table.dimensions[i]) for i in range(len(table.names))]
-    words = [shown_unit(*unit) for unit in units]
-    names = [
-        f"{name} [{word}]" if word else name for name, word in zip(table.names, words, strict=True)
-    ]
-    header = ("chain", "draw", *names, "log_density")
+def posterior_sheet(result: Result) -> CsvTable:
+    """Draws in numbers, in the units of the case."""
+    posterior = result.posterior
     if posterior is None:
-        return header, []
-    size = np.array([in_unit(1.0, *unit) for unit in units])
-    chains, length = posterior.log_density.shape
-    number_of = np.indices((chains, length)).reshape(2, -1)
-    columns = np.column_stack([*number_of, posterior.flat * size, posterior.log_density.ravel()])
-    return header, [tuple(row) for row in columns.tolist()]
+        return CsvTable()
+    levels = tuple(f"q{100 * level:g}" for level in LEVELS)
+    rows: list[CsvRow] = []
+    for i, name in enumerate(posterior.names):
+        unit = unit_of(result.parameters, name)
+        sizes = (posterior.mean[i], posterior.sd[i], *posterior.quantiles[i])
+        shown = [in_unit(float(x), *unit) for x in sizes]
+        worth = float(posterior.effective[i]), float(posterior.r_hat[i])
+        rows.append((name, *shown, shown_unit(*unit), *worth))
+    header = ("parameter", "mean", "sd", *levels, "unit", "effective_size", "r_hat")
+    return CsvTable(header, tuple(rows))
+
+
+def draws_sheet(result: Result) -> CsvTable:
+    """All draws in the units of the case: chain, draw, parameters, log density."""
+    posterior = result.posterior
+    if posterior is None:
+        return CsvTable()
+    places: list[CsvRow] = list(np.ndindex(posterior.log_density.shape))
+    draws = sheet(
+        posterior,
+        "chain",
+        "draw",
+        quantities=result.quantities,
+        labels={"parameter": headers(result.parameters)},
+        only=("values", "log_density"),
+    )
+    return beside(CsvTable(("chain", "draw"), tuple(places)), draws)

@@ -6,15 +6,17 @@ Residuals are measured minus computed, in standard deviations ("in sd", with one
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import predicted_before
-from geoident.model.results.result import Diagnostics, Result
+from geoident.model.results.columns import ROW, column
+from geoident.model.results.result import DIAGNOSTIC_COLUMNS, Diagnostics, Result
 from geoident.report.text.layout import TextTable, decimals, number
+from geoident.report.text.rows import CsvTable, Places, attributes, beside, by_stage, objects, sheet
 
 OUTLIER = 3.0
 """Standard deviations beyond which a reading is named."""
@@ -79,23 +81,62 @@ def standardized(result: Result) -> Floats:
     return np.asarray(ratio)
 
 
-def compared_with(result: Result) -> tuple[Floats, Floats]:
-    """What readings are compared with, and its standard deviations, (n_channels, n_stages) each.
+@dataclass(frozen=True)
+class ComparedReading:
+    """A reading that was taken or computed, of a channel in a stage; SI, NaN where there is none.
 
-    What a fit computes, and the accuracies; of a backtest its predictions (`as_predicted`) and
-    their standard deviations, NaN where they are not determined. Readings before which there was
-    no fit stand beside what the last one computes, without standard deviation.
+    Args:
+        gauge: name of the channel.
+        stage: name of the stage.
+        measured: what was read.
+        computed: what it is compared with.
+        residual: measured less computed.
+        sd: standard deviation of what it is compared with.
+        unit: in which people see it.
+        residual_in_sd: the residual "in sd": see `standardized`.
+        used: it took part in the identification.
+        bad: it is known to be wrong.
+        dimension: key of `geoident.units.DIMENSIONS`.
     """
+
+    gauge: str
+    stage: str
+    measured: float = field(metadata=column(dimension=ROW))
+    computed: float = field(metadata=column(dimension=ROW))
+    residual: float = field(metadata=column(dimension=ROW, hidden=("json",)))
+    sd: float = field(metadata=column(dimension=ROW))
+    unit: str = field(metadata=column(dimension=ROW))
+    residual_in_sd: float = field(metadata=column(hidden=("json",)))
+    used: bool
+    bad: bool = field(metadata=column(hidden=("csv",)))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+
+def compared_readings(result: Result) -> list[ComparedReading]:
+    """Every reading beside what it is compared with, stage by stage.
+
+    That is what a fit computes, with the accuracies; of a backtest its predictions
+    (`as_predicted`) with their standard deviations, NaN where they are not determined. Readings
+    before which there was no fit stand beside what the last one computes, without standard
+    deviation.
+    """
+    table, in_sd = result.gauges, standardized(result)
+    computed, sd = table.computed, table.sd
     predicted = as_predicted(result)
-    if predicted is result or predicted.prediction is None:
-        return result.gauges.computed, result.gauges.sd
-    known = np.isfinite(predicted.prediction.sd)
-    first = ~np.isfinite(predicted.prediction.mean)
-    computed = np.where(known, predicted.prediction.mean, np.nan)
-    return (
-        np.where(first, result.gauges.computed, computed),
-        np.where(known, predicted.prediction.sd, np.nan),
-    )
+    if predicted is not result and predicted.prediction is not None:
+        prediction = predicted.prediction
+        sd = np.where(prediction.known, prediction.sd, np.nan)
+        first = ~np.isfinite(prediction.mean)
+        later = np.where(prediction.known, prediction.mean, np.nan)
+        computed = np.where(first, table.computed, later)
+    return [
+        ComparedReading(
+            table.channels[i], table.stages[j], table.measured[i, j], computed[i, j],
+            table.measured[i, j] - computed[i, j], sd[i, j], table.units[i], in_sd[i, j],
+            bool(table.used[i, j]), bool(table.bad[i, j]), table.dimensions[i],
+        )
+        for i, j in by_stage(np.isfinite(table.measured) | np.isfinite(computed))
+    ]  # fmt: skip
 
 
 def _errors_shared(result: Result) -> bool:
@@ -189,64 +230,69 @@ def influence_title(diagnostics: Diagnostics | None) -> str:
 def influence_table(result: Result) -> TextTable:
     """The readings whose removal would change the answer most, and how far off they are."""
     header = ("gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd")
-    diagnostics = wide_diagnostics(result)
+    places, diagnostics = ranked_diagnostics(result)
+    rows = []
+    for k, (i, j) in enumerate(places[:MOST_INFLUENTIAL]):
+        assert diagnostics is not None
+        name, by = "", ""
+        if (change := diagnostics.influence[k]).size:
+            q = int(np.argmax(np.abs(change)))
+            name = result.parameters.names[q]
+            by = "all" if np.isinf(change[q]) else f"{change[q]:+.2f}"
+        rows.append(
+            [
+                result.gauges.channels[i],
+                result.gauges.stages[j],
+                decimals(float(diagnostics.standardized[k]), 1),
+                decimals(float(diagnostics.leverage[k]), 2),
+                decimals(float(diagnostics.weight[k]), 2),
+                name,
+                by,
+            ]
+        )
+    return TextTable(header, rows, right="llrrrlr")
+
+
+def diagnostics_sheet(result: Result) -> CsvTable:
+    """How each used reading acts on the answer, the most influential first."""
+    places, diagnostics = ranked_diagnostics(result)
     if diagnostics is None:
-        return TextTable(header, ())
-    worst = by_distance(diagnostics)[:MOST_INFLUENTIAL].tolist()
-    return TextTable(
-        header, [_influence_row(result, diagnostics, *each) for each in worst], right="llrrrlr"
-    )
-
-
-def _influence_row(result: Result, diagnostics: Diagnostics, i: int, j: int) -> list[str]:
-    change = diagnostics.influence[i, j]
-    k = int(np.argmax(np.abs(change))) if change.size else -1
-    return [
-        result.gauges.channels[i],
-        result.gauges.stages[j],
-        decimals(float(diagnostics.standardized[i, j]), 1),
-        decimals(float(diagnostics.leverage[i, j]), 2),
-        decimals(float(diagnostics.weight[i, j]), 2),
-        result.parameters.names[k] if change.size else "",
-        ("all" if np.isinf(change[k]) else f"{change[k]:+.2f}") if change.size else "",
-    ]
+        return CsvTable()
+    return beside(
+        sheet(result.gauges, "gauge", "stage", rows=places, only=("channels", "stages")),
+        sheet(
+            diagnostics, "reading",
+            labels={"parameter": result.parameters.names}, only=(*DIAGNOSTIC_COLUMNS, "influence"),
+        ),
+    )  # fmt: skip
 
 
 def diagnostics_object(result: Result) -> dict[str, Any]:
     """The loss, the plain weighted squares, and one object for every used reading, worst first."""
-    diagnostics = wide_diagnostics(result)
+    places, diagnostics = ranked_diagnostics(result)
     if diagnostics is None:
         return {}
-    names = ("standardized", "studentized", "weight", "leverage", "distance")
-    readings = [
-        {
-            "gauge": result.gauges.channels[i],
-            "stage": result.gauges.stages[j],
-            **{name: getattr(diagnostics, name)[i, j] for name in names},
-            "influence": dict(
-                zip(result.parameters.names, diagnostics.influence[i, j], strict=True)
-            ),
-        }
-        for i, j in by_distance(diagnostics)
+    names = objects(result.gauges, "gauge", "stage", rows=places, only=("channels", "stages"))
+    numbers = objects(diagnostics, "reading", only=DIAGNOSTIC_COLUMNS)
+    influence = [
+        dict(zip(result.parameters.names, change, strict=True)) for change in diagnostics.influence
     ]
-    return {
-        "loss": diagnostics.loss,
-        "weighted_squares": diagnostics.squares,
-        "scale": diagnostics.scale,
-        "misfit": diagnostics.misfit,
-        "above": diagnostics.above,
-        "below": diagnostics.below,
-        "readings": readings,
-    }
+    readings = [
+        {**name, **row, "influence": own}
+        for name, row, own in zip(names, numbers, influence, strict=True)
+    ]
+    return {**attributes(diagnostics), "readings": readings}
 
 
-def wide_diagnostics(result: Result) -> Diagnostics | None:
-    """The diagnostics by channel and stage: several readings in one place in one row."""
-    return None if result.diagnostics is None else result.diagnostics.wide(result.gauges)
+def ranked_diagnostics(result: Result) -> tuple[Places, Diagnostics | None]:
+    """Channel and stage of the m used readings, the most influential first, and (m,) diagnostics.
 
-
-def by_distance(diagnostics: Diagnostics) -> Ints:
-    """(m, 2) channel and stage of the used readings, the most influential first."""
-    places = np.argwhere(np.isfinite(diagnostics.standardized))
-    distance = diagnostics.distance[places[:, 0], places[:, 1]]
-    return np.asarray(places[np.argsort(-distance, kind="stable")], dtype=np.int64)
+    Several readings in one place are one: `Diagnostics.wide`.
+    """
+    if result.diagnostics is None:
+        return [], None
+    wide = result.diagnostics.wide(result.gauges)
+    places = np.argwhere(np.isfinite(wide.standardized))
+    i, j = places[np.argsort(-wide.distance[tuple(places.T)], kind="stable")].T
+    arrays = {name: getattr(wide, name)[i, j] for name in (*DIAGNOSTIC_COLUMNS, "influence")}
+    return list(zip(i.tolist(), j.tolist(), strict=True)), replace(wide, **arrays)

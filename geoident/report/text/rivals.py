@@ -5,6 +5,7 @@ Other minima of a model that are nearly as low as the answer; and several models
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.result import Result
-from geoident.model.results.rivals import ModelComparison, ModelScore
+from geoident.model.results.rivals import ModelComparison, Rivals
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -20,9 +21,9 @@ from geoident.report.text.layout import (
     number,
     sections,
     sentence,
-    with_interval,
+    shown_interval,
+    with_unit,
 )
-from geoident.units import in_unit, shown_unit
 
 TITLE = "Minima of the misfit that are nearly as low"
 MODELS_TITLE = "Models compared"
@@ -31,34 +32,29 @@ MODELS_TITLE = "Models compared"
 def rivals_table(result: Result) -> TextTable:
     """One row a minimum, the lowest first: its values, misfit and part of the posterior."""
     rivals, table = result.rivals, result.parameters
-    names = [
-        f"{name} ({unit})" if (unit := shown_unit(*pair)) else name
-        for name, pair in zip(
-            table.names, zip(table.units, table.dimensions, strict=True), strict=True
-        )
-    ]
-    rows = [] if rivals is None else [_row(result, k) for k in range(len(rivals))]
+    units = list(zip(table.units, table.dimensions, strict=True))
+    names = [with_unit(name, *unit) for name, unit in zip(table.names, units, strict=True)]
+    rows = []
+    for k in range(0 if rivals is None else len(rivals)):
+        assert rivals is not None
+        gaps = NORMAL_95 * np.sqrt(np.diagonal(rivals.covariance[k]))
+        values = [
+            shown_interval(value, value - gap, value + gap, *unit)[0]
+            for value, gap, unit in zip(rivals.values[k], gaps, units, strict=True)
+        ]
+        part = f"{100 * rivals.odds[k]:.2g} %"
+        name = f"rival {k}" if k else "lowest"
+        rows.append([name, *values, number(rivals.objectives[k]), part])
     return TextTable(("", *names, "misfit", "odds"), rows, right="l" + "r" * (len(names) + 2))
 
 
-def _row(result: Result, k: int) -> list[str]:
-    rivals, table = result.rivals, result.parameters
-    assert rivals is not None
-    units = zip(table.units, table.dimensions, strict=True)
-    sd = np.sqrt(np.diagonal(rivals.covariance[k]))
-    values = [
-        with_interval(*(in_unit(float(x), *unit) for x in (value, value - gap, value + gap)))[0]
-        for value, gap, unit in zip(rivals.values[k], NORMAL_95 * sd, units, strict=True)
-    ]
-    part = f"{100 * rivals.odds[k]:.2g} %"
-    return ["lowest" if k == 0 else f"rival {k}", *values, number(rivals.objectives[k]), part]
+def rivals_list(rivals: Rivals, names: Sequence[str]) -> list[dict[str, Any]]:
+    """One object for every minimum, the lowest first; SI.
 
-
-def rivals_list(result: Result) -> list[dict[str, Any]]:
-    """One object for every minimum, the lowest first; SI."""
-    rivals, names = result.rivals, result.parameters.names
-    if rivals is None:
-        return []
+    Args:
+        rivals: the minima.
+        names: of the parameters.
+    """
     sd = np.sqrt(np.diagonal(rivals.covariance, axis1=1, axis2=2))
     return [
         {
@@ -83,24 +79,16 @@ def models_table(comparison: ModelComparison | None) -> TextTable:
     rows = [
         [
             f"{model.name}{' *' if k == comparison.chosen else ''}",
-            _unknowns(model),
+            f"{model.parameters} + {model.modes} modes" if model.modes else str(model.parameters),
             model.status,
             number(model.objective),
             decimals(model.log_evidence - best, 1),
-            _percent(part),
+            _percent(comparison.probabilities[k]),
             decimals(model.backtest, 2),
         ]
-        for k, (model, part) in enumerate(
-            zip(comparison.models, comparison.probabilities, strict=True)
-        )
+        for k, model in enumerate(comparison.models)
     ]
     return TextTable(header, rows, right="lrlrrrr")
-
-
-def _unknowns(model: ModelScore) -> str:
-    """How many parameters people see, and the modes of fields apart."""
-    modes = f" + {model.modes} modes" if model.modes else ""
-    return f"{model.parameters}{modes}"
 
 
 def _percent(part: float) -> str:

@@ -2,26 +2,34 @@
 
 A table is asked for by the axes of its rows, such as stage and member. It has the columns of a
 record along these axes; what stands along a further axis, such as the directions in space, is
-several columns of a spreadsheet and a list for programs: `geoident.model.results.columns`.
+several columns of a spreadsheet and a list for programs: `geoident.model.results.columns`. Several
+records of one type are a table as well, with the axis `ROW`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain, product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from geoident.model.results.columns import LABELS, Column, columns
+from geoident.model.results.columns import LABELS, ROW, Column, columns
+from geoident.report.text.layout import with_unit
 from geoident.units import in_unit, shown_unit, si_unit
 
 CsvCell = str | int | float | bool
 CsvRow = tuple[CsvCell, ...]
+Labels = Mapping[str, Sequence[str]]
+"""Axis to what its entries are called."""
 Quantities = Mapping[str, Sequence[tuple[str, str]]]
 """Axis to unit and dimension of each entry along it: `geoident.model.results.result.Result`."""
+
+Places = Sequence[Sequence[int]]
+"""Numbers along the axes of a table, a sequence for each row."""
 
 NO_QUANTITIES: Quantities = {}
 
@@ -35,8 +43,8 @@ class CsvTable:
         rows: the cells; NaN is an empty cell.
     """
 
-    header: tuple[str, ...]
-    rows: tuple[CsvRow, ...]
+    header: tuple[str, ...] = ()
+    rows: tuple[CsvRow, ...] = ()
 
 
 def by_stage(shown: Any) -> list[tuple[int, int]]:
@@ -44,66 +52,90 @@ def by_stage(shown: Any) -> list[tuple[int, int]]:
     return [(i, j) for j, i in np.argwhere(shown.T).tolist()]
 
 
+def headed(name: str, unit: str, dimension: str) -> str:
+    """The header of a column of a spreadsheet, with its unit where it has one."""
+    return with_unit(name, unit, dimension, form="{} [{}]")
+
+
 def sheet(
-    record: Any,
+    source: Any,
     *axes: str,
-    rows: Sequence[Sequence[int]] | None = None,
+    rows: Places | None = None,
     quantities: Quantities = NO_QUANTITIES,
+    labels: Labels = LABELS,
     only: Sequence[str] = (),
     si: bool = False,
 ) -> CsvTable:
     """A table for spreadsheets, in the units of people.
 
     Args:
-        record: with the columns.
-        *axes: of the rows.
+        source: a record with columns, or several of one type; nothing, for an empty table.
+        *axes: of the rows; `ROW` for several records.
         rows: numbers along the axes, a sequence for each row; None for all.
         quantities: unit and dimension along axes.
-        only: fields that are asked for; all if empty.
+        labels: of further axes, whose entries are columns.
+        only: fields that are asked for, in this order; all if empty.
         si: SI units in place of those of the user.
     """
-    places = _places(record, axes, rows)
+    if source is None or _is_empty(source):
+        return CsvTable()
+    table = _Table(source, axes, rows, quantities, si=si)
     header: list[str] = []
     cells: list[list[CsvCell]] = []
-    for one in _chosen(record, axes, only, "csv"):
-        values, units = _values(record, one, axes, places, quantities, si=si)
+    for one in table.chosen("csv", only, labels):
+        values, units = table.values(one), table.units(one)
         further = [axis for axis in one.axes if axis not in axes]
-        for labels in product(*(range(len(LABELS[axis])) for axis in further)):
-            names = {axis: LABELS[axis][k] for axis, k in zip(further, labels, strict=True)}
-            name = (one.sheet or one.title).format(**names)
+        sizes = values.shape[1:]
+        for place in product(*(range(len(labels[axis])) for axis in further)):
+            at = dict(zip(further, place, strict=True))
+            name = (one.sheet or one.title).format(**{a: labels[a][k] for a, k in at.items()})
             header.append(f"{name} ({one.shown})" if one.shown else name)
-            cells.append([
-                _cell(values[(r, *labels)] if _within(values, labels) else math.nan, units[r])
-                for r in range(len(places))
-            ])  # fmt: skip
-    return CsvTable(tuple(header), tuple(zip(*cells, strict=True)) if places else ())
+            within = all(k < size for k, size in zip(place, sizes, strict=True))
+            column = values[:, *place] if within else np.full(len(values), np.nan)
+            if one.dimension in at:
+                units = [quantities[one.dimension][at[one.dimension]]] * len(column)
+            cells.append([_cell(one, *cell) for cell in zip(column, units, strict=True)])
+    return CsvTable(tuple(header), tuple(zip(*cells, strict=True)))
+
+
+def beside(*tables: CsvTable) -> CsvTable:
+    """Tables with the same rows as one."""
+    header = chain.from_iterable(table.header for table in tables)
+    rows = zip(*(table.rows for table in tables), strict=True)
+    return CsvTable(tuple(header), tuple(tuple(chain.from_iterable(parts)) for parts in rows))
 
 
 def objects(
-    record: Any,
+    source: Any,
     *axes: str,
-    rows: Sequence[Sequence[int]] | None = None,
+    rows: Places | None = None,
     quantities: Quantities = NO_QUANTITIES,
     only: Sequence[str] = (),
 ) -> list[dict[str, Any]]:
     """The rows of a table for programs, SI; None for what is no finite number.
 
     Args:
-        record: with the columns.
-        *axes: of the rows.
+        source: a record with columns, or several of one type; nothing, for an empty table.
+        *axes: of the rows; `ROW` for several records.
         rows: numbers along the axes, a sequence for each row; None for all.
         quantities: unit and dimension along axes.
-        only: fields that are asked for; all if empty.
+        only: fields that are asked for, in this order; all if empty.
     """
-    places = _places(record, axes, rows)
-    entries: list[dict[str, Any]] = [{} for _ in places]
-    for one in _chosen(record, axes, only, "json"):
-        values, _ = _values(record, one, axes, places, quantities, si=True)
+    if source is None or _is_empty(source):
+        return []
+    table = _Table(source, axes, rows, quantities, si=True)
+    entries: list[dict[str, Any]] = [{} for _ in table.rows]
+    for one in table.chosen("json", only, LABELS):
+        values = table.values(one)
         if one.kind == "float":
             values = np.where(np.isfinite(values), values, None)
         for entry, value in zip(entries, values.tolist(), strict=True):
             entry[one.title] = value
     return entries
+
+
+def _is_empty(source: Any) -> bool:
+    return isinstance(source, Sequence) and not source
 
 
 def attributes(record: Any) -> dict[str, Any]:
@@ -115,60 +147,87 @@ def attributes(record: Any) -> dict[str, Any]:
     }
 
 
-def _places(
-    record: Any, axes: Sequence[str], rows: Sequence[Sequence[int]] | None
-) -> Sequence[Sequence[int]]:
-    """Numbers along the axes of each row."""
-    if rows is not None:
-        return rows
-    sizes: dict[str, int] = {}
-    for one in columns(type(record)):
-        value = getattr(record, one.field) if one.of is None and one.axes else None
-        if value is not None:
-            sizes |= dict(zip(one.axes, np.shape(value), strict=True))
-    return list(product(*(range(sizes[axis]) for axis in axes)))
+@dataclass
+class _Table:
+    """The columns of a record, or of several, along the axes of rows."""
+
+    source: Any
+    axes: Sequence[str]
+    given: Places | None
+    quantities: Quantities
+    si: bool = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        several = isinstance(self.source, Sequence)
+        own = columns(type(self.source[0] if several else self.source))
+        self.columns = {one.field: one for one in own if one.of is None}
+        if several:
+            self.columns |= {
+                f"{outer.field}.{one.field}": one
+                for outer in own
+                if outer.of is not None and not outer.rows
+                for one in columns(outer.of)
+            }
+            self.columns = {
+                name: replace(one, field=name, axes=(ROW, *one.axes))
+                for name, one in self.columns.items()
+            }
+            if {"unit", "dimension"} <= self.columns.keys():
+                units = [(one.unit, one.dimension) for one in self.source]
+                self.quantities = {**self.quantities, ROW: units}
+        self.rows = self._all_rows() if self.given is None else self.given
+        self._at = {axis: [row[k] for row in self.rows] for k, axis in enumerate(self.axes)}
+
+    def _read(self, name: str) -> Any:
+        get = attrgetter(name)
+        several = isinstance(self.source, Sequence)
+        return [get(one) for one in self.source] if several else get(self.source)
+
+    def _all_rows(self) -> Places:
+        sizes: dict[str, int] = {}
+        for name, one in self.columns.items():
+            value = self._read(name) if one.axes else None
+            if value is not None:
+                sizes |= dict(zip(one.axes, np.shape(value), strict=True))
+        return list(product(*(range(sizes[axis]) for axis in self.axes)))
+
+    def chosen(self, view: str, only: Sequence[str], labels: Labels) -> Sequence[Column]:
+        """The columns that are asked for, or all that stand along the axes of rows."""
+        if only:
+            return [self.columns[name] for name in only]
+        return [
+            one
+            for name, one in self.columns.items()
+            if view not in one.hidden
+            and (along := {*one.axes} - labels.keys())
+            and along <= {*self.axes}
+            and self._read(name) is not None
+        ]
+
+    def values(self, one: Column) -> Any:
+        """The values (k, ...) of a column in the k rows, SI; texts as objects."""
+        if one.kind == "text" and one.dimension:  # the unit itself
+            units = self.units(one)
+            return np.array([shown_unit(*unit) for unit in units], dtype=object)
+        chosen = tuple(self._at.get(axis, slice(None)) for axis in one.axes)
+        kind = object if one.kind == "text" else None
+        values = np.asarray(self._read(one.field), dtype=kind)[chosen]
+        if one.known:
+            values = np.where(np.asarray(self._read(one.known))[chosen], values, np.nan)
+        return values
+
+    def units(self, one: Column) -> list[tuple[str, str]]:
+        """Unit and dimension of a column in each of the k rows."""
+        own, fixed = self.quantities.get(one.dimension), (one.shown, one.dimension)
+        at = self._at.get(one.dimension)
+        units = [fixed] * len(self.rows) if own is None or at is None else [own[k] for k in at]
+        return [(si_unit(unit[1]), unit[1]) for unit in units] if self.si else units
 
 
-def _chosen(record: Any, axes: Sequence[str], only: Sequence[str], view: str) -> Iterator[Column]:
-    """The columns of a record that stand along these axes of rows."""
-    for one in columns(type(record)):
-        along = {*one.axes} - LABELS.keys()
-        asked = view not in one.hidden and (not only or one.field in only)
-        present = one.of is None and getattr(record, one.field) is not None
-        if asked and present and along and along <= {*axes}:
-            yield one
-
-
-def _values(
-    record: Any,
-    one: Column,
-    axes: Sequence[str],
-    places: Sequence[Sequence[int]],
-    quantities: Quantities,
-    *,
-    si: bool,
-) -> tuple[Any, list[tuple[str, str]]]:
-    """The values (k, ...) of a column in some rows, SI, and how each is shown."""
-    at = {axis: [place[k] for place in places] for k, axis in enumerate(axes)}
-    chosen = tuple(at.get(axis, slice(None)) for axis in one.axes)
-    kind = object if one.kind == "text" else None
-    values = np.asarray(getattr(record, one.field), dtype=kind)[chosen]
-    if one.known:
-        values = np.where(np.asarray(getattr(record, one.known))[chosen], values, np.nan)
-    own, fixed = quantities.get(one.dimension), (one.shown, one.dimension)
-    units = [own[k] for k in at[one.dimension]] if own else [fixed] * len(places)
-    if one.kind == "text" and own:  # the unit itself
-        texts = [si_unit(unit[1]) if si else shown_unit(*unit) for unit in units]
-        values = np.array(texts, dtype=object)
-    return values, [("", unit[1]) for unit in units] if si else units
-
-
-def _within(values: Any, labels: Sequence[int]) -> bool:
-    return all(k < size for k, size in zip(labels, values.shape[1:], strict=True))
-
-
-def _cell(value: Any, unit: tuple[str, str]) -> CsvCell:
+def _cell(one: Column, value: Any, unit: tuple[str, str]) -> CsvCell:
+    """A value in a unit; what is not determined is infinite and has an empty cell, as has none."""
     if isinstance(value, float | np.floating):
-        return in_unit(float(value), *unit) + 0.0  # no -0
+        number = in_unit(float(value), *unit) + 0.0  # no -0
+        return math.nan if math.isinf(number) and one.dimension else number
     cell: CsvCell = value.item() if isinstance(value, np.generic) else value
-    return cell
+    return "" if cell is None else cell

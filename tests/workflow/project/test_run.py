@@ -20,7 +20,7 @@ from geoident.cli.commands.export import OF_PROJECTS
 from geoident.errors import ExitCode, Interrupted
 from geoident.io.result.project import read_project_result
 from geoident.model.results.findings import sentences_of
-from geoident.report.text.project.spreadsheet import PROJECT_TABLES, project_tables
+from geoident.report.text.project.spreadsheet import project_tables
 from geoident.workflow.estimating.setup import prepare, used_response
 from geoident.workflow.fit import fit
 from geoident.workflow.programs.trust import decided_by, trusting
@@ -283,7 +283,7 @@ def test_a_section_on_a_mesh_that_does_not_fit_is_said_where_it_is(tmp_path):
 
 def test_tables_hold_what_was_found_in_the_units_of_the_cases(two, shipped):
     tables = project_tables(shipped)
-    assert tuple(tables) == PROJECT_TABLES == OF_PROJECTS
+    assert tuple(tables) == OF_PROJECTS
     common = {row[0]: row for row in tables["common"].rows}
     found = {row.name: row for row in shipped.common}
     assert common["a"][2:4] == ("GPa", pytest.approx(found["a"].value / 1e9))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from geoident.model.results.columns import column
+from geoident.model.results.columns import ROW, column
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import Provenance
@@ -22,6 +22,12 @@ ZERO, KNOWN, UNKNOWN_SCATTER, GIVEN_SCATTER, NO_SCATTER = (
     "zero", "determined", "not determined", "given", "none",
 )  # fmt: skip
 """What is known of the scatter about a law."""
+
+_OWN = column(dimension=ROW)
+"""A number in the unit that its record names, or this unit."""
+
+_KNOWN = column(dimension=ROW, known="determined")
+"""A number that people see only where it is determined."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +51,17 @@ class CommonParameter:
     """
 
     name: str
-    kind: str
+    kind: str = field(metadata=column(sheet="of"))
     law: str
-    value: float
-    sd: float
-    lower95: float
-    upper95: float
+    value: float = field(metadata=_KNOWN)
+    sd: float = field(metadata=_KNOWN)
+    lower95: float = field(metadata=_KNOWN)
+    upper95: float = field(metadata=_KNOWN)
     lower: float
     upper: float
     at_bound: bool
     determined: bool
-    unit: str
+    unit: str = field(metadata=_OWN)
     dimension: str
 
 
@@ -78,11 +84,11 @@ class LawEstimate:
     parameter: str
     formula: str
     scale: str
-    scatter: float
-    lower95: float
-    upper95: float
+    scatter: float = field(metadata=_OWN)
+    lower95: float = field(metadata=_OWN)
+    upper95: float = field(metadata=_OWN)
     state: str
-    unit: str
+    unit: str = field(metadata=_OWN)
     dimension: str
 
     def words(self, size: float) -> str:
@@ -113,14 +119,14 @@ class SectionEnd:
             others tell of it; NaN where nothing can be said.
     """
 
-    name: str
-    case_file: str
+    name: str = field(metadata=column(sheet="section"))
+    case_file: str = field(metadata=column(sheet="case"))
     predicted: bool
     readings: int
     alone: str
     misfit: float
-    above: float
-    outlying: float
+    above: float = field(metadata=column(sheet="chance"))
+    outlying: float = field(metadata=column(sheet="as_far_off"))
 
 
 @dataclass(frozen=True)
@@ -171,20 +177,20 @@ class SectionParameter:
     section: str
     parameter: str
     kind: str
-    value: float
-    sd: float
-    lower95: float
-    upper95: float
-    alone: float
-    alone_lower95: float
-    alone_upper95: float
-    law: float
-    law_lower95: float
-    law_upper95: float
+    value: float = field(metadata=_KNOWN)
+    sd: float = field(metadata=_KNOWN)
+    lower95: float = field(metadata=_KNOWN)
+    upper95: float = field(metadata=_KNOWN)
+    alone: float = field(metadata=column(dimension=ROW, sheet="alone value"))
+    alone_lower95: float = field(metadata=column(dimension=ROW, sheet="alone lower95"))
+    alone_upper95: float = field(metadata=column(dimension=ROW, sheet="alone upper95"))
+    law: float = field(metadata=column(dimension=ROW, sheet="law value"))
+    law_lower95: float = field(metadata=column(dimension=ROW, sheet="law lower95"))
+    law_upper95: float = field(metadata=column(dimension=ROW, sheet="law upper95"))
     shrinkage: float
     at_bound: bool
     determined: bool
-    unit: str
+    unit: str = field(metadata=_OWN)
     dimension: str
 
 
@@ -209,13 +215,13 @@ class SectionReading:
     section: str
     gauge: str
     stage: str
-    measured: float
-    sd: float
+    measured: float = field(metadata=_OWN)
+    sd: float = field(metadata=_OWN)
     used: bool
-    computed: float
-    lower95: float
-    upper95: float
-    unit: str
+    computed: float = field(metadata=_OWN)
+    lower95: float = field(metadata=_OWN)
+    upper95: float = field(metadata=_OWN)
+    unit: str = field(metadata=_OWN)
     dimension: str
 
     @property

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from geoident.model.results.many.campaign import CampaignTable, RunParameter, RunReading, RunRecord
 from geoident.report.text.csv_tables import csv_text
-from geoident.report.text.rows import CsvCell, CsvRow, CsvTable
+from geoident.report.text.rows import CsvCell, CsvRow, CsvTable, headed
 from geoident.units import in_unit, shown_unit
 
 
@@ -23,8 +23,7 @@ def runs_columns(table: CampaignTable) -> CsvTable:
     places = _places(table)
     header = ["run", *table.paths, "status", "exit_code", "misfit"]
     for name in names:
-        unit = shown_unit(known[name].unit, known[name].dimension)
-        label = f"{name} [{unit}]" if unit else name
+        label = headed(name, known[name].unit, known[name].dimension)
         header += [label, f"{label} lower95", f"{label} upper95"]
     for (gauge, stage), reading in places.items():
         label = f"{gauge} at {stage} [{shown_unit(reading.unit, reading.dimension)}]"

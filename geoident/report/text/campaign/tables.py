@@ -11,9 +11,16 @@ from geoident.model.results.many.campaign import (
     RunParameter,
     RunRecord,
 )
-from geoident.report.text.layout import TextTable, number, section, sections, sentence
-from geoident.report.text.layout import with_interval as interval_texts
-from geoident.units import in_unit, shown_unit
+from geoident.report.text.layout import (
+    TextTable,
+    number,
+    section,
+    sections,
+    sentence,
+    shown_interval,
+    with_unit,
+)
+from geoident.units import in_unit
 
 _MOST_ROWS = 200
 """Rows of a table for people; ``runs.csv`` has all."""
@@ -89,8 +96,8 @@ def best_runs(table: CampaignTable) -> tuple[RunRecord, ...]:
 def runs_table(table: CampaignTable) -> TextTable:
     """The runs with what varies and what came out."""
     names = table.parameter_names if table.command in ("fit", "scan") else ()
-    units = {p.name: shown_unit(p.unit, p.dimension) for r in table.runs for p in r.parameters}
-    heads = [f"{name} ({units[name]})" if units[name] else name for name in names]
+    known = {p.name: p for run in table.runs for p in run.parameters}
+    heads = [with_unit(name, known[name].unit, known[name].dimension) for name in names]
     misfit = any(math.isfinite(run.objective) for run in table.runs)
     header = ["run", *table.paths, "status", *(["misfit"] if misfit else []), *heads]
     rows = []
@@ -113,14 +120,11 @@ def runs_left_out(table: CampaignTable) -> str:
 def _value_text(parameter: RunParameter | None) -> str:
     if parameter is None:
         return "-"
-    unit = parameter.unit, parameter.dimension
-    value, low, high = (
-        in_unit(x, *unit) for x in (parameter.value, parameter.lower95, parameter.upper95)
-    )
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return number(value)
-    texts = interval_texts(value, low, high)
-    return f"{texts[0]} ({texts[1]} to {texts[2]})"
+    one = parameter
+    if not math.isfinite(one.upper95 - one.lower95):
+        return number(in_unit(one.value, one.unit, one.dimension))
+    value, interval = shown_interval(one.value, one.lower95, one.upper95, one.unit, one.dimension)
+    return f"{value} ({interval})"
 
 
 def failed_table(table: CampaignTable) -> TextTable:

@@ -23,7 +23,8 @@ from geoident.report.text.layout import (
     section,
     sections,
     sentence,
-    with_interval,
+    shown_interval,
+    with_unit,
 )
 from geoident.units import in_unit, shown_unit
 
@@ -153,23 +154,22 @@ def laws_table(result: ProjectResult) -> TextTable:
 
 def sections_table(result: ProjectResult) -> TextTable:
     """The sections: what is known of each, readings, misfit, whether it is of the same ground."""
-    names = list(dict.fromkeys(row.covariate for row in result.covariates))
-    units = {row.covariate: shown_unit(row.unit, row.dimension) for row in result.covariates}
-    heads = [f"{name} ({units[name]})" if units[name] else name for name in names]
+    heads = {
+        row.covariate: with_unit(row.covariate, row.unit, row.dimension)
+        for row in result.covariates
+    }
+    known = {
+        (row.section, row.covariate): number(in_unit(row.value, row.unit, row.dimension))
+        for row in result.covariates
+    }
     rows = []
     for one in result.sections:
-        known = {row.covariate: row for row in result.covariates if row.section == one.name}
-        cells = [
-            number(in_unit(known[name].value, known[name].unit, known[name].dimension))
-            if name in known
-            else "-"
-            for name in names
-        ]
+        cells = [known.get((one.name, name), "-") for name in heads]
         rows.append(
             [one.name, *cells, str(one.readings), number(one.misfit, 2), chance(one.outlying),
              "predicted" if one.predicted else ""]
         )  # fmt: skip
-    header = ["section", *heads, "readings", "misfit", "as far off", ""]
+    header = ["section", *heads.values(), "readings", "misfit", "as far off", ""]
     return TextTable(header, rows, right="l" + "r" * (len(header) - 2))
 
 
@@ -211,7 +211,7 @@ def bands_table(rows: Sequence[SectionReading]) -> TextTable:
     cells = []
     for row in rows:
         of = row.unit, row.dimension
-        value, interval = _value(row.computed, row.lower95, row.upper95, *of, determined=True)
+        value, interval = shown_interval(row.computed, row.lower95, row.upper95, *of)
         read = number(in_unit(row.measured, *of))
         verdict = "" if not row.judged else "inside" if row.inside else "OUTSIDE"
         cells.append([row.gauge, row.stage, shown_unit(*of), value, interval, read, verdict])
@@ -243,14 +243,11 @@ def _value(
     """A value and its interval in the unit in which people see it."""
     if not determined:
         return NOT_DETERMINED, ""
-    shown = with_interval(*(in_unit(x, unit, dimension) for x in (value, low, high)))
-    return shown[0], "" if shown[1] == "-" else f"{shown[1]} to {shown[2]}"
+    return shown_interval(value, low, high, unit, dimension)
 
 
 def _joined(value: float, low: float, high: float, unit: str, dimension: str) -> str:
-    if math.isnan(value):
-        return "-"
-    text, interval = _value(value, low, high, unit, dimension, determined=True)
+    text, interval = shown_interval(value, low, high, unit, dimension)
     return f"{text} ({interval})" if interval else text
 
 

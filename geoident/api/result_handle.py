@@ -1,4 +1,4 @@
-"""What all results say of how they ended, and where they stand."""
+"""What all results have: where they stand and how they ended."""
 
 from __future__ import annotations
 
