@@ -88,7 +88,7 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
     from geoident.workflow.predict import plan_prediction, predict
 
     task = plan_prediction(request)
-    case, work = task.inputs.path, partial(predict, task)
+    case, work = task.job.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
         return run_and_say(work, Terminal(options), options, title=request.result, case=case)
 

@@ -20,6 +20,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.backtest import Backtest, Skipped
+from geoident.model.results.costs import Counts
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
@@ -34,7 +35,6 @@ from geoident.workflow.running.readings import reading_table, select_readings, u
 from geoident.workflow.scoring.trials import (
     FitLog,
     PartialFit,
-    added,
     backtest_of,
     clause,
     hand_on,
@@ -246,7 +246,7 @@ def _result(
         ),
         parameters=opened(table, outcome.certificate),
         gauges=last.gauges,
-        counts=reduce(added, (trial.step.counts for trial in trials)),
+        counts=reduce(Counts.joined, (trial.step.counts for trial in trials)),
         accuracies=last.setup.accuracies,
         backtest=fits,
         notes=(

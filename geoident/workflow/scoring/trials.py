@@ -216,7 +216,7 @@ def tried(
         prediction=prediction,
         log_density=bands.log_density,
         excess=_excess(levels, last, len(later)),
-        counts=_since(before, estimate.counts),
+        counts=estimate.counts.since(before),
     )
     return PartialFit(
         fitted,
@@ -287,16 +287,6 @@ def _excess(levels: StressLevels | None, last: int, n_stages: int) -> Floats:
         return np.full(n_stages, np.nan)
     deviatoric, compression = levels.excess(last + 1)
     return np.fmax(deviatoric, compression)[1:]
-
-
-def _since(before: Counts, after: Counts) -> Counts:
-    return Counts(
-        evaluations=after.evaluations - before.evaluations,
-        analyses=after.analyses,
-        factorizations=after.factorizations - before.factorizations,
-        solves=after.solves - before.solves,
-        iterations=after.iterations - before.iterations,
-    )
 
 
 def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Skipped]) -> Backtest:
@@ -455,17 +445,6 @@ def last_stage(
         return LastStage(notes=text, counts=counts)
     findings, notes = (text, ()) if judged.remarkable else ((), text)
     return LastStage(backtest, findings, notes, counts)
-
-
-def added(first: Counts, second: Counts) -> Counts:
-    """Two costs together."""
-    return Counts(
-        evaluations=first.evaluations + second.evaluations,
-        analyses=max(first.analyses, second.analyses),
-        factorizations=first.factorizations + second.factorizations,
-        solves=first.solves + second.solves,
-        iterations=first.iterations + second.iterations,
-    )
 
 
 def clause(error: InputError | ModelError) -> str:
