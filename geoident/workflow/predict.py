@@ -178,7 +178,9 @@ def predict(task: PredictTask, control: Control) -> Finished:
     if task.others:  # its gauges may have the same names
         inherited = tuple(f"Of the fit: {text}" for text in inherited)
     findings = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
-    reduced = isinstance(model, ReducedCaseModel)
+    by_reduced: tuple[str, ...] = ()
+    if isinstance(model, ReducedCaseModel):
+        by_reduced = (answer_note(model, task.request.result),)
     poor = fit.status == "poor-fit"
     return task.write(
         Result(
@@ -202,7 +204,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
             varied=fit.varied if same_case else (),
             notes=(
                 *left_out,
-                *((answer_note(model, task.request.result),) if reduced else ()),
+                *by_reduced,
                 *bad_notes(readings),
                 *score(gauges, prediction),
             ),

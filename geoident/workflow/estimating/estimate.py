@@ -24,7 +24,7 @@ from geoident.model.results.result import Diagnostics, Result
 from geoident.model.results.rivals import Evidence, Rivals
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
+from geoident.workflow.estimating.finished import Finished, run_job
 from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.estimating.predictions import (
     KnownErrors,
@@ -33,7 +33,7 @@ from geoident.workflow.estimating.predictions import (
 )
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
 from geoident.workflow.estimating.search import estimated
-from geoident.workflow.estimating.setup import Setup, prepare, with_workers
+from geoident.workflow.estimating.setup import Setup, prepare
 from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import accuracies, survey_of_used, with_computed
 from geoident.workflow.running.control import Control
@@ -243,24 +243,17 @@ def searched(
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if (before := job_at_hand(job)) is not None:
-        return before
-    control.require_cluster()
-    prepared = prepare(job)
-    _tell_readings(prepared, control)
-    with (
-        evaluation_log(job, control, prepared.model) as log,
-        with_workers(job, prepared, control) as setup,
-    ):
+
+    def prepared(job: Job) -> Setup:
+        setup = prepare(job)
+        control.monitor.detail(f"{np.count_nonzero(setup.readings.used)} readings are used")
+        for unused in unused_by_stage(setup.readings):
+            control.monitor.detail(f"not used: {unused}")
+        return setup
+
+    def of_search(setup: Setup, log: Log) -> Result:
         search_end = estimated(setup, job.methods, log, control)
         control.finish()
-        written, force = result(*search_end, log), job.request.force
-        return write(written, job.place, job.existing, inputs=job.inputs.files, force=force)
+        return result(*search_end, log)
 
-
-def _tell_readings(setup: Setup, control: Control) -> None:
-    """Say how many readings are used, which are not, and why."""
-    readings = setup.readings
-    control.monitor.detail(f"{np.count_nonzero(readings.used)} readings are used")
-    for unused in unused_by_stage(readings):
-        control.monitor.detail(f"not used: {unused}")
+    return run_job(job, control, prepared, of_search)
