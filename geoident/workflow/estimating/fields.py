@@ -53,12 +53,12 @@ def field_estimates(
     point = ParameterPoint(model.values(values), model.names)
     for growth in model.on_mesh.growths:
         _, mean_of = _averages(model, growth.points)
-        columns = np.asarray(mean_of @ growth.value(point).columns)
-        relative = columns[:, 1:] / columns[:, :1]
+        grown = np.asarray(mean_of @ growth.value(point).columns)
+        relative = grown[:, 1:] / grown[:, :1]
         moved = np.flatnonzero(relative.any(axis=0))  # an undetermined parameter elsewhere is NaN
         slopes, part = relative[:, moved], covariance[np.ix_(moved, moved)]
         variance = np.einsum("qi,qi->q", slopes @ part, slopes)
-        estimates.append(_grown(model, growth, columns[:, 0], variance))
+        estimates.append(_grown(model, growth, grown[:, 0], variance))
     return tuple(estimates)
 
 
