@@ -85,7 +85,7 @@ def run_case(
 def run_prediction(request: PredictRequest, options: Options) -> int:
     """Make a prediction, and say what came out."""
     task = plan_prediction(request)
-    case, work = task.inputs.path, partial(predict, task)
+    case, work = task.job.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
         return run_and_say(work, Terminal(options), options, title=request.result, case=case)
 

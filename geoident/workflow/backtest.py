@@ -20,13 +20,14 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.backtest import Backtest, Skipped
+from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding, sentences_of
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
+from geoident.workflow.estimating.finished import Finished, run_job
 from geoident.workflow.estimating.predictions import collapse_findings
-from geoident.workflow.estimating.setup import Setup, require_possible, with_workers
+from geoident.workflow.estimating.setup import Setup, require_possible
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
@@ -35,11 +36,11 @@ from geoident.workflow.running.readings import reading_table, select_readings, u
 from geoident.workflow.scoring.trials import (
     FitLog,
     PartialFit,
-    added,
     backtest_of,
     clause,
     hand_on,
     nearby,
+    read_stages,
     tried,
     variances,
 )
@@ -60,23 +61,16 @@ def backtest(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if (before := job_at_hand(job)) is not None:
-        return before
-    control.require_cluster()
-    prepared, stages = prepare_backtest(job)
-    with (
-        evaluation_log(job, control, prepared.model) as log,
-        with_workers(job, prepared, control) as setup,
-    ):
-        trials, skipped = run_trials(setup, stages, job.methods, log, control)
-        result = _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
-        return write(
-            result, job.place, job.existing, inputs=job.inputs.files, force=job.request.force
-        )
+
+    def result(setup: Setup, log: Log) -> Result:
+        trials, skipped = run_trials(setup, job.methods, log, control)
+        return _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
+
+    return run_job(job, control, prepare_backtest, result)
 
 
-def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
-    """Build the model of a job; with all usable readings, and the numbers of their stages.
+def prepare_backtest(job: Job) -> Setup:
+    """Build the model of a job and select all usable readings.
 
     Raises:
         InputError: the case does not fit its mesh, or fewer than two stages were read.
@@ -88,9 +82,8 @@ def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
     setup = Setup(model, case, select_readings(case, model))
     readings = all_readings(setup)
     read = {name for name, used in zip(readings.stage, readings.used, strict=True) if used}
-    stages = tuple(n for n, stage in enumerate(case.stages) if stage.name in read)
-    if len(stages) < 2:
-        count = "one stage" if stages else "no stage"
+    if len(read) < 2:
+        count = "one stage" if read else "no stage"
         fault = case.source.fault(
             ("readings",),
             code="too-few-stages",
@@ -99,7 +92,7 @@ def prepare_backtest(job: Job) -> tuple[Setup, tuple[int, ...]]:
             hint="Give readings of two stages at least.",
         )
         raise InputError([fault])
-    return replace(setup, readings=readings), stages
+    return replace(setup, readings=readings)
 
 
 def all_readings(setup: Setup) -> ReadingTable:
@@ -127,17 +120,12 @@ def all_readings(setup: Setup) -> ReadingTable:
 
 
 def run_trials(
-    setup: Setup,
-    stages: Sequence[int],
-    methods: Sequence[MethodOptions],
-    log: Log,
-    control: Control,
+    setup: Setup, methods: Sequence[MethodOptions], log: Log, control: Control
 ) -> tuple[list[PartialFit], list[Skipped]]:
     """A fit for each of the stages that were read, with its predictions.
 
     Args:
         setup: model and all usable readings.
-        stages: numbers of the stages that were read.
         methods: of the first fit; the others begin at its answer.
         log: of the evaluations of all.
         control: progress, budget and stops.
@@ -150,6 +138,7 @@ def run_trials(
     """
     trials: list[PartialFit] = []
     skipped: list[Skipped] = []
+    stages = read_stages(setup)
     for last in stages:
         control.stop.check()
         name = setup.case.stages[last].name
@@ -248,7 +237,7 @@ def _result(
         ),
         parameters=opened(table, outcome.certificate),
         gauges=last.gauges,
-        counts=reduce(added, (trial.step.counts for trial in trials)),
+        counts=reduce(Counts.joined, (trial.step.counts for trial in trials)),
         accuracies=last.setup.accuracies,
         backtest=fits,
         notes=(

@@ -26,7 +26,13 @@ from geoident.workflow.estimating.diagnosis import (
     remarks,
     why_poor,
 )
-from geoident.workflow.estimating.estimate import Estimate, assess_fit, further, predicted, searched
+from geoident.workflow.estimating.estimate import (
+    Estimate,
+    assess_fit,
+    details_of,
+    predicted,
+    searched,
+)
 from geoident.workflow.estimating.fields import field_estimates
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
@@ -55,7 +61,7 @@ from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
-from geoident.workflow.scoring.trials import LastStage, added, last_stage
+from geoident.workflow.scoring.trials import LastStage, last_stage
 
 ENOUGH = 1e-4
 """Estimate of the relative error in energy with which the reduced model tells whether the model is
@@ -101,7 +107,7 @@ def with_curvature(setup: Setup, problem: Problem, estimate: Estimate) -> Estima
     with substituting(problem.response, ENOUGH):
         findings = linearity_findings(problem, estimate.assessment, estimate.outcome.values)
     assessment = replace(estimate.assessment, findings=(*estimate.assessment.findings, *findings))
-    counts = further(estimate.counts, before, setup.model.counts)
+    counts = estimate.counts.joined(setup.model.counts.since(before))
     return replace(estimate, assessment=assessment, counts=counts)
 
 
@@ -114,7 +120,7 @@ def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
     others = () if rivals is None else tuple(rivals.values[1:])
     clock = replace(control, out_of_time=False)  # running out of time here undoes no fit
     reduced = made_to_keep(setup.model, setup.case, result.parameters, clock, others)
-    counts = further(result.counts, before, setup.model.counts)
+    counts = result.counts.joined(setup.model.counts.since(before))
     if isinstance(reduced, str):
         return _without_reduced(replace(result, counts=counts), reduced)
     return replace(result, counts=counts, reduced=reduced)
@@ -201,17 +207,11 @@ def _result(
         provenance=job_provenance(job),
         parameters=parameters,
         gauges=gauges,
-        counts=added(estimate.counts, last.counts),
+        counts=estimate.counts.joined(last.counts),
         sensitivity=survey.sensitivity,
         prediction=prediction if np.isfinite(prediction.mean).any() else None,
         history=estimate.outcome.iterations,
-        fields=survey.fields,
-        members=survey.members,
-        reactions=survey.reactions,
-        yielded=survey.yielded,
-        mechanism=survey.mechanism,
-        reaction=survey.reaction,
-        advance=survey.advance,
+        **details_of(survey),
         singular_values=estimate.assessment.singular_values,
         diagnostics=estimate.diagnostics,
         accuracies=setup.accuracies,

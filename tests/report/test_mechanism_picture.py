@@ -84,7 +84,8 @@ def test_a_prediction_of_another_case_draws_it_too(weak, fallen, monkeypatch):
     def predict(task, *given, **asked):
         raise fallen[1]
 
-    task = SimpleNamespace(inputs=SimpleNamespace(path="weak.yaml"))
+    inputs = SimpleNamespace(path="weak.yaml")
+    task = SimpleNamespace(job=SimpleNamespace(inputs=inputs))
     monkeypatch.setattr(predicting, "plan_prediction", lambda request: task)
     monkeypatch.setattr(predicting, "predict", predict)
     (weak / "weak.yaml").write_text(WEAK)

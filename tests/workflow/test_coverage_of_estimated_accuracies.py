@@ -10,7 +10,7 @@ from scipy import stats
 
 import geoident
 from geoident.identify.assessment.uncertainty import assess
-from geoident.identify.assessment.unknown_variances import with_possible
+from geoident.identify.assessment.unknown_variances import OverAccuracies, with_possible
 from geoident.identify.assessment.variance_components import (
     RestrictedLikelihood,
     estimate_components,
@@ -254,7 +254,8 @@ def coverage(n, sizes, repeats, *, prior=False):
         possible = Possible.of(table, used)
         over = None
         if possible is not None:
-            over = possible.over(problem, possible.structure(rows), p, J @ p, J)
+            problems = possible.problems(problem, possible.structure(rows))
+            over = OverAccuracies.of(problems, table.odds, p, J @ p, J)
         known = assess(problem, p, J, J @ p, over)
         errors = KnownErrors(sized, problem, J @ p, J, tuple(rows), None, possible)
         computed[:, 1] = later @ p

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,14 @@ class Counts:
     def __sub__(self, other: Counts) -> Counts:
         """What came since the other."""
         return Counts(*(getattr(self, name) - getattr(other, name) for name in COUNTS))
+
+    def since(self, before: Counts) -> Counts:
+        """What a model has cost since then; it analyses a pattern once, whenever that was."""
+        return replace(self - before, analyses=self.analyses)
+
+    def joined(self, other: Counts) -> Counts:
+        """Both together, of one model: a pattern that both used was analysed once."""
+        return replace(self + other, analyses=max(self.analyses, other.analyses))
 
 
 COUNTS = ("evaluations", "analyses", "factorizations", "solves", "iterations")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.identify.assessment.findings import join
-from geoident.identify.assessment.unknown_variances import OverAccuracies, freedom, with_possible
+from geoident.identify.assessment.unknown_variances import freedom, with_possible
 from geoident.identify.assessment.variance_components import (
     Likelihood,
     VarianceComponents,
@@ -254,20 +254,6 @@ class Possible:
     def _at(self, problem: Problem, structure: ErrorStructure, t: Floats) -> Problem:
         sd, shared = structure.at(t)
         return replace(problem, sd=sd, shared=shared)
-
-    def over(
-        self, problem: Problem, structure: ErrorStructure, p: Floats, v: Floats, jacobian: Floats
-    ) -> OverAccuracies:
-        """What is known of the parameters at all of them.
-
-        Args:
-            problem: the readings used.
-            structure: their errors by these components, and maybe others.
-            p: (n,) the estimate, SI.
-            v: (g,) what the model says of the readings there, SI.
-            jacobian: (g, n) its derivative, SI.
-        """
-        return OverAccuracies.of(self.problems(problem, structure), self.table.odds, p, v, jacobian)
 
 
 def _owner(case: Case, name: str) -> tuple[Channel, str, float]:

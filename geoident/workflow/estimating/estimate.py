@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from geoident.errors import TimeIsUp
-from geoident.forward.observed import ObservedModel, Survey
+from geoident.forward.observed import Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.uncertainty import Assessment
@@ -16,7 +17,6 @@ from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
@@ -24,15 +24,8 @@ from geoident.model.results.result import Diagnostics, Result
 from geoident.model.results.rivals import Evidence, Rivals
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
-from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
-from geoident.workflow.estimating.model_error import (
-    FittedModelError,
-    LaterModelError,
-)
-from geoident.workflow.estimating.model_error_covariance import (
-    ReadingSteps,
-    reading_steps,
-)
+from geoident.workflow.estimating.finished import Finished, run_job
+from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.estimating.predictions import (
     KnownErrors,
     follow_bound,
@@ -40,7 +33,7 @@ from geoident.workflow.estimating.predictions import (
 )
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
 from geoident.workflow.estimating.search import estimated
-from geoident.workflow.estimating.setup import Setup, prepare, with_workers
+from geoident.workflow.estimating.setup import Setup, prepare
 from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import accuracies, survey_of_used, with_computed
 from geoident.workflow.running.control import Control
@@ -68,8 +61,16 @@ def surveyed(
     except TimeIsUp:
         with substituting(problem.response):
             survey = survey_of_used(setup.readings, setup.case, model, problem, p)
-    counts = further(problem.response.counts, before, model.counts)
+    counts = problem.response.counts.joined(model.counts.since(before))
     return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
+
+
+def details_of(source: Survey | Result) -> dict[str, Any]:
+    """What only some models know, and a result has: fields, forces in structures and others."""
+    names = (
+        "fields", "members", "reactions", "yielded", "mechanism", "reaction", "advance"
+    )  # fmt: skip
+    return {name: getattr(source, name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def assess_fit(
     assessment, nonlinearity = follow_bound(
         setup.model, setup.case, problem, outcome.values, survey, readings, assessment
     )
-    counts = further(counts, before, setup.model.counts)
+    counts = counts.joined(setup.model.counts.since(before))
     left = replace(problem, sd=effective_sd(problem, computed))
     known = known_errors(setup, left, survey, computed, jacobian)
     estimate = Estimate(
@@ -145,25 +146,8 @@ def assess_fit(
     ]
     others = tuple(assess_fit(setup, problem, other, fields=False) for other in elsewhere)
     for other in others:  # each counts the search, too
-        counts = further(counts, problem.response.counts + setup.spent, other.counts)
+        counts = counts.joined(other.counts.since(problem.response.counts + setup.spent))
     return replace(estimate, rivals=rivals, others=others, evidence=evidence, counts=counts)
-
-
-def further(counts: Counts, before: Counts, after: Counts) -> Counts:
-    """Costs with those of a model between two moments.
-
-    Args:
-        counts: so far, such as those of a search.
-        before: of the model at the first moment.
-        after: at the second.
-    """
-    return Counts(
-        evaluations=counts.evaluations + after.evaluations - before.evaluations,
-        analyses=max(counts.analyses, after.analyses),
-        factorizations=counts.factorizations + after.factorizations - before.factorizations,
-        solves=counts.solves + after.solves - before.solves,
-        iterations=counts.iterations + after.iterations - before.iterations,
-    )
 
 
 def known_errors(
@@ -182,9 +166,30 @@ def known_errors(
     if model_error is None and not any(channel.errors for channel in case.channels):
         return None
     rows = used_rows(case, setup.readings.used)
-    later = later_errors(setup.model, case, survey, model_error)
+    later = None
+    if model_error is not None:
+        later = LaterModelError(model_error, case, setup.model, survey.increments)
     possible = Possible.of(setup.accuracies, setup.readings.used)
     return KnownErrors(case, problem, computed, jacobian, rows, later, possible)
+
+
+def possible_problems(setup: Setup, problem: Problem) -> list[Problem]:
+    """The used readings at the estimated accuracies, then at all that the residuals leave possible.
+
+    Args:
+        setup: model and readings, with what was estimated.
+        problem: the used readings with the estimated accuracies.
+
+    Returns:
+        1 + K problems; none where the accuracies are given.
+    """
+    possible = Possible.of(setup.accuracies, setup.readings.used)
+    if possible is None:
+        return []
+    structure = possible.structure(used_rows(setup.case, setup.readings.used))
+    if setup.model_error is not None:
+        structure = setup.model_error.with_later(structure)
+    return possible.problems(problem, structure)
 
 
 def over_accuracies(
@@ -199,33 +204,11 @@ def over_accuracies(
         computed: (g,) what the model says of them there, SI.
         jacobian: (g, n) its derivative, SI.
     """
-    possible = Possible.of(setup.accuracies, setup.readings.used)
-    if possible is None:
+    problems = possible_problems(setup, problem)
+    if not problems:
         return None
-    structure = possible.structure(used_rows(setup.case, setup.readings.used))
-    if setup.model_error is not None:
-        structure = setup.model_error.with_later(structure)
-    return possible.over(problem, structure, p, computed, jacobian)
-
-
-def later_errors(
-    model: ObservedModel, case: Case, survey: Survey, model_error: FittedModelError | None
-) -> LaterModelError | None:
-    """The model error of a fit in later readings.
-
-    Args:
-        model: of the case to predict.
-        case: to predict.
-        survey: of that model at the estimate.
-        model_error: the model error of the fit, or None for none.
-    """
-    if model_error is None:
-        return None
-
-    def later(pairs: Sequence[tuple[str, str]]) -> ReadingSteps:
-        return reading_steps(case, model, survey.increments, pairs, model_error.length)
-
-    return LaterModelError(model_error, later)
+    assert setup.accuracies is not None
+    return OverAccuracies.of(problems, setup.accuracies.odds, p, computed, jacobian)
 
 
 def predicted(setup: Setup, estimate: Estimate, stages: Bools) -> Prediction:
@@ -260,24 +243,17 @@ def searched(
     Raises:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
-    if (before := job_at_hand(job)) is not None:
-        return before
-    control.require_cluster()
-    prepared = prepare(job)
-    _tell_readings(prepared, control)
-    with (
-        evaluation_log(job, control, prepared.model) as log,
-        with_workers(job, prepared, control) as setup,
-    ):
+
+    def prepared(job: Job) -> Setup:
+        setup = prepare(job)
+        control.monitor.detail(f"{np.count_nonzero(setup.readings.used)} readings are used")
+        for unused in unused_by_stage(setup.readings):
+            control.monitor.detail(f"not used: {unused}")
+        return setup
+
+    def of_search(setup: Setup, log: Log) -> Result:
         search_end = estimated(setup, job.methods, log, control)
         control.finish()
-        written, force = result(*search_end, log), job.request.force
-        return write(written, job.place, job.existing, inputs=job.inputs.files, force=force)
+        return result(*search_end, log)
 
-
-def _tell_readings(setup: Setup, control: Control) -> None:
-    """Say how many readings are used, which are not, and why."""
-    readings = setup.readings
-    control.monitor.detail(f"{np.count_nonzero(readings.used)} readings are used")
-    for unused in unused_by_stage(readings):
-        control.monitor.detail(f"not used: {unused}")
+    return run_job(job, control, prepared, of_search)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -31,52 +29,116 @@ _BLOCK = 500
 def field_estimates(
     model: ObservedModel, values: Floats, assessment: Assessment
 ) -> tuple[FieldEstimate, ...]:
-    """The fields of a case at the elements of their materials.
+    """The fields of a case at the elements of their materials, from the linearised posterior.
 
     Args:
         model: of the case.
         values: (n,) the estimate, SI.
         assessment: how well the parameters are known.
     """
-    if not isinstance(model, StagedModel) or not _varies(model):
+    if not isinstance(model, StagedModel):
         return ()
-    dp_dx = assessment.dp_dx
+    dp_dx, estimates = assessment.dp_dx, list[FieldEstimate]()
     covariance = np.outer(dp_dx, dp_dx) * assessment.posterior.covariance
-    fields = (
-        _estimate(model, field, made, values, covariance)
-        for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True)
+    for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True):
+        _, mean_of = _averages(model, made.points)
+        slopes, columns = mean_of @ made.modes, [model.names.index(name) for name in made.names]
+        if field.mean.parameter is not None:
+            at = model.names.index(field.mean.parameter)
+            slope = (1 - mean_of @ made.pull) / values[at]
+            columns, slopes = [at, *columns], np.column_stack([slope, slopes])
+        variance = np.einsum("qi,qi->q", slopes @ covariance[np.ix_(columns, columns)], slopes)
+        logarithm = _logarithm(model, field, made, values)
+        estimates.append(_random(model, field, made, logarithm, np.maximum(variance, 0.0)))
+    point = ParameterPoint(model.values(values), model.names)
+    for growth in model.on_mesh.growths:
+        _, mean_of = _averages(model, growth.points)
+        grown = np.asarray(mean_of @ growth.value(point).columns)
+        relative = grown[:, 1:] / grown[:, :1]
+        moved = np.flatnonzero(relative.any(axis=0))  # an undetermined parameter elsewhere is NaN
+        slopes, part = relative[:, moved], covariance[np.ix_(moved, moved)]
+        variance = np.einsum("qi,qi->q", slopes @ part, slopes)
+        estimates.append(_grown(model, growth, grown[:, 0], variance))
+    return tuple(estimates)
+
+
+def drawn_fields(model: ObservedModel, draws: Floats) -> tuple[FieldEstimate, ...]:
+    """The same from draws of the posterior.
+
+    Logarithms are averaged over the strain points of an element, then over the draws; of a constant
+    that grows the mean over the strain points comes first.
+
+    Args:
+        model: of the case.
+        draws: (k, n) parameters and modes, SI.
+    """
+    if not isinstance(model, StagedModel):
+        return ()
+    estimates = list[FieldEstimate]()
+    for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True):
+        _, mean_of = _averages(model, made.points)
+        modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)
+        columns = [model.names.index(name) for name in made.names]
+        total, squares = np.zeros((2, len(modes)))
+        shift: Floats | None = None
+        for start in range(0, len(draws), _BLOCK):
+            block = draws[start : start + _BLOCK]
+            mean = np.log([field.mean.value(model.values(row)) for row in block])
+            logarithm = np.outer(1.0 - pull, mean) + modes @ block[:, columns].T
+            shift = logarithm.mean(axis=1) if shift is None else shift
+            total += (logarithm - shift[:, None]).sum(axis=1)
+            squares += ((logarithm - shift[:, None]) ** 2).sum(axis=1)
+        assert shift is not None
+        centre = total / len(draws)
+        variance = np.maximum(squares / len(draws) - centre**2, 0.0)
+        middle = shift + centre + pull * np.log(made.reference) + mean_of @ made.known
+        estimates.append(_random(model, field, made, middle, variance))
+    for growth in model.on_mesh.growths:
+        elements, mean_of = _averages(model, growth.points)
+        total, squares, first = np.zeros(len(elements)), np.zeros(len(elements)), None
+        for row in draws:
+            point = ParameterPoint(model.values(row), ())
+            logarithm = np.log(mean_of @ growth.value(point).value)
+            first = logarithm if first is None else first
+            total, squares = total + (logarithm - first), squares + (logarithm - first) ** 2
+        assert first is not None
+        centre = total / len(draws)
+        variance = squares / len(draws) - centre**2
+        estimates.append(_grown(model, growth, np.exp(first + centre), variance))
+    return tuple(estimates)
+
+
+def _random(
+    model: StagedModel, field: RandomField, made: PointField, logarithm: Floats, variance: Floats
+) -> FieldEstimate:
+    """A random field at its elements, from the middle (n,) of its logarithm and the variance."""
+    elements, mean_of = _averages(model, made.points)
+    modes = np.asarray(mean_of @ made.modes)
+    prior = np.einsum("qi,qi->q", modes, modes)
+    left = np.divide(variance, prior, out=np.ones_like(prior), where=prior > _NOTHING * field.sd**2)
+    return FieldEstimate(
+        name=field.name,
+        material=field.material,
+        constant=field.constant,
+        dimension=field.dimension,
+        unit=_unit(model, field.unit, field.mean.parameter),
+        elements=elements,
+        centres=np.asarray(mean_of @ model.discretization.points.position[made.points]),
+        values=np.exp(logarithm),
+        sd=np.sqrt(variance),
+        prior_sd=np.sqrt(prior),
+        reduction=np.clip(1.0 - left, 0.0, 1.0),
+        modes=len(made.names),
+        explained=made.explained,
+        tests=len(field.measured),
     )
-    return (*fields, *(_grown(model, g, values, covariance) for g in model.on_mesh.growths))
-
-
-def _varies(model: StagedModel) -> bool:
-    """Whether a constant of the ground varies from place to place."""
-    return bool(model.on_mesh.fields or model.on_mesh.growths)
 
 
 def _grown(
-    model: StagedModel, made: PointGrowth, values: Floats, covariance: Floats
+    model: StagedModel, made: PointGrowth, values: Floats, variance: Floats
 ) -> FieldEstimate:
-    """A constant that grows, at its elements; its deviation stems from its parameters."""
-    point = ParameterPoint(model.values(values), model.names)
-    elements, mean_of = _averages(model, made.points)
-    columns = np.asarray(mean_of @ made.value(point).columns)
-    relative = columns[:, 1:] / columns[:, :1]
-    moved = np.flatnonzero(relative.any(axis=0))  # an undetermined parameter elsewhere is NaN
-    part = covariance[np.ix_(moved, moved)]
-    variance = np.einsum("qi,qi->q", relative[:, moved] @ part, relative[:, moved])
-    return _growth_estimate(model, made, (elements, mean_of), columns[:, 0], variance)
-
-
-def _growth_estimate(
-    model: StagedModel,
-    made: PointGrowth,
-    averages: tuple[Ints, sp.csr_array],
-    values: Floats,
-    variance: Floats,
-) -> FieldEstimate:
-    """Values (n,) at elements, and the variance (n,) of their logarithm."""
-    growth, (elements, mean_of) = made.growth, averages
+    """A constant that grows at its elements, with the variance (n,) of its logarithm."""
+    growth, (elements, mean_of) = made.growth, _averages(model, made.points)
     return FieldEstimate(
         name=growth.name,
         material=growth.material,
@@ -91,79 +153,6 @@ def _growth_estimate(
         reduction=np.zeros(len(values)),
         modes=0,
         explained=1.0,
-    )
-
-
-def _drawn_growth(model: StagedModel, made: PointGrowth, draws: Floats) -> FieldEstimate:
-    """Median over the draws as that of the logarithm, whose deviation is that of the draws."""
-    elements, mean_of = _averages(model, made.points)
-    total, squares, first = np.zeros(len(elements)), np.zeros(len(elements)), None
-    for row in draws:
-        logarithm = np.log(mean_of @ made.value(ParameterPoint(model.values(row), ())).value)
-        first = logarithm if first is None else first
-        total, squares = total + (logarithm - first), squares + (logarithm - first) ** 2
-    assert first is not None
-    shift = total / len(draws)
-    values, variance = np.exp(first + shift), squares / len(draws) - shift**2
-    return _growth_estimate(model, made, (elements, mean_of), values, variance)
-
-
-def _estimate(
-    model: StagedModel, field: RandomField, made: PointField, values: Floats, covariance: Floats
-) -> FieldEstimate:
-    elements, mean_of = _averages(model, made.points)
-    modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)
-    columns = [model.names.index(name) for name in made.names]
-    slopes = modes
-    if field.mean.parameter is not None:
-        at = model.names.index(field.mean.parameter)
-        columns, slopes = [at, *columns], np.column_stack([(1 - pull) / values[at], modes])
-    part = covariance[np.ix_(columns, columns)]
-    variance = np.maximum(np.einsum("qi,qi->q", slopes @ part, slopes), 0.0)
-    logarithm = _logarithm(model, field, made, values)
-    return _described(model, field, made, _Known(elements, mean_of, modes, logarithm, variance))
-
-
-@dataclass(frozen=True)
-class _Known:
-    """What is known of the logarithm of a field at n elements.
-
-    Args:
-        elements: (n,) their numbers.
-        mean_of: (n, points) means over their strain points.
-        modes: (n, r) times their standard deviation.
-        logarithm: (n,) its middle.
-        variance: (n,) of it.
-    """
-
-    elements: Ints
-    mean_of: sp.csr_array
-    modes: Floats
-    logarithm: Floats
-    variance: Floats
-
-
-def _described(
-    model: StagedModel, field: RandomField, made: PointField, known: _Known
-) -> FieldEstimate:
-    prior, variance = np.einsum("qi,qi->q", known.modes, known.modes), known.variance
-    left = np.divide(variance, prior, out=np.ones_like(prior), where=prior > _NOTHING * field.sd**2)
-    position = model.discretization.points.position[made.points]
-    return FieldEstimate(
-        name=field.name,
-        material=field.material,
-        constant=field.constant,
-        dimension=field.dimension,
-        unit=_unit(model, field.unit, field.mean.parameter),
-        elements=known.elements,
-        centres=np.asarray(known.mean_of @ position),
-        values=np.exp(known.logarithm),
-        sd=np.sqrt(variance),
-        prior_sd=np.sqrt(prior),
-        reduction=np.clip(1.0 - left, 0.0, 1.0),
-        modes=len(made.names),
-        explained=made.explained,
-        tests=len(field.measured),
     )
 
 
@@ -221,46 +210,6 @@ def require_same_modes(fit: Result, model: ObservedModel, case: Case, values: Fl
         )
     if faults:
         raise InputError(faults)
-
-
-def drawn_fields(model: ObservedModel, draws: Floats) -> tuple[FieldEstimate, ...]:
-    """The fields of a case at the elements of their materials, as draws of the posterior have them.
-
-    Args:
-        model: of the case.
-        draws: (k, n) parameters and modes, SI.
-    """
-    if not isinstance(model, StagedModel) or not _varies(model):
-        return ()
-    fields = (
-        _drawn(model, field, made, draws)
-        for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True)
-    )
-    return (*fields, *(_drawn_growth(model, made, draws) for made in model.on_mesh.growths))
-
-
-def _drawn(
-    model: StagedModel, field: RandomField, made: PointField, draws: Floats
-) -> FieldEstimate:
-    """Logarithms are averaged over the strain points of an element, then over the draws."""
-    elements, mean_of = _averages(model, made.points)
-    modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)
-    known = np.asarray(mean_of @ made.known)
-    columns = [model.names.index(name) for name in made.names]
-    total, squares = np.zeros((2, len(elements)))
-    shift: Floats | None = None
-    for start in range(0, len(draws), _BLOCK):
-        block = draws[start : start + _BLOCK]
-        mean = np.log([field.mean.value(model.values(row)) for row in block])
-        logarithm = np.outer(1.0 - pull, mean) + modes @ block[:, columns].T
-        shift = logarithm.mean(axis=1) if shift is None else shift
-        total += (logarithm - shift[:, None]).sum(axis=1)
-        squares += ((logarithm - shift[:, None]) ** 2).sum(axis=1)
-    assert shift is not None
-    centre = total / len(draws)
-    variance = np.maximum(squares / len(draws) - centre**2, 0.0)
-    middle = shift + centre + pull * np.log(made.reference) + known
-    return _described(model, field, made, _Known(elements, mean_of, modes, middle, variance))
 
 
 def _averages(model: StagedModel, points: Ints) -> tuple[Ints, sp.csr_array]:

@@ -15,7 +15,9 @@ from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED, Result
+from geoident.workflow.estimating.setup import Setup, with_workers
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, Planned
 from geoident.workflow.running.older_files import older_files
 from geoident.workflow.running.outputs import Existing, Target, restore, set_aside
@@ -194,3 +196,32 @@ def job_at_hand(job: Job) -> Finished | None:
     """The result of a job where it is there already."""
     request = job.request
     return at_hand(job.place, job.identity, job.existing, force=request.force, fresh=request.fresh)
+
+
+def run_job(
+    job: Job,
+    control: Control,
+    prepare: Callable[[Job], Setup],
+    compute: Callable[[Setup, Log], Result],
+) -> Finished:
+    """The result of a job: the one that is at hand, or a new one, written in its place.
+
+    Args:
+        job: what to do.
+        control: progress, budget and stops.
+        prepare: builds the model and selects the readings.
+        compute: makes the result; what it evaluates is logged.
+
+    Raises:
+        Interrupted: a stop was asked for; a checkpoint is there.
+    """
+    if (before := job_at_hand(job)) is not None:
+        return before
+    control.require_cluster()
+    prepared = prepare(job)
+    with (
+        evaluation_log(job, control, prepared.model) as log,
+        with_workers(job, prepared, control) as setup,
+    ):
+        result, force = compute(setup, log), job.request.force
+        return write(result, job.place, job.existing, inputs=job.inputs.files, force=force)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import InputError
+from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.model_error import SIZES, SizeWeights
 from geoident.identify.problem.shared_errors import ErrorStructure
@@ -31,6 +32,7 @@ from geoident.workflow.estimating.model_error_covariance import (
     ReadingSteps,
     family,
     most_modes,
+    reading_steps,
     shared_columns,
 )
 from geoident.workflow.running.cost import free_memory
@@ -372,15 +374,30 @@ def model_error_notes(
 
 @dataclass(frozen=True)
 class LaterModelError:
-    """The model error of a fit, and what it is made of at later readings.
+    """The model error of a fit in later readings, maybe of another case.
 
     Args:
         fitted: of the fit.
-        later: of (channel, stage) pairs.
+        case: of the later readings.
+        model: of that case.
+        increments: (n_states, n_channels) what each step changes in what its channels see, SI.
     """
 
     fitted: FittedModelError
-    later: Callable[[Sequence[tuple[str, str]]], ReadingSteps]
+    case: Case
+    model: ObservedModel
+    increments: Floats
+
+    def added(self, structure: ErrorStructure, pairs: Sequence[tuple[str, str]]) -> ErrorStructure:
+        """The errors of the readings used, and of later ones below them, with the model error.
+
+        Args:
+            structure: without it.
+            pairs: channel and stage of each later reading.
+        """
+        length = self.fitted.length
+        later = reading_steps(self.case, self.model, self.increments, pairs, length)
+        return self.fitted.with_later(structure, later)
 
 
 def of_result(

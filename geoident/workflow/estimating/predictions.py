@@ -138,6 +138,19 @@ class KnownErrors:
     model_error: LaterModelError | None = None
     possible: Possible | None = None
 
+    def of_nothing_used(self) -> KnownErrors:
+        """The same where no used reading has to do with the gauges that are predicted."""
+        problem = self.problem
+        nothing = replace(problem, measured=problem.measured[:0], sd=problem.sd[:0], shared=None)
+        return replace(
+            self,
+            problem=nothing,
+            computed=self.computed[:0],
+            jacobian=self.jacobian[:0],
+            rows=(),
+            possible=None,
+        )
+
     def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
         """Later readings as the used ones let expect them.
 
@@ -225,8 +238,7 @@ class KnownErrors:
         whole = error_structure(rows) if self.possible is None else self.possible.structure(rows)
         if self.model_error is not None:
             pairs = [(reading.channel, reading.stage) for _, reading in later]
-            steps = self.model_error.later(pairs)
-            whole = self.model_error.fitted.with_later(whole, steps)
+            whole = self.model_error.added(whole, pairs)
         g = len(self.rows)
         return whole.rows(np.arange(g)), whole.rows(np.arange(g, g + len(later)))
 

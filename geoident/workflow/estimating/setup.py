@@ -251,6 +251,18 @@ def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
     return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
 
 
+def setup_of_result(fit: Result, case: Case, model: ObservedModel) -> Setup:
+    """What a fit ended with, from its result.
+
+    Args:
+        fit: the result.
+        case: of the fit.
+        model: of that case, or of another one that is predicted.
+    """
+    readings = fit.gauges.readings
+    return Setup(model, case, readings, fit.accuracies, model_error_of_result(fit, case))
+
+
 def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
     """The model error of a fit, from its result; None for none.
 

@@ -17,8 +17,6 @@ from geoident.identify.problem.ahead import starts_warm
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Case
-from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
 from geoident.model.response import Response
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
@@ -41,7 +39,6 @@ from geoident.workflow.running.readings import (
     require_enough,
 )
 from geoident.workflow.scoring.extrapolation import (
-    StressLevels,
     extrapolation_findings,
     stress_levels,
 )
@@ -120,6 +117,13 @@ def nearby(options: MethodOptions) -> MethodOptions:
     return options
 
 
+def read_stages(setup: Setup) -> list[int]:
+    """Numbers of the stages of which readings are used."""
+    readings = setup.readings
+    read = {stage for stage, used in zip(readings.stage, readings.used, strict=True) if used}
+    return [n for n, stage in enumerate(setup.case.stages) if stage.name in read]
+
+
 def up_to(setup: Setup, last: int) -> Setup:
     """The same with the readings of the stages up to one.
 
@@ -128,32 +132,25 @@ def up_to(setup: Setup, last: int) -> Setup:
         last: number of the stage.
 
     Raises:
-        InputError: they are fewer than the parameters.
+        InputError: they are fewer than the parameters, or too few to tell how accurate the gauges
+            are: a fit could be made, but its bands would be those of an accident.
     """
-    number = {stage.name: n for n, stage in enumerate(setup.case.stages)}
+    case = setup.case
+    number = {stage.name: n for n, stage in enumerate(case.stages)}
     pairs = zip(setup.readings.reason, setup.readings.stage, strict=True)
     reasons = [why or (LATER if number[stage] > last else "") for why, stage in pairs]
-    table = reading_table(setup.case, reasons)
-    require_enough(setup.case, table)
-    _require_known_accuracies(setup.case, table)
+    table = reading_table(case, reasons)
+    require_enough(case, table)
+    sizes = len(errors_of_used(case, table.used).names)
+    used, n = int(np.count_nonzero(table.used)), len(named_parameters(case))
+    if sizes and used - n < SPARE * sizes:
+        message = (
+            f"{used} usable readings say too little of {sizes} accuracies that are to be estimated "
+            f"beside {n} parameters"
+        )
+        fault = case.source.fault(("readings",), code="too-few-readings", message=message)
+        raise InputError([fault])
     return replace(setup, readings=table)
-
-
-def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
-    """Refuse readings that are too few to tell how accurate the gauges are.
-
-    Raises:
-        InputError: they are; a fit can be made, but its bands would be those of an accident.
-    """
-    sizes = len(errors_of_used(case, readings.used).names)
-    used, n = int(np.count_nonzero(readings.used)), len(named_parameters(case))
-    if not sizes or used - n >= SPARE * sizes:
-        return
-    message = (
-        f"{used} usable readings say too little of {sizes} accuracies that are to be estimated "
-        f"beside {n} parameters"
-    )
-    raise InputError([case.source.fault(("readings",), code="too-few-readings", message=message)])
 
 
 def tried(
@@ -189,16 +186,21 @@ def tried(
     end = None if until is None else until + 1
     estimate = assess_fit(fitted, problem, outcome, fields=True, last=end)
     levels = stress_levels(setup.model, setup.case, estimate.survey.fields)
-    estimate = replace(
-        estimate, survey=replace(estimate.survey, fields=None)
-    )  # large, and not needed on
+    # fields are large, and not needed any more
+    estimate = replace(estimate, survey=replace(estimate.survey, fields=None))
     gauges = gauge_table(fitted.case, estimate.readings, estimate.survey.computed)
     later = np.arange(len(gauges.stages)) > last
     prediction = predicted(fitted, estimate, later)
-    measured = measured_of(setup, gauges)
+    usable = gauge_table(setup.case, setup.readings, gauges.computed)
+    measured = np.where(usable.used, usable.measured, np.nan)
     bands = Bands(measured, prediction.mean, prediction.lower95, prediction.upper95)
     ahead = next_read(bands)
-    judged = _some_of(ahead & bands.scored)
+    places = np.flatnonzero(ahead & bands.scored)
+    judged = np.zeros_like(ahead)
+    judged.flat[places[:: -(-len(places) // _MOST_JUDGED) or 1]] = True
+    excess = np.full(len(later), np.nan)
+    if levels is not None:
+        excess = np.fmax(*levels.excess(last + 1))[1:]
     states = np.concatenate([[False], later])
     table = opened(
         parameter_table(setup.case.parameters, outcome.values, estimate.assessment),
@@ -216,8 +218,8 @@ def tried(
         determined=table.determined,
         prediction=prediction,
         log_density=bands.log_density,
-        excess=_excess(levels, last, len(later)),
-        counts=_since(before, estimate.counts),
+        excess=excess,
+        counts=estimate.counts.since(before),
     )
     return PartialFit(
         fitted,
@@ -236,15 +238,6 @@ def tried(
 _MOST_JUDGED = 1000
 """Predictions by which it is judged what chance would do: more say no more, as they hang together,
 and their correlations would fill the memory."""
-
-
-def _some_of(places: Bools) -> Bools:
-    """Of some predictions (n_channels, n_stages) as many as are judged, evenly chosen."""
-    chosen = np.zeros_like(places)
-    every = np.flatnonzero(places)
-    step = -(-len(every) // _MOST_JUDGED) or 1
-    chosen.flat[every[::step]] = True
-    return chosen
 
 
 def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
@@ -269,35 +262,6 @@ def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
     if log.find("evaluate", p) is None and np.isfinite(v).all() and np.isfinite(dv_dp).all():
         increments = before.estimate.survey.increments[: last + 2]  # with the virgin state
         log.add("evaluate", p, {"v": v, "dv_dp": dv_dp, "increments": increments})
-
-
-def measured_of(setup: Setup, gauges: GaugeTable) -> Floats:
-    """The usable readings (n_channels, n_stages) of a setup, SI; NaN where there are none.
-
-    Args:
-        setup: with all usable readings.
-        gauges: of the same case.
-    """
-    usable = gauge_table(setup.case, setup.readings, gauges.computed)
-    return np.where(usable.used, usable.measured, np.nan)
-
-
-def _excess(levels: StressLevels | None, last: int, n_stages: int) -> Floats:
-    """(n_stages,) the larger of the two measures."""
-    if levels is None:
-        return np.full(n_stages, np.nan)
-    deviatoric, compression = levels.excess(last + 1)
-    return np.fmax(deviatoric, compression)[1:]
-
-
-def _since(before: Counts, after: Counts) -> Counts:
-    return Counts(
-        evaluations=after.evaluations - before.evaluations,
-        analyses=after.analyses,
-        factorizations=after.factorizations - before.factorizations,
-        solves=after.solves - before.solves,
-        iterations=after.iterations - before.iterations,
-    )
 
 
 def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Skipped]) -> Backtest:
@@ -420,8 +384,7 @@ def last_stage(
     Raises:
         Interrupted: a stop was asked for.
     """
-    used = {s for s, taken in zip(setup.readings.stage, setup.readings.used, strict=True) if taken}
-    stages = [n for n, stage in enumerate(setup.case.stages) if stage.name in used]
+    stages = read_stages(setup)
     if len(stages) < 2:
         return LastStage()
     before, last = (setup.case.stages[n].name for n in stages[-2:])
@@ -457,17 +420,6 @@ def last_stage(
     if judged.remarkable:
         return LastStage(backtest, (Finding("bands", last, text),), (), counts)
     return LastStage(backtest, (), (text,), counts)
-
-
-def added(first: Counts, second: Counts) -> Counts:
-    """Two costs together."""
-    return Counts(
-        evaluations=first.evaluations + second.evaluations,
-        analyses=max(first.analyses, second.analyses),
-        factorizations=first.factorizations + second.factorizations,
-        solves=first.solves + second.solves,
-        iterations=first.iterations + second.iterations,
-    )
 
 
 def clause(error: InputError | ModelError) -> str:
