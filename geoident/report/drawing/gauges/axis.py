@@ -52,7 +52,8 @@ class StageAxis:
         low, high = self.ends
         margin = 0.03 * (high - low)
         axes.set_xlim(low - margin, high + margin)
-        axes.xaxis.set_major_locator(AutoDateLocator(minticks=2, maxticks=3))
+        locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call] # matplotlib.dates has no types
+        axes.xaxis.set_major_locator(locator)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
         for x in self.at:
             axes.axvline(float(x), color=FAINT, lw=0.4, ls=(0, (1, 2)), zorder=0)
