@@ -1,6 +1,7 @@
 """Figures as SVG: words stay text, the same figure gives the same bytes, names agree in a page."""
 
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import pytest
@@ -11,7 +12,8 @@ from matplotlib.figure import Figure
 
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import Picture, image
-from geoident.report.page.svg import figure_element, inline_svg
+from geoident.report.page.blocks import Figures, body, section
+from geoident.report.page.svg import inline_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 WORDS = {"a < b & c", "$x_1$ costs 5 $", "second line", "turned", "EX-1"}
@@ -64,7 +66,7 @@ def test_letters_have_a_second_font_where_a_machine_lacks_the_first(svg):
 
 
 def test_in_a_page_a_figure_is_an_element_and_no_document(svg):
-    text = inline_svg(svg, name="one", text='"A" < B')
+    text = inline_svg(svg, text='"A" < B')
     root = ElementTree.fromstring(text)
     assert {element.text for element in root.iter("text")} >= WORDS
     assert root.get("aria-label") == '"A" < B'
@@ -72,10 +74,11 @@ def test_in_a_page_a_figure_is_an_element_and_no_document(svg):
         assert gone not in text
 
 
-def test_two_figures_of_a_page_share_no_name_and_find_their_own(svg):
+def test_two_figures_of_a_page_share_no_name_and_find_their_own():
     seen = set()
     for name in ("one", "two"):
-        names, references = names_and_references(inline_svg(svg, name=name, text=""))
+        svg = image(replace(PICTURE, name=name), "svg")
+        names, references = names_and_references(inline_svg(svg, text=""))
         assert references <= set(names)
         assert len(references) >= 3  # a marker, a hatch, a clip
         assert len(names) == len(set(names))
@@ -84,5 +87,6 @@ def test_two_figures_of_a_page_share_no_name_and_find_their_own(svg):
 
 
 def test_title_and_caption_of_a_figure_never_become_markup(svg):
-    text = figure_element(svg, name="x", title="<b>", caption="<i> & more")
-    assert "<b>&lt;b&gt;. </b>&lt;i&gt; &amp; more</figcaption>" in text
+    picture = replace(PICTURE, title="<b>", caption="<i> & more")
+    text = body([section("Figures", Figures((picture,)))], lambda _: [svg])
+    assert "<b>Figure 1: &lt;b&gt;. </b>&lt;i&gt; &amp; more</figcaption>" in text

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -45,7 +45,6 @@ _DPI = 200  # of what is drawn as pixels
 _COLUMNS = 3
 _SOFT = 1e6  # stresses below, Pa, are shown in kPa
 _RC: Any = {
-    "svg.hashsalt": "geoident",
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "text.parse_math": False,  # a $ in a name is a $
@@ -97,23 +96,21 @@ def drawing_style() -> Iterator[None]:
 
 
 def image(picture: Picture, suffix: str) -> bytes:
-    """A figure as a file: ``svg``, ``png`` or ``pdf``."""
-    metadata = {
+    """A figure as a file: ``svg``, ``png`` or ``pdf``.
+
+    Names inside an SVG depend on that of the picture, so that figures can share a page.
+    """
+    metadata: Any = {
         "svg": {"Date": None, "Title": picture.title, "Description": picture.caption},
         "pdf": {"CreationDate": None},
         "png": {"Creation Time": None},
     }[suffix]
     buffer = io.BytesIO()
-    with drawing_style():
+    with drawing_style(), rc_context({"svg.hashsalt": picture.name}):
         figure = picture.draw()
         figure.set_dpi(_DPI)
-        if (
-            suffix == "svg"
-        ):  # without the layout for a bounding box, which takes a third of the time
-            canvas: Any = FigureCanvasSVG(figure)
-            canvas.print_svg(buffer, metadata=metadata)
-        else:
-            figure.savefig(buffer, format=suffix, dpi=_DPI, metadata=metadata)
+        canvas = get_registered_canvas_class(suffix)(figure)
+        getattr(canvas, f"print_{suffix}")(buffer, metadata=metadata)  # savefig draws twice
     return buffer.getvalue()
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from geoident.report.drawing.style import Picture
 from geoident.report.page.html import Html, joined, table, tag
-from geoident.report.page.svg import figure_element
+from geoident.report.page.svg import inline_svg
 from geoident.report.text.layout import TextTable
 
 Draw = Callable[[Sequence[Picture]], Sequence[bytes]]
@@ -188,9 +188,9 @@ class _Writer:
 
     def _figure(self, picture: Picture) -> Html:
         self._figures += 1
-        return figure_element(
-            self._drawn[picture.name],
-            name=picture.name,
-            title=f"Figure {self._figures}: {picture.title}",
-            caption=picture.caption,
-        )
+        title = f"Figure {self._figures}: {picture.title}"
+        svg = inline_svg(self._drawn[picture.name], text=title)
+        words = tag("figcaption", tag("b", f"{title}. "), picture.caption)
+        (width,) = re.findall(r'^<svg[^>]* width="([^"]+)"', svg)  # by which the page sizes it
+        drawing = tag("div", svg, class_="drawing")
+        return tag("figure", drawing, words, id=f"figure-{picture.name}", style=f"--width: {width}")

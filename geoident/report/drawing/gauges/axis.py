@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator
+from matplotlib.ticker import FuncFormatter
 
 from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats
@@ -51,8 +52,9 @@ class StageAxis:
         low, high = self.ends
         margin = 0.03 * (high - low)
         axes.set_xlim(low - margin, high + margin)
-        days = _round_days(low, high)
-        axes.set_xticks(days, [date_text(_DAY * day) for day in days])
+        locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call] # matplotlib.dates has no types
+        axes.xaxis.set_major_locator(locator)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
         for x in self.at:
             axes.axvline(float(x), color=FAINT, lw=0.4, ls=(0, (1, 2)), zorder=0)
         last = -np.inf
@@ -61,29 +63,6 @@ class StageAxis:
                 axes.text(float(x), 0.99, str(number), transform=axes.get_xaxis_transform(),
                           ha="center", va="top", fontsize=SMALL - 0.5, color=FAINT)  # fmt: skip
                 last = float(x)
-
-
-def _round_days(low: float, high: float) -> list[float]:
-    """Two to four first days of months or weeks, or days, between two days since 1970."""
-    first = datetime.fromtimestamp(low * _DAY, tz=UTC)
-    for months in (60, 24, 12, 6, 3, 2, 1):
-        count = int((high - low) / 30.0 / months) + 2
-        begin = (first.year * 12 + first.month - 1) // months * months
-        days = []
-        for k in range(count + 1):
-            year, month = divmod(begin + k * months, 12)
-            day = datetime(year, month + 1, 1, tzinfo=UTC).timestamp() / _DAY
-            days += [day] if low <= day <= high else []
-        if len(days) >= 2:
-            return days[:: -(-len(days) // _MOST_DATES)]
-    for step in (7.0, 2.0, 1.0):
-        days = np.arange(np.ceil(low), high + 1e-9, step).tolist()
-        if len(days) >= 2:
-            return days[:: -(-len(days) // _MOST_DATES)]
-    return [low, high]
-
-
-_MOST_DATES = 3
 
 
 def stage_axis(result: Result) -> StageAxis:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.stats import gaussian_kde
 
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
@@ -310,6 +309,8 @@ def draws_density(draws: Floats) -> tuple[tuple[Floats, Floats], Floats, list[fl
         Places along x (m,) and y (m,), the density (m, m) with y along its rows, and the levels,
         rising; none if all draws lie on a line.
     """
+    from scipy.stats import gaussian_kde  # noqa: PLC0415 - takes a second; draws are rare
+
     step = max(1, draws.shape[1] // _MOST_KERNELS)
     thinned = draws[:, ::step]
     reach = _KERNELS_BEYOND * thinned.std(axis=1)

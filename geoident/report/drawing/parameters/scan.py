@@ -21,7 +21,7 @@ from scipy.interpolate import RectBivariateSpline, make_interp_spline
 from scipy.ndimage import binary_erosion
 from scipy.sparse import csr_array, identity, vstack
 from scipy.sparse.linalg import spsolve
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import Grid, ParameterTable, Result
@@ -85,7 +85,7 @@ def region_levels(count: int) -> tuple[float, ...]:
     >>> [round(level, 2) for level in (*region_levels(1), *region_levels(2))]
     [0.99, 3.84, 2.28, 5.99]
     """
-    return tuple(float(chi2.ppf(share, count)) for share in SHARES)
+    return tuple(float(chdtri(count, 1.0 - share)) for share in SHARES)
 
 
 @dataclass(frozen=True)
