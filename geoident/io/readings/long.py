@@ -82,13 +82,17 @@ class LongRows:
                 what = "the date" if key == "date" else f"the name of the {key}"
                 table.refuse(line, row[key], "missing-name", f"{what} is missing")
         name = row["gauge"].text
-        channel, origin = self.origins.get(name, ("" if self.origins else name, Origin()))
-        if name and not channel:
+        layout = table.layout
+        if name in self.origins:
+            channel, origin = self.origins[name]
+        elif layout.channels and (name in layout.channels or name not in layout.dimensions):
             return []  # of an instrument that is not asked for
+        else:
+            channel, origin = name, Origin()
         time = table.date(line, row["date"]) if self.when == "date" else None
         accuracy = row.get("accuracy", _NONE)
         unit = row.get("unit", _NONE)
-        unit = unit if unit.text else Cell(table.layout.unit_of(origin), unit.column)
+        unit = unit if unit.text else Cell(layout.unit_of(origin), unit.column)
         scale: UnitScale | None = UnitScale()
         if unit.text or row["value"].text or accuracy.text:
             scale = table.scale(line, unit, channel, origin)

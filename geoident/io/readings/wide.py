@@ -80,6 +80,11 @@ class WideRows:
         if layout.channels:
             for channel, origin in layout.channels.items():
                 self._find(line, channel, origin, given)
+            taken = {column.at for column in self.columns}
+            for n, cell in given.items():
+                name, _ = name_and_unit(cell.text)
+                if n not in taken and name in layout.dimensions and name not in layout.channels:
+                    self._add(line, cell, _Column(n, name, name, Origin()))
             return
         for n, cell in given.items():
             name, _ = name_and_unit(cell.text)

@@ -104,6 +104,16 @@ def test_channels_have_other_names_signs_and_units_in_the_file(read):
     assert values(case) == [("EX1.a5", "heading", 2.5), ("CV1", "bench 1", 3.0)]
 
 
+def test_a_channel_that_is_not_renamed_is_read_by_its_own_name(read):
+    text = "gauge,stage,value\nE1/5,heading,0.25\nother,heading,9\nCV1,bench 1,3\n"
+    renamed = "unit: mm, channels: {EX1.a5: E1/5}}"
+    case = read(f"readings: {{file: r.csv, {renamed}", files={"r.csv": text})
+    assert values(case) == [("EX1.a5", "heading", 0.25), ("CV1", "bench 1", 3.0)]
+    text = "date,E1/5,CV1,weather\n2024-03-01,0.5,2,rain\n"
+    case = read(f"{DATES}{{file: r.csv, layout: wide, {renamed}", files={"r.csv": text})
+    assert values(case) == [("EX1.a5", "heading", 0.5), ("CV1", "heading", 2.0)]
+
+
 # One column a channel
 
 

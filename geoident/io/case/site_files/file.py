@@ -120,7 +120,7 @@ class ReadingsFileSection(Section):
     channels: dict[Name, OriginValue] = Field(
         {},
         description="Channel of the case (of coordinates: gauge) to its name in the file, or to "
-        "more about it.",
+        "more about it. Others are read where the file has exactly their name.",
     )
     transformation: TransformationSection | None = Field(
         None, description="coordinates: from the system of the survey to that of the model."
