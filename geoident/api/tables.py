@@ -174,8 +174,8 @@ class Parameters(Mapping[str, ParameterEstimate]):
     def to_frame(self, *, si: bool = False) -> pd.DataFrame:
         """The parameters as a ``pandas.DataFrame``, one row each, their names as the index.
 
-        Columns: those of the table ``parameters`` of ``geoident export``. What is not determined is
-        NaN.
+        Columns: those of the table ``parameters`` of ``geoident export``. What is not determined,
+        and an open bound, is NaN.
 
         Args:
             si: SI units in place of those of the case.

@@ -13,11 +13,10 @@ from support.commands import run_command
 from support.lifts import CASE, write_case
 from support.meshes import box
 
-from geoident.cli import collapse
+from geoident.cli import collapse, jobs
 from geoident.errors import CollapseError
 from geoident.model.results.yielded import Mechanism
 from geoident.report.drawing.fields.mechanism import mechanism_figure, mechanism_picture
-from geoident.workflow import predict as predicting
 from geoident.workflow import simulate as simulating
 
 WEAK = (
@@ -86,8 +85,8 @@ def test_a_prediction_of_another_case_draws_it_too(weak, fallen, monkeypatch):
 
     inputs = SimpleNamespace(path="weak.yaml")
     task = SimpleNamespace(job=SimpleNamespace(inputs=inputs))
-    monkeypatch.setattr(predicting, "plan_prediction", lambda request: task)
-    monkeypatch.setattr(predicting, "predict", predict)
+    monkeypatch.setattr(jobs, "plan_prediction", lambda request: task)
+    monkeypatch.setattr(jobs, "predict", predict)
     (weak / "weak.yaml").write_text(WEAK)
     done = run_command("predict", "case.fit.h5", "--case", "weak.yaml")
     assert done.exit_code == 5

@@ -12,6 +12,7 @@ import pytest
 from support.real_cluster import parent_of
 from support.trench import write_case
 
+from geoident.cli import several
 from geoident.cli.options import Options
 from geoident.cli.several import run_cases
 from geoident.io.result import checkpoint as log_of_evaluations
@@ -24,7 +25,6 @@ from geoident.workflow.campaign.campaign import compute
 from geoident.workflow.campaign.one_run import RunTask
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.executing import cluster as own
-from geoident.workflow.executing import processes
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Answered
 from geoident.workflow.fit import fit
@@ -76,7 +76,7 @@ def leave(case):
 
 
 def test_fresh_forgets_once_and_a_case_that_is_begun_again_goes_on(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(processes, "LocalProcesses", InThisProcess)
+    monkeypatch.setattr(several, "LocalProcesses", InThisProcess)
     monkeypatch.setattr(InThisProcess, "left", [])
     cases = []
     for name in ("one", "two"):

@@ -225,7 +225,7 @@ class _Table:
 
 
 def _cell(one: Column, value: Any, unit: tuple[str, str]) -> CsvCell:
-    """A value in a unit; what is not determined is infinite and has an empty cell, as has none."""
+    """A value in a unit; an infinite one (not determined, an open bound) has an empty cell."""
     if isinstance(value, float | np.floating):
         number = in_unit(float(value), *unit) + 0.0  # no -0
         return math.nan if math.isinf(number) and one.dimension else number

@@ -240,7 +240,7 @@ def _channels_by_section(law: ConvergenceLawSection, around: ModelContext) -> di
         gauges = section.gauges
         if gauges is None:
             gauges = names if len(law.sections) == 1 else []
-            if not gauges:
+            if len(law.sections) > 1:
                 message = f"the gauges of '{name}' are not named, and there are several sections"
                 faults.add(path, "no-gauges", message, "Add gauges: [..].", key=True)
         for n, gauge in enumerate(gauges):
