@@ -116,7 +116,9 @@ def _amounts(
         for place in np.argwhere(np.isfinite(np.transpose(values, order))).tolist():
             at = dict(zip(axes, place, strict=True))
             item = ", ".join(labels[axis][at[axis]] for axis in reversed(axes))
-            unit, dimension = quantities[one.dimension][at[one.dimension]]
+            unit, dimension = one.shown, one.dimension or DIMENSIONLESS
+            if one.dimension in quantities:
+                unit, dimension = quantities[one.dimension][at[one.dimension]]
             value = float(values[tuple(at[axis] for axis in one.axes)])
             yield Place(table, item, one.title), Amount(value, dimension, unit)
 

@@ -4,8 +4,7 @@ A table of a result is a frozen dataclass whose fields are declared once, by `co
 their axes, the dimension of the quantity, how files and people call them. The result file, JSON,
 CSV, data frames, xarray, the tables on the screen and `geoident diff` read this declaration, so a
 new column needs no line in any of them. Only one with a `label` is a column of its own on the
-screen and on the page. `geoident diff` compares numbers whose dimension is `parameter` or `gauge`;
-numbers of parameters, or of predictions, that have another or none must be hidden from it::
+screen and on the page::
 
     @dataclass(frozen=True)
     class YieldedGround:
