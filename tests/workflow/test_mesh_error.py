@@ -154,7 +154,7 @@ def test_jumps_of_the_stress_tell_about_the_same(kind, n, monkeypatch):
     assert found.how == "recovery"
     assert found.notes[0].startswith("One refinement needs about 0.1 GB of memory")
     true = np.linalg.norm(exact - found.computed[:, 0])
-    assert 0.4 < np.linalg.norm(found.error) / true < 2.0
+    assert 0.4 < np.linalg.norm(found.error) / true < 2.5
     jumps = EnergyError(staged, NOTHING)
     staged.computed(NOTHING, jumps.add)
     assert jumps.relative < 0.1

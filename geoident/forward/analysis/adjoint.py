@@ -32,7 +32,7 @@ the group leaves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,6 +48,9 @@ from geoident.model.dual import ParameterPoint
 
 _AT_ONCE = 48
 """Readings that are taken back together."""
+
+EachAdjoint = Callable[[int, Ints, Floats], None]
+"""Is given a state, the numbers (k,) of readings, and their lambda (n_dofs, k) there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +189,7 @@ class AdjointAnalysis:
         factors: those of the run.
         point: all n parameters.
         seeds: the readings.
+        each: is given the adjoint displacements of every stage.
     """
 
     def __init__(
@@ -196,8 +200,9 @@ class AdjointAnalysis:
         factors: FactorCache,
         point: ParameterPoint,
         seeds: ReadingSeeds,
+        each: EachAdjoint | None = None,
     ) -> None:
-        self._analysis, self._plan = analysis, plan
+        self._analysis, self._plan, self._each = analysis, plan, each
         self._traces, self._factors = traces, factors
         self._point, self._seeds = point, seeds
         self._point_without_modes = analysis.without_modes(point)
@@ -248,6 +253,8 @@ class AdjointAnalysis:
         w = adjoint.M
         if trace.stepped:
             w = self._solved(trace.task, adjoint)
+            if self._each is not None:
+                self._each(number, self._first + columns, w - adjoint.M)
             self._forces(trace, w, adjoint, columns)
         self._strains(trace, w, adjoint.d, columns)
         member = self._members(trace, w, adjoint, columns)

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from geoident.forward.analysis.adjoint import AdjointAnalysis, AdjointPlan, ReadingSeeds, reach
+from geoident.forward.analysis.adjoint import (
+    AdjointAnalysis,
+    AdjointPlan,
+    EachAdjoint,
+    ReadingSeeds,
+    reach,
+)
 from geoident.forward.analysis.analysis import AnalysisRun, StagedAnalysis
 from geoident.forward.analysis.stage import LinearRows, StageEnd
 from geoident.forward.gauges.observation import AnalysisState, PlacedGauges
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
+
+WeighAdjoint = Callable[[Floats], tuple[float, float]]
 
 _TANGENT = 1.5
 """What a column of tangents costs, with its stresses at all points, in columns of adjoints."""
@@ -76,7 +85,7 @@ class ReadingAdjoints:
         return None
 
     @cached_property
-    def _columns(self) -> int:
+    def solves(self) -> int:
         """Columns for which adjoints solve, all states."""
         states = self._analysis.sequence.states[: self.last + 1]
         seeds = self._seeds(LinearRows())
@@ -86,14 +95,14 @@ class ReadingAdjoints:
     def columns(self, n: int) -> tuple[int, str]:
         """Right-hand sides of an evaluation with derivatives by n parameters, and by which way."""
         if self.cost_less(n):
-            return self.last + 1 + self._columns, "adjoints"
+            return self.last + 1 + self.solves, "adjoints"
         return (self.last + 1) * (1 + n), "tangents"
 
     def cost_less(self, n: int) -> bool:
         """Whether they cost less than tangents by n parameters."""
         if not self.rows.size or not n:
             return False
-        return self._columns < _TANGENT * n * (self.last + 1) and self.obstacle is None
+        return self.solves < _TANGENT * n * (self.last + 1) and self.obstacle is None
 
     def observed(self, end: StageEnd, run: AnalysisRun) -> Floats:
         """What all channels see of a state of a traced run, (n_channels, 1 + n).
@@ -127,6 +136,37 @@ class ReadingAdjoints:
             ValueError: a reading is not linear in the state.
         """
         analysis = self._analysis
+        jacobian = self._back(run, end)
+        if observed.shape[2] > 1:  # a reading depends on parameters at a state that stays
+            direct = self._gauges.readings(observed[..., 1:], self.rows, self.states)
+            names = analysis.without_modes(run.full_point).names
+            jacobian[:, [run.full_point.names.index(name) for name in names]] += direct
+        return np.asarray(jacobian)
+
+    def weigh(self, run: AnalysisRun, end: StageEnd, weights: Mapping[int, WeighAdjoint]) -> Floats:
+        """Two sums (2, g) over the stages that follow from the adjoint displacements of readings.
+
+        For nodal forces r of a stage, lambda^T r is what they change a reading by, with all that
+        later stages make of it. The run forgets its factors.
+
+        Args:
+            run: a traced run whose states are through.
+            end: any of its states.
+            weights: by state, what lambda (n_dofs,) of a reading adds to its two sums.
+        """
+        sums = np.zeros((self._of.max(initial=-1) + 1, 2))
+
+        def each(state: int, readings: Ints, adjoint: Floats) -> None:
+            if state in weights:
+                for column, reading in enumerate(readings):
+                    sums[reading] += weights[state](adjoint[:, column])
+
+        self._back(run, end, each)
+        return np.asarray(sums[self._of].T)
+
+    def _back(self, run: AnalysisRun, end: StageEnd, each: EachAdjoint | None = None) -> Floats:
+        """Derivatives (g, n) of the readings by what the states depend on."""
+        analysis = self._analysis
         state = AnalysisState(end, run.point, analysis.systems.structures)
         rows = self._gauges.linear(state, self._channels)
         if rows is None:
@@ -134,11 +174,9 @@ class ReadingAdjoints:
         seeds = self._seeds(rows)
         if self._plan is None:
             self._plan = AdjointPlan(analysis, seeds, self.last)
-        back = AdjointAnalysis(analysis, self._plan, run.traces, run.factors, run.full_point, seeds)
+        back = AdjointAnalysis(
+            analysis, self._plan, run.traces, run.factors, run.full_point, seeds, each
+        )
         jacobian = back.jacobian()[self._of]
         run.factors.forget()
-        if observed.shape[2] > 1:  # a reading depends on parameters at a state that stays
-            direct = self._gauges.readings(observed[..., 1:], self.rows, self.states)
-            names = analysis.without_modes(run.full_point).names
-            jacobian[:, [run.full_point.names.index(name) for name in names]] += direct
         return np.asarray(jacobian)

@@ -18,7 +18,7 @@ MATTERS = 0.5
 """Root mean square of these parts from which on the mesh is called too coarse."""
 
 DOUBT: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {"refinement": (0.2, 0.1), "order": (0.3, 0.2), "recovery": (0.5, 0.0)}
+    {"refinement": (0.2, 0.1), "order": (0.3, 0.2), "recovery": (0.5, 0.1)}
 )
 """By how much the error of a channel is uncertain by itself: parts of it, and of the mean of all.
 

@@ -31,7 +31,7 @@ from geoident.model.parameter import Values
 from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.model.results.summary import CostEstimate
 from geoident.units import in_unit, shown_unit
-from geoident.workflow.estimating.recovery import EnergyError
+from geoident.workflow.estimating.recovery import EnergyError, reading_errors
 from geoident.workflow.running.cost import (
     estimate_cost,
     free_memory,
@@ -216,6 +216,10 @@ def _left(how: str, q: Floats) -> Floats:
     return np.asarray((2.0 if how == "refinement" else 4.0) ** -q)
 
 
+_LARGE = 0.25
+"""Part of what is computed from which on jumps underestimate the error of a mesh."""
+
+
 def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:
     """The error of all readings from the jumps of the stress; one analysis gives both.
 
@@ -226,13 +230,27 @@ def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:
     """
     jumps = EnergyError(model, p)
     computed = model.computed(p, jumps.add)
-    part = jumps.relative
-    error = computed * part
-    notes = (
-        why,
-        f"The error is taken from the jumps of the stress between elements: {100 * part:.2g} % of "
-        "the energy of the change, and so of the motions that make it.",
-    )
+    error = reading_errors(model, p)
+    if error is None:
+        part = jumps.relative
+        error = computed * part
+        how = (
+            f"The error is taken from the jumps of the stress between elements: {100 * part:.2g} % "
+            "of the energy of the change, and so of the motions that make it. Single readings may "
+            "err several times as much, most of all beside weak zones."
+        )
+    else:
+        how = (
+            "The error of each reading is taken from the jumps of the stress between elements, "
+            "each weighted by its effect on that reading."
+        )
+        part = float(np.linalg.norm(np.nan_to_num(error)) / np.linalg.norm(np.nan_to_num(computed)))
+        if part > _LARGE:
+            how += (
+                f" It is {100 * part:.2g} % of the readings themselves: on so coarse a mesh this "
+                "is a lower bound."
+            )
+    notes = why, how
     unknown = np.full(computed.shape, np.nan)
     n = model.mesh.n_elements
     return _table(model, computed, unknown, error, "recovery", np.nan, (n, n), notes)
