@@ -213,7 +213,8 @@ def test_doubts_of_a_channel_are_parts_of_its_own_error_and_of_that_of_its_kind(
     size = np.hypot(0.2 * found.error, 0.1 * mean)
     np.testing.assert_allclose(found.doubt, np.copysign(size, found.error))
     jumps = replace(found, how="recovery")
-    np.testing.assert_allclose(jumps.doubt, 0.5 * found.error)
+    size = np.hypot(0.5 * found.error, 0.1 * mean)
+    np.testing.assert_allclose(jumps.doubt, np.copysign(size, found.error))
     other = ("angle", *found.dimensions[1:])
     alone = replace(found, dimensions=other).doubt
     assert alone[0, 0] == pytest.approx(np.hypot(0.2, 0.1) * found.error[0, 0])
