@@ -176,8 +176,8 @@ def imbalance_notes(imbalance: float) -> list[str]:
     if imbalance <= NEGLIGIBLE_IMBALANCE:
         return []
     return [
-        f"the in-situ stress is out of balance by {100 * imbalance:.3g} % of "
-        "the largest nodal force; one equilibrium step was made, its motion is not counted"
+        f"the in-situ stress is out of balance by {100 * imbalance:.3g} % of the largest nodal "
+        "force; one equilibrium step was made, and its displacements are not counted"
     ]
 
 

@@ -331,19 +331,18 @@ def _whose_gauges(task: PredictTask) -> Iterator[Finding]:
         yield Finding(
             "other-case",
             "",
-            f"{name} has all readings that the fit has used, so its gauges are those of the fit: "
-            "what these readings tell of errors of zeros, heads and set-ups, and of the model, "
-            "holds for it, too.",
+            f"{name} has all readings that the fit has used, so its gauges are those of the fit. "
+            "The estimated errors of zeros, heads and set-ups and of the model apply to it, too.",
         )
         return
     estimated = fit.accuracies is not None
     estimated |= fit.model_error is not None and fit.model_error.factor != 1.0
-    more = " Accuracies that the fit has estimated are not either." if estimated else ""
+    more = " Accuracies that the fit has estimated are not used either." if estimated else ""
     yield Finding(
         "other-case",
         "",
-        f"{name} counts as another section, since {task.others}: no error of a gauge is taken over "
-        "from the fit, and bands hold those of its own zeros and set-ups and of the model there."
-        f"{more} If the gauges are the same, let it have them and the readings of the fit "
-        "unchanged.",
+        f"{name} counts as another section, since {task.others}. The errors of gauges that the fit "
+        "has estimated are not used. The bands include the errors of zeros and set-ups of this "
+        f"section, and of the model there.{more} If the gauges are the same, repeat them and the "
+        "readings of the fit unchanged in this case.",
     )

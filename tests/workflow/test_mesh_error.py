@@ -265,8 +265,8 @@ def test_a_sentence_says_whether_it_matters():
         size, part = 1e3 * abs(one.error[i, j]), one.share[i, j]
         most = f"at most {size:.2g} mm at {one.channels[i]} in {one.stages[j]}, "
         most += f"{part:.2g} accuracies"
-        mean = f"the error of the readings by the mesh is {one.scatter(everything):.2g} of their "
-        mean += "accuracy in the mean"
+        mean = f"the mesh error of the readings is on average {one.scatter(everything):.2g} times "
+        mean += "their accuracy"
         assert mesh_sentence(one, everything) == said.format(mean=mean, most=most)
 
 

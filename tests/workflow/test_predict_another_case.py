@@ -102,7 +102,7 @@ def test_another_section_takes_over_no_error_of_a_gauge_of_the_same_name(fitted)
     for place, (mean, sd) in truth.items():
         assert bands[place] == pytest.approx((mean, sd), rel=1e-6), place
     assert not any(row["used"] for row in found["gauges"])
-    assert "no error of a gauge is taken over from the fit" in said
+    assert "errors of gauges that the fit has estimated are not used" in said
     assert "P at one" in said
     # what the fit says of its own readings is not said of those of the same names
     before = said_findings(json.loads(run_command("show", "a.fit.h5", "--json").stdout))

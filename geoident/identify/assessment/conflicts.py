@@ -131,13 +131,15 @@ def tied_findings(
             if named or not abs(size) >= TIED:
                 continue
             how = (
-                "both larger or both smaller" if size > 0.0 else "one larger and the other smaller"
+                "Larger or smaller values of both"
+                if size > 0.0
+                else "A larger value of one with a smaller value of the other"
             )
             yield Finding(
                 "correlated",
                 f"{one.name}, {other.name}",
-                f"{one.name} and {other.name} are strongly correlated ({size:.2f}): "
-                f"{how}, they would fit the readings nearly as well. A prior on one of them would "
+                f"{one.name} and {other.name} are strongly correlated ({size:.2f}). "
+                f"{how} would fit the readings nearly as well. A prior on one of them would "
                 "narrow both.",
                 {"correlation": size},
             )

@@ -57,8 +57,8 @@ The misfit rises by 1 within a standard deviation: what is promised lies within 
 """
 
 _KINKED = (
-    "No shorter step lowers the misfit: the computed readings have a kink here, beyond which the "
-    "derivatives promise {:.1g} less at most, nothing beside the 1 of a standard deviation."
+    "No shorter step lowers the misfit: the computed readings have a kink here. By the derivatives "
+    "the misfit could fall by at most {:.1g}, which is negligible: one standard deviation is 1."
 )
 _STOPPED = "The search was stopped."
 _FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."

@@ -110,12 +110,16 @@ def _residual_words(result: Result) -> str:
     """What has to be known of the residuals, and what is left out where there are many."""
     rows = _residual_rows(result)
     beyond = int(np.count_nonzero(np.abs(np.nan_to_num(standardized(result))) > OUTLIER))
-    named = f" Of {beyond}, the {_MOST_NAMES} farthest." if beyond > _MOST_NAMES else ""
+    named = (
+        f" Of {beyond} such values only the {_MOST_NAMES} largest are named."
+        if beyond > _MOST_NAMES
+        else ""
+    )
     few = len(rows) < len(result.gauges.channels)
-    more = f" The {len(rows)} channels that deviate most." if few else ""
+    more = f" Only the {len(rows)} channels that deviate most are shown." if few else ""
     return (
-        f"Measured minus computed, {in_sd_note(result)} Beyond {OUTLIER:g} the stage is named."
-        f"{named}{more}"
+        f"Measured minus computed. {in_sd_note(result)} Values beyond {OUTLIER:g} have the name of "
+        f"their stage.{named}{more}"
     )
 
 

@@ -47,7 +47,7 @@ def backtest_text(result: Result) -> str:
         )
     return sections(
         section("Fits of the first stages", fits_table(result).folded()),
-        section("Predictions that came true", scores_table(backtest).folded()),
+        section("Scores of the predictions", scores_table(backtest).folded()),
         section(ERRORS_TITLE, errors_table(result).folded()),
     )
 

@@ -54,11 +54,12 @@ def standardized(result: Result) -> Floats:
     """(n_channels, n_stages) measured minus computed "in sd", in its one meaning.
 
     In standard deviations of all errors that the fit assumed for the reading: its own, those that
-    it shares with others and the model's; of these, without what the other readings tell of them
-    (theory 7). For a prediction in those of the prediction, which hold the parameters' too; so for
-    all readings of a backtest (`as_predicted`), where those that no fit has predicted have none.
-    Tables, figures, outliers and their sentences all have these numbers; `in_sd_note` says so to
-    people. NaN where nothing was measured or the prediction is not determined.
+    it shares with others and the model's. What the other readings explain of these errors is
+    subtracted first (theory 7). A prediction has its own standard deviations, which include those
+    of the parameters. So have all readings of a backtest (`as_predicted`); those that no fit has
+    predicted have none. Tables, figures, outliers and their sentences all have these numbers;
+    `in_sd_note` explains them in the output. NaN where nothing was measured or the prediction is
+    not determined.
     """
     before = as_predicted(result)
     if before is not result and before.prediction is not None:
@@ -148,18 +149,20 @@ def in_sd_note(result: Result) -> str:
     """What the columns and axes "in sd" of a result are, in a sentence."""
     if as_predicted(result) is not result:
         return (
-            "in sd: reading less its prediction by the last fit before its stage, in standard "
-            "deviations of that prediction (of parameters, accuracy and model error together)."
+            "in sd: reading minus its prediction by the last fit before its stage, in standard "
+            "deviations of that prediction (parameters, accuracy and model error together)."
         )
-    predicted = "" if result.prediction is None else "; of predictions, those of the prediction"
+    predicted = (
+        "" if result.prediction is None else " For predictions: those of the prediction itself."
+    )
     if not _errors_shared(result):
-        return f"in sd: residual in standard deviations of the accuracy{predicted}."
+        return f"in sd: residual in standard deviations of the accuracy.{predicted}"
     parts = ["accuracy"]
     parts += ["errors that readings share"] if any(result.gauges.errors) else []
     parts += ["model error"] if result.model_error is not None else []
     return (
-        f"in sd: residual in standard deviations of {_listed(parts)} together, without what the "
-        f"other readings tell of them{predicted}."
+        f"in sd: residual in standard deviations of {_listed(parts)} together. What the other "
+        f"readings explain of these errors is subtracted first.{predicted}"
     )
 
 

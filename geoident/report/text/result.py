@@ -146,8 +146,8 @@ def _parameters(result: Result) -> str:
 
 
 _ALONE = (
-    "By the stated accuracies alone: errors of the model and of the mesh, which a fit learns from "
-    "its readings, make the intervals wider."
+    "These intervals follow from the stated accuracies alone. A fit also estimates the errors of "
+    "the model and of the mesh, which make the intervals wider."
 )
 
 

@@ -261,9 +261,9 @@ def linearity_findings(
     name = problem.parameters[ends.parameter].name
     rises = " and ".join(f"{rise:.2g}" for rise in (ends.below, ends.above))
     sentence = (
-        f"The model is not linear over the interval of {name}: at its ends the misfit rises by "
-        f"{rises}, not by 3.8, so intervals and bands hold less or more than 95 %. `geoident "
-        "sample` draws from the posterior itself."
+        f"The model is not linear over the interval of {name}. At its ends the misfit rises by "
+        f"{rises} instead of 3.8, so intervals and bands may contain less or more than 95 %. "
+        "`geoident sample` draws from the posterior itself."
     )
     numbers = {"rise_below": ends.below, "rise_above": ends.above}
     return (Finding("nonlinear", name, sentence, numbers),)

@@ -63,7 +63,7 @@ class FittedMesh:
             return ""
         sentence = mesh_sentence(self.table, self.used)
         shown = "(`geoident check CASE.fit.h5 --mesh-error` shows it.)"
-        return f"{sentence} Intervals and bands are widened by it. {shown}"
+        return f"{sentence} Intervals and bands allow for it. {shown}"
 
     @property
     def findings(self) -> tuple[Finding, ...]:

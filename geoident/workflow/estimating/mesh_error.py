@@ -346,11 +346,11 @@ def mesh_sentence(mesh_error: MeshError, which: Bools) -> str:
     scatter = mesh_error.scatter(which)
     if scatter < NOTICED:
         return f"Little of the accuracy of the readings is lost to mesh error (at most {worst})."
-    eaten = f"the error of the readings by the mesh is {scatter:.2g} of their accuracy in the mean"
+    error = f"the mesh error of the readings is on average {scatter:.2g} times their accuracy"
     if scatter < MATTERS:
-        return f"The mesh is fine enough: {eaten} (at most {worst})."
+        return f"The mesh is fine enough: {error} (at most {worst})."
     instead = ", or take elements of second order" if mesh_error.first_order else ""
     return (
-        f"The mesh is too coarse for these readings: {eaten} (at most {worst}). Halve the elements "
+        f"The mesh is too coarse for these readings: {error} (at most {worst}). Halve the elements "
         f"where the ground moves most{instead}."
     )

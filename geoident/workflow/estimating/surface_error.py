@@ -92,12 +92,12 @@ def surface_sentence(surface: SurfaceTable) -> str:
     worst = f"{size} at {surface.channels[k]} in {surface.stages[k]}, {part:.2g} accuracies"
     sentence = (
         f"The largest leave-one-out error of the runs in {surface.file} is {worst}. "
-        f"At these parameters the error of the response surfaces is {surface.part:.2g} of "
-        "the accuracy in the mean"
+        f"At these parameters the error of the response surfaces is on average "
+        f"{surface.part:.2g} times the accuracy"
     )
     if surface.part < NOTICED:
         return f"{sentence}."
-    return f"{sentence}; intervals and bands are widened by it."
+    return f"{sentence}. Intervals and bands allow for it."
 
 
 def surface_findings(surface: SurfaceTable | None) -> tuple[Finding, ...]:

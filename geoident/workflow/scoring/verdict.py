@@ -157,15 +157,13 @@ def settling(
         if fdtrc(len(z), max(spare, 1), float(z @ z) / len(z)) < ALARM:
             change = float(np.abs(z).max())
             sentence = (
-                f"{parameter.name} does not settle: {join(values)}; it changes by up to "
-                f"{change:.1f} times what its intervals allow{_direction(z)}: the model "
+                f"{parameter.name} is not constant: {join(values)}. It changes by up to "
+                f"{change:.1f} times what its intervals allow{_direction(z)}. The model "
                 "needs another value for every stage."
             )
             restless.append(Finding("not-settled", parameter.name, sentence, {"change": change}))
         else:
-            others.append(
-                f"{parameter.name} settles: {join(values)}, no more apart than its intervals allow."
-            )
+            others.append(f"{parameter.name} is constant within its intervals: {join(values)}.")
     return tuple(restless), tuple(others)
 
 

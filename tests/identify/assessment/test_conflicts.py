@@ -135,10 +135,10 @@ def test_parameters_that_can_make_up_for_each_other_are_named_though_both_have_i
     assert found.correlation[0, 1] < -0.95
     (said,) = sentences_of(found.findings)
     assert said.startswith("E and K0 are strongly correlated (-0.9")
-    assert "): one larger and the other smaller, they would fit the readings nearly " in said
+    assert "). A larger value of one with a smaller value of the other would fit " in said
     (said,) = sentences_of(tied([[1.0, -1.0], [1.0, -1.3], [1.0, -0.9]]).findings)
     assert said.startswith("E and K0 are strongly correlated (0.9")
-    assert "): both larger or both smaller, they would fit the readings nearly " in said
+    assert "). Larger or smaller values of both would fit the readings nearly " in said
 
 
 def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated():

@@ -198,14 +198,14 @@ def test_late_dates_of_stages_are_found_by_what_changes_inside_a_stage(read):
     between, before, change = case.notes[1:]
     assert before.startswith("Before the first stage was complete the channel changes by more")
     assert between == (
-        "'heading' counts 1 reading, taken on 2024-04-01, between its end (2024-03-04) and that of "
-        "'bench 1' (2024-04-04), the latest 3 days before the latter: the last complete stage "
-        "counts. If they show 'bench 1', its date is too late."
+        "1 reading counts for 'heading' (2024-03-04), the last stage that was complete. It was "
+        "taken on 2024-04-01, 3 days before 'bench 1' was complete (2024-04-04). If it contains "
+        "motion of 'bench 1', the date of 'bench 1' is too late."
     )
     assert change == (
         "Inside 'heading' the channel changes by more than 4 standard deviations of a difference "
-        "of two readings, most EX1.a5: +3 mm from 2024-03-08 to 2024-04-01. Nothing is built in "
-        "between, as the case has it: check the dates of the stages."
+        "of two readings, most EX1.a5: +3 mm from 2024-03-08 to 2024-04-01. According to the case "
+        "nothing is built in between: check the dates of the stages."
     )
 
 

@@ -257,4 +257,4 @@ def test_in_sd_has_one_meaning_in_all_tables_and_sentences(result):
     assert rms(given) == pytest.approx(np.sqrt((5 * 0.25**2 + 2.5**2) / 6))
     assert "accuracy and model error together" in in_sd_note(given)
     assert in_sd_note(given) in " ".join(result_text(given).split())
-    assert "standard deviations of the accuracy; of predictions" in in_sd_note(result)
+    assert "standard deviations of the accuracy. For predictions" in in_sd_note(result)

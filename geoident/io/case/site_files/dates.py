@@ -125,12 +125,16 @@ def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str
         if after is None:
             continue
         days = (calendar.dates[after] - max(late)) / DAY
-        number = "reading, taken" if len(late) == 1 else "readings, taken"
+        one = len(late) == 1
+        counted = "1 reading counts" if one else f"{len(late)} readings count"
+        contain = "it contains" if one else "they contain"
+        which = "It was taken" if one else "They were taken"
+        latest = "" if one else "the latest "
         notes.append(
-            f"'{stage}' counts {len(late)} {number} {_period(late)}, between its end "
-            f"({date_text(calendar.dates[stage])}) and that of '{after}' "
-            f"({date_text(calendar.dates[after])}), the latest {_days(days)} before the latter: "
-            f"the last complete stage counts. If they show '{after}', its date is too late."
+            f"{counted} for '{stage}' ({date_text(calendar.dates[stage])}), the last stage that "
+            f"was complete. {which} {_period(late)}, {latest}{_days(days)} before '{after}' was "
+            f"complete ({date_text(calendar.dates[after])}). If {contain} "
+            f"motion of '{after}', the date of '{after}' is too late."
         )
     return notes
 
@@ -174,7 +178,7 @@ def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[s
     return [
         f"{where} {who} {verb} by more than {STRONG:g} standard deviations of a difference of two "
         f"readings, most {worst}: {change} from {since} to {until}{step_text}. "
-        "Nothing is built in between, as the case has it: check the dates of the stages."
+        "According to the case nothing is built in between: check the dates of the stages."
     ]
 
 

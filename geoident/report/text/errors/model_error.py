@@ -11,5 +11,5 @@ def model_error_text(error: ModelErrorTable | None) -> str:
     """Its size in a sentence; empty where there is none."""
     if error is None:
         return ""
-    over = f"It is taken to be alike over about {error.length:.2g} m."
-    return f"{error.sentence} {over}"
+    length = f"The correlation length of the model error is about {error.length:.2g} m."
+    return f"{error.sentence} {length}"
