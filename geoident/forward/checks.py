@@ -211,6 +211,12 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     notes += _idle_densities(on_mesh) if case.gravity is None else []
+    notes += [
+        f"no group is of the material {name!r}: its constants, and parameters that only they "
+        "follow, have no effect"
+        for name in case.materials
+        if name not in on_mesh.sequence.materials
+    ]
     if suspicion := suspected_unit(
         on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
     ):

@@ -123,7 +123,10 @@ def test_gravity_without_a_weight_and_meshes_in_millimetres():
     heavy = material("rock", 1e9, 0.2, 2e3)
     assert notes(**gravity, materials={"rock": heavy}) == []
     # one that nothing is made of does not count, one of several does
-    assert notes(**gravity, materials={"rock": ROCK, "lead": replace(heavy, name="lead")}) == [said]
+    unused = "no group is of the material 'lead': its constants, and parameters that only they "
+    unused += "follow, have no effect"
+    two = {"rock": ROCK, "lead": replace(heavy, name="lead")}
+    assert notes(**gravity, materials=two) == [said, unused]
     mesh = regroup(box("quad4", (3, 2)), low=lambda c: c[:, 1] < 0.5)
     two = {"materials": {"rock": ROCK, "lead": replace(heavy, name="lead")},
            "groups": {"rock": "rock", "low": "lead"}}  # fmt: skip

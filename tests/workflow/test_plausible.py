@@ -43,12 +43,29 @@ def test_an_ordinary_case_is_not_doubted(notes):
         ("K0: {start: 1.0, bounds: [0.2, 4]}",
          "K0: {start: 1.0, bounds: [0.2, 4], prior: {mean: 4.1, sd: 1}}",
          "the mean of the prior of K0 is outside its bounds, which exclude what is likeliest"),
+        ("K0: {start: 1.0, bounds: [0.2, 4]}", "K0: {start: 0, bounds: [-1, 4]}",
+         "K0 is 0: ground with hardly any horizontal stress is seldom meant"),
+        ("nu: 0.25}", "nu: 0.25, density: 19000 kg/m3}",
+         "the density of 'rock' is 19000 kg/m3, heavier than any ground: check its unit (a unit "
+         "weight of 19 kN/m3 is a density of 1940 kg/m3)"),
+        ("excavate: [lower]", "excavate: [lower], release: {lower: 0.7}",
+         "70 % of the stress of 'lower' is released in the last stage that names it, and the rest "
+         "never: if it is to go, let a later stage say release: {lower: 1}"),
+        ("materials:\n", "materials:\n  fault: {elastic: isotropic, E: 1 GPa, nu: 0.3}\n",
+         "no group is of the material 'fault': its constants, and parameters that only they"),
         ("vertical: 1 MPa", "vertical: 1 GPa",
          "the vertical in-situ stress is 1 GPa, more than 12 km of rock weigh: check its unit"),
     ],
 )  # fmt: skip
 def test_a_unit_that_nobody_meant_is_noted(notes, old, new, said):
     assert said in notes((old, new))
+
+
+def test_an_in_situ_stress_with_the_sign_of_compression_positive_is_noted(notes):
+    constant = "{model: constant, xx: 1 MPa, yy: -1 MPa, zz: -1 MPa}"
+    heim = "{model: heim, vertical: 1 MPa, K0: $K0}"
+    said = notes((heim, constant), ("  K0: {start: 1.0, bounds: [0.2, 4]}\n", ""))
+    assert "has 1 MPa of tension: compression is negative here, check the signs" in said
 
 
 def test_a_reading_in_metres_is_noted_once_for_its_gauge(tmp_path):

@@ -60,7 +60,8 @@ def test_late_dates_are_seen_in_text_and_json(case):
         None,
     )
     notes = " ".join(summary.notes)
-    assert "'first' counts 3 readings, taken on 2024-04-01" in notes
+    assert "3 readings count for 'first' (2024-03-04), the last stage that was complete" in notes
+    assert "taken on 2024-04-01" in notes
     assert "Inside 'first' the channel changes by more than 4 standard deviations" in notes
     assert "most CV: -0.477 mm from 2024-03-20 to 2024-04-01" in notes
     assert "The stage 'second' has no reading since it was complete (2024-04-04)." in notes

@@ -127,7 +127,7 @@ class WideRows:
         usual = _USUAL.get(self.table.layout.dimension(column.channel), "mm")
         hint = f"Write '{column.name} ({usual})' in the header, or 'unit: {usual}' in the case, or "
         hint += "'unit_row: true' where the next row has the units."
-        if not self.table.layout.channels:
+        if column.channel not in self.table.layout.channels:
             hint += f" If it is not a gauge: ignore: [{column.name}], "
             hint += f"or columns: {{remarks: {column.name}}}."
         self.table.refuse(line, unit, "unit", f"the column '{column.name}' has no unit", hint)

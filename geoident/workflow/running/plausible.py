@@ -8,11 +8,14 @@ from itertools import chain
 from math import dist, inf
 from typing import Any
 
+import numpy as np
+
 from geoident.io.case.gauges.accuracy import TYPICAL
 from geoident.model.case import Case
 from geoident.model.gauges import named_channels
-from geoident.model.in_situ import HeimStress
+from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.parameter import Scalar, Values
+from geoident.model.structures import Beam
 from geoident.units import in_unit, shown_unit
 
 _OFTEN = 100.0
@@ -21,21 +24,25 @@ _PART_OF_DISTANCE = 0.5
 """Of that of two points by which they never move apart or together: 0.1 to 0.3 is a collapse."""
 _SOFTEST, _STIFFEST = 5e4, 1e12
 """Pa: below a modulus of peat, above one of diamond."""
-_LARGEST_K0 = 10.0
+_SMALLEST_K0, _LARGEST_K0 = 0.1, 10.0
+_LIGHTEST, _HEAVIEST = 200.0, 6000.0
+"""kg/m3: below a density of peat, above one of massive ore."""
+_THICKEST = 6.0
+"""m: of linings and walls."""
 _DEEPEST = 3e8
 """Pa: the weight of 12 km of rock."""
 
 
 def plausible_notes(case: Case) -> tuple[str, ...]:
-    """Sentences about accuracies, readings, moduli, stresses and priors that nobody meets.
+    """Sentences about numbers of a case that nobody meets.
 
     Args:
         case: its parameters count at their start values.
     """
     values = {parameter.name: parameter.start for parameter in case.parameters}
     odd = (
-        _accuracies(case), _readings(case), _moduli(case, values), _stresses(case, values),
-        _priors(case),
+        _accuracies(case), _readings(case), _moduli(case, values), _densities(case, values),
+        _stresses(case, values), _linings(case, values), _releases(case), _priors(case),
     )  # fmt: skip
     return tuple(chain.from_iterable(odd))
 
@@ -96,12 +103,60 @@ def _moduli(case: Case, values: Values) -> Iterator[str]:
             yield f"{constant} of '{name}' is {_stress(size)}, {like}: check its unit"
 
 
+def _densities(case: Case, values: Values) -> Iterator[str]:
+    for name, material in case.materials.items():
+        density = material.density.value(values)
+        if density == 0.0 or _LIGHTEST <= density <= _HEAVIEST:
+            continue
+        like = "heavier than any ground" if density > _HEAVIEST else "lighter than any ground"
+        yield (
+            f"the density of '{name}' is {density:.6g} kg/m3, {like}: check its unit (a unit "
+            "weight of 19 kN/m3 is a density of 1940 kg/m3)"
+        )
+
+
+def _linings(case: Case, values: Values) -> Iterator[str]:
+    for name, structure in case.structures.items():
+        if not isinstance(structure, Beam) or structure.thickness is None:
+            continue
+        thickness = structure.thickness.value(values)
+        if thickness > _THICKEST:
+            yield f"the thickness of '{name}' is {thickness:.3g} m: check its unit"
+
+
+def _releases(case: Case) -> Iterator[str]:
+    """Groups of which a part of the stress is still held when all stages are through."""
+    last = {group: part for stage in case.stages for group, part in stage.release.items()}
+    for group, part in last.items():
+        if part.parameter is None and part.factor < 1.0:
+            yield (
+                f"{100.0 * part.factor:.3g} % of the stress of '{group}' is released in the last "
+                f"stage that names it, and the rest never: if it is to go, let a later stage say "
+                f"release: {{{group}: 1}}"
+            )
+
+
 def _stresses(case: Case, values: Values) -> Iterator[str]:
     models = [case.in_situ, *case.in_situ_of.values()]
     for model in models:
+        if isinstance(model, ConstantStress):
+            xx, yy, zz, xy, yz, zx = (part.value(values) for part in model.components)
+            tensor = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]
+            tension = float(np.linalg.eigvalsh(tensor)[-1])
+            if tension > 0.0:
+                yield (
+                    f"the in-situ stress has {_stress(tension)} of tension: compression is "
+                    "negative here, check the signs"
+                )
         K0 = getattr(model, "K0", None)
         ratios = [K0] if isinstance(K0, Scalar) else [*K0.values()] if K0 else []
-        largest = max((scalar.value(values) for scalar in ratios), default=0.0)
+        sizes = [scalar.value(values) for scalar in ratios]
+        smallest, largest = min(sizes, default=1.0), max(sizes, default=1.0)
+        if smallest < _SMALLEST_K0:
+            yield (
+                f"K0 is {smallest:.3g}: ground with hardly any horizontal stress is seldom meant "
+                "(at rest it has 0.3 to 1, tectonic stress more)"
+            )
         if largest > _LARGEST_K0:
             yield (
                 f"K0 is {largest:.3g}: the horizontal stress is {largest:.3g} times the vertical "

@@ -131,7 +131,7 @@ def test_a_kink_that_hides_next_to_nothing_is_the_answer(make_problem, bend, sta
     np.testing.assert_allclose(found.values, [1.0], atol=0.05)
     assert found.status == status
     promised = bend**2 / (100.0 + bend**2)
-    said = f"promise {promised:.1g} less" if status == "converged" else "not smooth here"
+    said = f"fall by at most {promised:.1g}," if status == "converged" else "not smooth here"
     assert said in found.reason
 
 
