@@ -285,6 +285,8 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
     if missing:
         what = f"Files *{path.suffix} in the folder {path.parent}"
         hint = faults.did_you_mean(path.name, beside, what=what)
+        if key[:1] == ("readings",):
+            hint += " Leave 'readings' out until there are any."
         message = f"there is no file '{shorten(path)}'"
         if _is_folder(path):
             message = f"'{shorten(path)}' is a folder; expected a file"
