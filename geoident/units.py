@@ -442,15 +442,20 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         raise UnitError(message, "Remove the unit.")
     if quantity.unit == "":
         message = f"'{text}' has no unit; expected {with_article(dimension)}"
-        meant = {"angle": "deg", "strain": "microstrain"}.get(dimension)
-        if meant:  # whoever writes 30 means degrees, and 250 of a strain gauge millionths
-            raise UnitError(message, f"Write '{text.strip()} {meant}', or one of {units}.")
-        si = DIMENSIONS[dimension]
-        raise UnitError(
-            message, f"The SI unit is {si}: write '{text.strip()} {si}', or one of {units}."
-        )
+        likely = _LIKELY.get(dimension, (DIMENSIONS[dimension],))
+        written = " or ".join(f"'{text.strip()} {unit}'" for unit in likely)
+        raise UnitError(message, f"Write {written}, or another of {units}.")
     message = f"'{text}' is {with_article(quantity.dimension)}; expected {with_article(dimension)}"
     raise UnitError(message, f"Its units: {units}.")
+
+
+_LIKELY = {
+    "angle": ("deg",),
+    "strain": ("microstrain",),
+    "length": ("mm", "m"),
+    "pressure": ("kPa", "MPa", "GPa"),
+}
+"""What people mean who write a number without its unit."""
 
 
 def rate_of(dimension: str) -> str:

@@ -13,7 +13,7 @@ FIT = "fit: {method: gauss-newton, stages: [bench 1]}"
 # name: (text of the sound case, what it is replaced by, path of the key, words of the message)
 FAULTS = {
     # quantities
-    "bare number": ("8 MPa", "«8", "in_situ.vertical", ["'8' has no unit", "write '8 Pa'"]),
+    "bare number": ("8 MPa", "«8", "in_situ.vertical", ["'8' has no unit", "'8 MPa' or '8 GPa'"]),
     "wrong dimension": (
         "8 MPa",
         "«8 m",
@@ -382,6 +382,6 @@ def test_a_fault_reads_as_file_line_column_path_found_expected_remedy(project, c
     (fault,) = project.faults(changed("8 MPa", "8"))
     assert str(fault) == (
         f"{project.file}:13:34: in_situ.vertical: '8' has no unit; expected a pressure\n"
-        "    The SI unit is Pa: write '8 Pa', or one of Pa, kPa, MPa, GPa, bar, kbar, N/m2, kN/m2, "
-        "MN/m2, N/mm2, kN/mm2, kgf/cm2, psi, ksi, psf, ksf, tsf and 10 more."
+        "    Write '8 kPa' or '8 MPa' or '8 GPa', or another of Pa, kPa, MPa, GPa, bar, kbar, "
+        "N/m2, kN/m2, MN/m2, N/mm2, kN/mm2, kgf/cm2, psi, ksi, psf, ksf, tsf and 10 more."
     )

@@ -62,8 +62,8 @@ def test_quantities_become_si(text, dimension, value):
 @pytest.mark.parametrize(
     ("text", "dimension", "message", "hint"),
     [
-        ("12", "pressure", "'12' has no unit; expected a pressure", "The SI unit is Pa"),
-        ("0", "length", "has no unit; expected a length", "write '0 m'"),
+        ("12", "pressure", "'12' has no unit; expected a pressure", "'12 MPa' or"),
+        ("0", "length", "has no unit; expected a length", "Write '0 mm' or '0 m'"),
         ("12 m", "pressure", "'12 m' is a length; expected a pressure", "MPa"),
         ("12 kN/m3", "density", "is a unit weight; expected a density", "kg/m3"),
         ("12 m", "dimensionless", "expected a number without unit", "Remove the unit"),
