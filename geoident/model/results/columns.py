@@ -338,13 +338,17 @@ def _at_label(source: Source, one: Column) -> Source:
 
 
 def _restored_rows(one: Column, source: Source, group: str) -> tuple[Any, ...] | None:
-    """The records along an axis; None where their table is missing."""
+    """The records along an axis; None where their table is missing.
+
+    Where they have a group of their own and that is there, no column of it may be missing.
+    """
     of: Any = one.of
+    absent_allowed = one.optional and not one.group
     stored: dict[str, Any] = {}
 
     def whole(column: Column, group: str, name: str, axes: tuple[str, ...]) -> Any:
         if name not in stored:
-            asked = replace(column, optional=True, required=False) if one.optional else column
+            asked = replace(column, optional=True, required=False) if absent_allowed else column
             stored[name] = source(asked, group, name, (*one.axes, *axes))
         return stored[name]
 
