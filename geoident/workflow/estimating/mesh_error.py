@@ -221,17 +221,17 @@ _LARGE = 0.25
 
 
 def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:
-    """The error of all readings from the jumps of the stress; one analysis gives both.
+    """The error of all readings from the jumps of the stress.
 
     Args:
         model: of the case.
         p: (n,) parameters, SI.
         why: there is no finer mesh, a sentence.
     """
-    jumps = EnergyError(model, p)
-    computed = model.computed(p, jumps.add)
     error = reading_errors(model, p)
     if error is None:
+        jumps = EnergyError(model, p)
+        computed = model.computed(p, jumps.add)
         part = jumps.relative
         error = computed * part
         how = (
@@ -240,15 +240,19 @@ def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:
             "err several times as much, most of all beside weak zones."
         )
     else:
+        computed = model.computed(p)
         how = (
             "The error of each reading is taken from the jumps of the stress between elements, "
             "each weighted by its effect on that reading."
         )
-        part = float(np.linalg.norm(np.nan_to_num(error)) / np.linalg.norm(np.nan_to_num(computed)))
-        if part > _LARGE:
+        wrong, whole = (
+            float(np.linalg.norm(np.nan_to_num(values / model.case.accuracies)))
+            for values in (error, computed)
+        )
+        if wrong > _LARGE * whole > 0.0:
             how += (
-                f" It is {100 * part:.2g} % of the readings themselves: on so coarse a mesh this "
-                "is a lower bound."
+                f" It is {100 * wrong / whole:.2g} % of the readings themselves: on so coarse a "
+                "mesh this is a lower bound."
             )
     notes = why, how
     unknown = np.full(computed.shape, np.nan)

@@ -28,6 +28,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.elements import reference_element
+from geoident.fem.solvers import BEYOND
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.ground.elasticity import elastic_matrix
@@ -35,9 +36,10 @@ from geoident.forward.model import StagedModel
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import spans
+from geoident.workflow.running.cost import estimate_cost
 
-_MOST_SOLVES = 4000
-"""Right-hand sides of adjoints from which on they cost more than the answer is worth."""
+_MOST_SOLVES = 250
+"""Right-hand sides of adjoints for each stage, as costly as about three factorizations in space."""
 
 
 def reading_errors(model: StagedModel, p: Floats) -> Floats | None:
@@ -49,12 +51,14 @@ def reading_errors(model: StagedModel, p: Floats) -> Floats | None:
 
     Returns:
         NaN where nothing can be read; None where there are no adjoints: ground yields, or a gauge
-        reads a principal stress; or where there are too many readings for them.
+        reads a principal stress; or where they cost too much: for many readings, or by iterations.
     """
     last = len(model.bases) - 1
     places = model.readable_until(last)
     way = model.way_back(places, last)
-    if way.obstacle is not None or way.solves > _MOST_SOLVES:
+    if way.obstacle is not None or way.solves > _MOST_SOLVES * len(model.bases):
+        return None
+    if estimate_cost(model, solver=model.solver_name, rough=True).solver == BEYOND:
         return None
     run = model.at(p, RunOptions(derivatives=False, traced=True))
     shapes, points = _shape_functions(model), model.discretization.points
