@@ -32,6 +32,8 @@ def draw_names_only(monkeypatch: pytest.MonkeyPatch) -> None:
     They are files of their format with their texts; to draw them in full takes seconds a page.
     """
     style = pytest.importorskip("geoident.report.drawing.style", reason="reports need matplotlib")
+    # pictures of models take `image` by its name: imported first, else they keep ours for good
+    pytest.importorskip("geoident.report.drawing.model.figure", reason="reports need matplotlib")
     draw = style.image
 
     def image(picture: Any, suffix: str) -> bytes:
