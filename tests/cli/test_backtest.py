@@ -207,8 +207,8 @@ def test_a_dry_run_computes_nothing(pit, run):
     assert not (pit / "case.backtest.h5").exists()
 
 
-def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(tested, run, run_json):
-    """Not of the accuracy of the gauge: text, page, CSV and JSON agree with the errors' table."""
+def test_a_reading_is_judged_by_the_band_that_predicted_it_in_all_forms(tested, run, run_json):
+    """In sd of its gauge and unexplained by the band: text, page, CSV and JSON agree."""
     (told,) = run_json("show", "case.backtest.h5")
     z = {
         (one["gauge"], one["stage"]): one["z"]
@@ -216,13 +216,13 @@ def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(tested, run, run_js
         if one["next"]
     }
     assert len(z) == 15
+    in_sd = {}
     for one in told["gauges"]:
         if one["measured"] is not None:
             place = one["gauge"], one["stage"]
-            assert (one["sd"] is None) == (place not in z)
-            if place in z:
-                in_sd = (one["measured"] - one["computed"]) / one["sd"]
-                assert in_sd == pytest.approx(z[place])
+            in_sd[place] = (one["measured"] - one["computed"]) / one["sd"]
+            assert one["residual_in_sd"] == pytest.approx(in_sd[place])
+            assert one["unexplained"] == (pytest.approx(z[place]) if place in z else None)
     rows = list(
         csv.DictReader(io.StringIO(run("export", "case.backtest.h5", "--table", "gauges").stdout))
     )
@@ -231,13 +231,14 @@ def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(tested, run, run_js
     for row in read:
         place = row["gauge"], row["stage"]
         given = f"{z[place]:.6g}" if place in z else ""
-        assert (f"{float(row['residual_in_sd']):.6g}" if row["residual_in_sd"] else "") == given
-        if place in z:
-            assert float(row["residual"]) / float(row["sd"]) == pytest.approx(z[place])
+        assert (f"{float(row['unexplained']):.6g}" if row["unexplained"] else "") == given
+        assert float(row["residual_in_sd"]) == pytest.approx(in_sd[place])
+        assert float(row["residual"]) / float(row["sd"]) == pytest.approx(in_sd[place])
     result = read_result("case.backtest.h5")
     table = {tuple(row[:2]): row for row in reading_table(result).rows}
     for place, row in table.items():
         assert row[-2] == (f"{z[place]:z.1f}" if place in z else "-")
+        assert row[-3] == f"{in_sd[place]:z.1f}"
         assert row[-1] == ("predicted" if place in z else "used")
     said = run("show", "case.backtest.h5").stdout
     assert "Readings, each beside its prediction by the fit before (mm)" in said

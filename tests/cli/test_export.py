@@ -68,9 +68,14 @@ def test_csv_has_the_units_of_the_case_and_agrees_with_json(fitted, run, run_jso
         assert (row["gauge"], row["stage"]) == (reading["gauge"], reading["stage"])
         assert float(row["measured"]) == pytest.approx(1e3 * reading["measured"], rel=1e-11)
         assert row["used"] == ("yes" if reading["used"] else "no")
-        if reading["used"]:  # with the errors that readings share
+        in_sd = float(row["residual"]) / float(row["sd"])
+        assert float(row["residual_in_sd"]) == pytest.approx(in_sd, rel=1e-9)
+        assert reading["residual_in_sd"] == pytest.approx(in_sd, rel=1e-9)
+        assert reading["residual"] == reading["measured"] - reading["computed"]
+        if reading["used"]:  # without what other readings show of shared errors
             residual = judged[reading["gauge"], reading["stage"]]
-            assert float(row["residual_in_sd"]) == pytest.approx(residual, rel=1e-9)
+            assert float(row["unexplained"]) == pytest.approx(residual, rel=1e-9)
+            assert reading["unexplained"] == pytest.approx(residual, rel=1e-9)
     for row, predicted in zip(table["prediction"], found["predictions"], strict=True):
         assert float(row["upper95"]) == pytest.approx(1e3 * predicted["upper95"], rel=1e-11)
     result = read_result("case.fit.h5")

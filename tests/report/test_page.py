@@ -151,14 +151,14 @@ def test_what_is_not_determined_is_said_in_words(plane_page):
     assert "sigma_v MPa as its prior - 8 ± 0.8 8 2 to 20" in text
     assert "The readings do not determine sigma_v" in text
     assert "6.543" not in text  # the value at which the search happened to stop
-    assert "ST-1 bench 2 3.50 not determined - - - predicted" in text
+    assert "ST-1 bench 2 3.50 not determined - - - - predicted" in text
 
 
 def test_the_numbers_are_those_of_the_result(plane_page):
     text = Reader(plane_page).text
     assert "E_rock = 12.3 GPa (95 %: 11.6 to 13.1)" in text
     assert "K0 lies on its upper bound." in text
-    assert "EX-1.a8 bench 1 1.90 1.10 - 0.80 8.0 used" in text
+    assert "EX-1.a8 bench 1 1.90 1.10 - 0.80 8.0 8.0 used" in text
     assert "EX-1.a8, bench 1: +8.0 standard deviations" in text
     for words in ("geoident fit case.yaml", "a" * 64, "b" * 64, "c" * 64, "d" * 64, "seed 7"):
         assert words in text
@@ -194,7 +194,7 @@ def test_readings_known_to_be_wrong_are_neither_outliers_nor_scored(plane):
     assert outliers(marked) == ()
     assert scored(marked) == (3, 3)
     rows = [" ".join(row) for row in reading_table(marked).rows]
-    assert "EX-1.a8 bench 1 1.90 1.10 - 0.80 8.0 known to be wrong" in rows
+    assert "EX-1.a8 bench 1 1.90 1.10 - 0.80 8.0 8.0 known to be wrong" in rows
 
 
 def test_text_of_the_user_never_becomes_markup():

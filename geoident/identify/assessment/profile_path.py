@@ -4,7 +4,7 @@ On a bound the linearised model is known on one side only, at its end: it tells 
 predictions far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
 most, the posterior itself is computed at a few points of a path on which the other parameters
 follow: at each the model is evaluated, one Gauss-Newton step of the others gives the least phi
-there and their conditional covariance C, and
+there (without their bounds, which the draws keep) and their conditional covariance C, and
 
     density(t) ~ exp(-phi(t) / 2) |C(t)|^(1/2)
 
@@ -24,12 +24,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geoident.identify.assessment.linearity import OFF
 from geoident.identify.assessment.spectrum import admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
-from geoident.identify.assessment.uncertainty import Assessment, with_posterior
+from geoident.identify.assessment.uncertainty import Assessment, is_field, with_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
+from geoident.model.results.findings import Finding
 
 FIRST_POINTS = 3
 """Points to each side up to the end of the linear interval; beyond, steps grow."""
@@ -46,12 +48,19 @@ _BEYOND = 1.3
 _NOTHING_LEFT = 9.0
 """Growth of phi beyond which a hundredth of the density is left."""
 
+_STEEP, _RISE, _SHORTER = 6.0, 3.0, 0.1
+"""Rise of phi over one step from which on it is tried again, the rise to aim at, and the least
+factor on the step: a modulus that hardly changes anything at its bound may do so soon after."""
+
 _SAME_PHI, _SAME_READING = 0.5, 0.25
 """Deviations from linear that do not count: of phi, and of predictions in standard deviations. A
 density is then off by a quarter where it is a seventh of the highest: ends by a few per cent."""
 
 _AT_ESTIMATE = 1e-3
 """Distance, in standard deviations, below which an end of the path is the estimate."""
+
+_ROUNDING = 1e-12
+"""Distance from a bound in x that is rounding."""
 
 _WEAK = 10.0
 """Standard deviation, in ranges, of the others given t, so that their curvature is invertible."""
@@ -112,11 +121,23 @@ class Nonlinearity:
 
 @dataclass(frozen=True)
 class _Point:
-    """Of a path: t and all parameters (n,) from the estimate in x, deviations from linear (l,)."""
+    """A point of the path.
+
+    Args:
+        t: of the parameter, from the estimate in x.
+        dx: (n,) all parameters within their bounds, likewise.
+        mean: (n,) of all given t, with the others as if they had no bounds.
+        phi: there.
+        within: phi at dx.
+        log_density: of t, without the bounds of the others.
+        deviation: (l,) of the readings at dx from linear.
+    """
 
     t: float
     dx: Floats
+    mean: Floats
     phi: float
+    within: float
     log_density: float
     deviation: Floats
 
@@ -132,13 +153,19 @@ def most_truncated(assessment: Assessment, problem: Problem) -> int | None:
     """
     scaling = Scaling(problem.parameters)
     width = scaling.upper - scaling.lower
-    candidates = assessment.at_bound & (width > 0.0) | assessment.beyond_bounds
-    candidates &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
+    candidates = _truncated(assessment, problem)
     if not candidates.any():
         return None
     width = np.where(np.isfinite(width), width, 1.0)
     relative = np.sqrt(np.diag(assessment.posterior.covariance)) / np.maximum(width, 1e-300)
     return int(np.argmax(np.where(candidates, relative + assessment.at_bound, -1.0)))
+
+
+def _truncated(assessment: Assessment, problem: Problem) -> Bools:
+    """(n,) parameters whose posterior a bound truncates."""
+    varies = np.array([q.lower < q.upper for q in problem.parameters], dtype=np.bool_)
+    near = assessment.at_bound | assessment.beyond_bounds
+    return near & varies & ~is_field(problem)
 
 
 def with_profile(
@@ -163,6 +190,14 @@ def with_profile(
     profile = _Profile(assessment, problem, values, at, evaluate, i)
     # an estimate on its bound and an end there are one place
     by_t = {point.t: point for point in reversed(profile.points())}
+    others = _truncated(assessment, problem) & assessment.determined
+    others[i] = False
+    findings = [
+        _Profile(assessment, problem, values, at, evaluate, j).nonlinear_end()
+        for j in np.flatnonzero(others).tolist()
+    ]
+    if curved := tuple(finding for finding in findings if finding is not None):
+        assessment = replace(assessment, findings=(*assessment.findings, *curved))
     if len(by_t) < 3:
         return assessment, None
     points = [by_t[t] for t in sorted(by_t)]
@@ -187,7 +222,7 @@ class _Profile:
         evaluate: Evaluate,
         i: int,
     ) -> None:
-        self.assessment, self.problem, self.at = assessment, problem, at
+        self.assessment, self.problem, self.values, self.at = assessment, problem, values, at
         self.evaluate, self.i = evaluate, i
         self.scaling = Scaling(problem.parameters)
         self.x = self.scaling.to_scaled(values)
@@ -201,12 +236,8 @@ class _Profile:
 
     def points(self) -> list[_Point]:
         """All of them; none where the linearised model agrees with the farthest."""
-        unit = np.eye(len(self.x))[[self.i]]
         low, high = float(self.lower[self.i]), float(self.upper[self.i])
-        limits = np.array([low]), np.array([high])
-        linear = self.assessment.posterior.summary(unit, limits=limits)
-        ends = [float(np.clip(_BEYOND * end[0], low, high))
-                for end in (linear.lower95, linear.upper95)]  # fmt: skip
+        ends = [float(np.clip(_BEYOND * end, low, high)) for end in self._linear_ends()]
         ends = [end for end in ends if abs(end) > _AT_ESTIMATE * self.sd]
         farthest = self._point(max(ends, key=abs)) if ends else None
         if not ends or (farthest is not None and self._is_linear(farthest)):
@@ -216,20 +247,69 @@ class _Profile:
             points += self._side(end, low if end < 0.0 else high)
         return points
 
+    def _linear_ends(self) -> tuple[float, float]:
+        """The interval of t by the linearised model, from the estimate."""
+        unit = np.eye(len(self.x))[[self.i]]
+        limits = self.lower[[self.i]], self.upper[[self.i]]
+        linear = self.assessment.posterior.summary(unit, limits=limits)
+        return float(linear.lower95[0]), float(linear.upper95[0])
+
+    def nonlinear_end(self) -> Finding | None:
+        """A finding where phi at the farther end of the interval is not as the linearised has it.
+
+        For parameters beside the one whose path is followed: their intervals are linearised.
+        """
+        end = max(self._linear_ends(), key=abs)
+        point = self._point(end) if abs(end) > _AT_ESTIMATE * self.sd else None
+        if point is None:
+            return None
+        r, A = self._rows(self.values, self.at)
+        linear = r + A @ point.dx
+        expected, rise = float(linear @ linear - r @ r), point.within - float(r @ r)
+        if expected / OFF**2 - _SAME_PHI <= rise <= expected * OFF**2 + _SAME_PHI:
+            return None
+        name = self.problem.parameters[self.i].name
+        sentence = (
+            f"The model is not linear over the interval of {name}, which a bound limits as that of "
+            f"another parameter: at its end the misfit rises by {rise:.2g} instead of "
+            f"{expected:.2g}, so intervals and bands may contain less or more than 95 %. "
+            "`geoident sample` draws from the posterior itself."
+        )
+        return Finding("nonlinear", name, sentence, {"rise": rise, "expected": expected})
+
+    def _growth(self, point: _Point) -> float:
+        """Growth of phi from the estimate, with what the room for the others contributes."""
+        return 2.0 * (self.estimate.log_density - point.log_density)
+
+    def _linear_growth(self, t: float) -> float:
+        """Growth of phi from the estimate to t by the linearised model."""
+        mean = self.mean[self.i]
+        return float(((t - mean) ** 2 - mean**2) / self.sd**2)
+
     def _side(self, end: float, bound: float) -> list[_Point]:
-        """Points to one side, until nothing is left or up to the bound."""
-        points, step, t = [self.estimate], end / FIRST_POINTS, 0.0
-        while len(points) <= MOST_POINTS and abs(t) < abs(bound):
-            t = float(np.clip(t + step, min(0.0, bound), max(0.0, bound)))
-            point = self._point(t, points[-1])
+        """Points to one side, until nothing is left or up to the bound.
+
+        Where phi rises too fast for a smooth curve through the points, shorter steps go before.
+        """
+        points, step, far = [self.estimate], end / FIRST_POINTS, list[_Point]()
+        while len(points) + len(far) <= MOST_POINTS and abs(points[-1].t) < abs(bound):
+            last = points[-1]
+            t = float(np.clip(last.t + step, min(0.0, bound), max(0.0, bound)))
+            point = self._point(t, last)
             if point is None:
                 break
+            least = min(each.phi for each in points)
+            nothing_left = point.phi > least + _NOTHING_LEFT
+            if nothing_left and point.phi - last.phi > _STEEP:
+                far.append(point)
+                step *= max(_SHORTER, float(np.sqrt(_RISE / (point.phi - last.phi))))
+                continue
             points.append(point)
-            if point.phi > min(each.phi for each in points) + _NOTHING_LEFT:
+            if nothing_left:
                 break
-            if len(points) > FIRST_POINTS:
+            if len(points) > FIRST_POINTS and not far:
                 step *= _GROWTH
-        return points[1:]
+        return points[1:] + far
 
     def _point(self, t: float, before: _Point | None = None) -> _Point | None:
         """The point at t, begun where the linearised model has it from the point before."""
@@ -243,40 +323,43 @@ class _Profile:
         return self._relaxed(t, dx, values, readings)
 
     def _relaxed(self, t: float, dx: Floats, values: Floats, readings: PathReadings) -> _Point:
-        """The point after one Gauss-Newton step of the others; the estimate stays where it is."""
-        problem, scaling = self.problem, self.scaling
-        dp_dx = scaling.dp_dx(values)
-        r = np.concatenate(
-            [problem.whiten(readings.used - problem.measured), scaling.prior_residuals(values)]
-        )
-        A = np.concatenate(
-            [problem.whiten(readings.used_jacobian * dp_dx), scaling.prior_jacobian(values)]
-        )
-        width = admissible_ranges(scaling)
+        """The point after one Gauss-Newton step of the others.
+
+        Their bounds are left to the draws: what is least within them would count these twice.
+        """
+        dp_dx, width = self.scaling.dp_dx(values), admissible_ranges(self.scaling)
+        r, A = self._rows(values, readings)
         others = np.flatnonzero((width > 0.0) & (np.arange(len(dx)) != self.i))
         rows = np.concatenate([A[:, others], np.diag(1.0 / (_WEAK * width[others]))])
         U, S, Vt = np.linalg.svd(rows, full_matrices=False)
         log_volume = -float(np.log(S).sum())
-        if t == 0.0:
-            phi, none = float(r @ r), np.zeros(len(readings.all))
-            return _Point(t, dx, phi, log_volume - 0.5 * phi, none)
         step = np.zeros(len(dx))
-        step[others] = -Vt.T @ ((U[: len(r)].T @ r) / S)
-        step = np.clip(step, self.lower - dx, self.upper - dx)
-        left = r + A @ step
-        phi, dx = float(left @ left), dx + step
-        computed = readings.all + readings.all_jacobian @ (dp_dx * step)
-        linear = self.at.all + self.at.all_jacobian @ (self.assessment.dp_dx * dx)
-        return _Point(t, dx, phi, log_volume - 0.5 * phi, np.nan_to_num(computed - linear))
+        on_bounds = (self.lower >= -_ROUNDING) | (self.upper <= _ROUNDING)
+        if t != 0.0 or on_bounds[others].any():  # the estimate stays where it is
+            step[others] = -Vt.T @ ((U[: len(r)].T @ r) / S)
+        mean = dx + step
+        inside = np.clip(mean, self.lower, self.upper) if t != 0.0 else dx
+        phi, within = (float(np.sum((r + A @ (to - dx)) ** 2)) for to in (mean, inside))
+        computed = readings.all + readings.all_jacobian @ (dp_dx * (inside - dx))
+        linear = self.at.all + self.at.all_jacobian @ (self.assessment.dp_dx * inside)
+        deviation = np.nan_to_num(computed - linear)
+        return _Point(t, inside, mean, phi, within, log_volume - 0.5 * phi, deviation)
+
+    def _rows(self, values: Floats, readings: PathReadings) -> tuple[Floats, Floats]:
+        """Whitened residuals and priors (r,) at parameters (n,), and their derivatives in x."""
+        problem, scaling = self.problem, self.scaling
+        r = [problem.whiten(readings.used - problem.measured), scaling.prior_residuals(values)]
+        jacobian = readings.used_jacobian * scaling.dp_dx(values)
+        A = [problem.whiten(jacobian), scaling.prior_jacobian(values)]
+        return np.concatenate(r), np.concatenate(A)
 
     def _is_linear(self, point: _Point) -> bool:
-        """Whether phi and the readings are what the linearised model has there."""
-        mean = self.mean[self.i]
-        growth = ((point.t - mean) ** 2 - mean**2) / self.sd**2
+        """Whether the density and the readings are what the linearised model has there."""
+        growth = self._linear_growth(point.t)
         rows = np.nan_to_num(self.at.all_jacobian * self.assessment.dp_dx)
         sd = np.sqrt(np.einsum("ij,jk,ik->i", rows, self.assessment.posterior.covariance, rows))
         return bool(
-            abs(point.phi - self.estimate.phi - growth) < _SAME_PHI
+            abs(self._growth(point) - growth) < _SAME_PHI
             and np.all(np.abs(point.deviation) <= _SAME_READING * sd + 1e-300)
         )
 
@@ -296,14 +379,17 @@ class _Profile:
         unit = self.factor[i] / self.sd
         factor = self.factor + np.outer(self.slope * (sd - self.sd), unit)
         mean = self.mean + self.slope * (centre - self.mean[i])
-        drawn = truncated_normal(mean, factor, lower, upper, always=i)
+        linear = self.mean + self.slope * (at - self.mean[i])[:, None]
+        bent = _monotone(at, np.array([point.mean for point in points]) - linear)
+
+        def bend(t: Floats) -> Floats:
+            return np.asarray(bent(np.clip(t, first, last)).T)
+
+        drawn = truncated_normal(mean, factor, lower, upper, always=i, bend=bend)
         t = np.clip(drawn.shift[i], first, last)
         log_ratio = log_density(t) + 0.5 * ((t - centre) / sd) ** 2
         weight = drawn.weight * np.exp(log_ratio - log_ratio.max())
-        bent = np.array([point.dx - point.t * self.slope for point in points])
-        shift = drawn.shift + _monotone(at, bent)(t).T
-        shift = np.clip(shift, self.lower[:, None], self.upper[:, None])
-        return replace(drawn, shift=shift, weight=weight / weight.sum())
+        return replace(drawn, weight=weight / weight.sum())
 
 
 def _monotone(t: Floats, values: Floats) -> Callable[[Floats], Floats]:

@@ -60,6 +60,9 @@ _NO_TAIL = 2.5e-3
 _CLOSE = 0.05
 """... if it is as close to that, in widths of the interval."""
 
+_BEND_POINTS = 33
+"""Points at which it is asked how far a bend moves the others towards their bounds."""
+
 _BLOCK = 2_000_000
 """Numbers in a table of draws that is made at once (16 MB)."""
 
@@ -184,7 +187,13 @@ def _lowest(t: Floats, width: Floats) -> float:
 
 
 def truncated_normal(
-    mean: Floats, factor: Floats, lower: Floats, upper: Floats, *, always: int | None = None
+    mean: Floats,
+    factor: Floats,
+    lower: Floats,
+    upper: Floats,
+    *,
+    always: int | None = None,
+    bend: Callable[[Floats], Floats] | None = None,
 ) -> Posterior:
     """A normal density truncated at bounds.
 
@@ -194,6 +203,8 @@ def truncated_normal(
         lower: (n,) lower bounds from the estimate, -inf for none.
         upper: (n,) upper bounds.
         always: number of a variable whose bounds count first, near or not.
+        bend: of its values (K,) to what the means of all given it have beside (n, K), zero of
+            itself; its bounds are finite.
 
     A half normal: its 95 % interval begins at the bound and ends at the 97.5 % quantile of the
     whole one.
@@ -204,7 +215,11 @@ def truncated_normal(
     ([0.0], [1.96])
     """
     sd = np.sqrt(np.sum(factor**2, axis=1))
-    reached = (sd > 0.0) & ((mean - lower < REACHED * sd) | (upper - mean < REACHED * sd))
+    least, most = mean, mean
+    if always is not None and bend is not None:
+        beside = bend(np.linspace(lower[always], upper[always], _BEND_POINTS))
+        least, most = mean + beside.min(axis=1), mean + beside.max(axis=1)
+    reached = (sd > 0.0) & ((least - lower < REACHED * sd) | (upper - most < REACHED * sd))
     if always is not None:
         reached[always] = True
     R = np.flatnonzero(reached)
@@ -217,9 +232,12 @@ def truncated_normal(
     R = R[np.argsort(inside, kind="stable")][: factor.shape[1]]
     Q, U = np.linalg.qr(factor[R].T)
     u = _sobol(len(R) + 1, LOG2_DRAWS)
-    y, log_weight = _conditioned(U.T, lower[R] - mean[R], upper[R] - mean[R], u[1:])
+    moved = None if bend is None else lambda first: bend(mean[always] + first)[R]
+    y, log_weight = _conditioned(U.T, lower[R] - mean[R], upper[R] - mean[R], u[1:], moved)
     weight = np.exp(log_weight - log_weight.max())
     shift = mean[:, None] + factor @ Q @ y
+    if always is not None and bend is not None:
+        shift += bend(shift[always])
     shift[R] = np.clip(shift[R], lower[R, None], upper[R, None])
     return Posterior(shift, weight / weight.sum(), factor - factor @ Q @ Q.T, ndtri(u[0]))
 
@@ -259,7 +277,13 @@ def _sobol(d: int, log2_count: int) -> Floats:
     return np.asarray(points.T + 0.5 / 2**log2_count, dtype=np.float64)
 
 
-def _conditioned(L: Floats, lower: Floats, upper: Floats, u: Floats) -> tuple[Floats, Floats]:
+def _conditioned(
+    L: Floats,
+    lower: Floats,
+    upper: Floats,
+    u: Floats,
+    moved: Callable[[Floats], Floats] | None = None,
+) -> tuple[Floats, Floats]:
     """Points y (r, K) of independent normals under lower <= L y <= upper, one given the other.
 
     Args:
@@ -267,17 +291,20 @@ def _conditioned(L: Floats, lower: Floats, upper: Floats, u: Floats) -> tuple[Fl
         lower: (r,) bounds.
         upper: (r,) bounds.
         u: (r, K) at which parts of their probabilities, in the unit cube.
+        moved: of the first of L y (K,) to what all have beside L y (r, K), of the first nothing.
 
     Returns:
         The points, and the logarithms (K,) of their weights, whose mean is the probability.
     """
-    y, log_weight = np.zeros(u.shape), np.zeros(u.shape[1])
+    y, log_weight, beside = np.zeros(u.shape), np.zeros(u.shape[1]), np.zeros(u.shape)
     for j, row in enumerate(L):
-        before = row[:j] @ y[:j]
+        before = row[:j] @ y[:j] + beside[j]
         size = np.copysign(max(abs(row[j]), _DEPENDENT * float(np.linalg.norm(row))), row[j])
         a, b = np.sort([(lower[j] - before) / size, (upper[j] - before) / size], axis=0)
         y[j], log_p = _between(a, b, u[j])
         log_weight += log_p
+        if j == 0 and moved is not None:
+            beside = moved(row[0] * y[0])
     return y, log_weight
 
 

@@ -278,7 +278,9 @@ def with_posterior(
     """An assessment with the numbers of another posterior.
 
     What the linearised model takes as determined stays so only as far as its interval agrees: to
-    no side more than half of the range from the estimate.
+    no side more than half of the range from the estimate. What it takes as not determined is, if
+    its interval has at most half of the range and is narrower than that of its prior: at a bound a
+    model may hardly depend on what it depends on beyond.
 
     Args:
         assessment: as it was.
@@ -286,28 +288,49 @@ def with_posterior(
         values: (n,) the estimate, SI.
         posterior: of x, from the estimate.
     """
-    scaling, numbered = Scaling(problem.parameters), np.isfinite(assessment.sd)
+    scaling, named = Scaling(problem.parameters), ~is_field(problem)
     low, high = _ends(scaling, values, posterior, assessment.wider)
-    lost = assessment.determined & (np.maximum(-low, high) > 0.5 * admissible_ranges(scaling))
-    lost &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
-    numbers = _numbers(scaling, values, posterior, numbered & ~lost, assessment.wider)
-    findings = assessment.findings
+    width = admissible_ranges(scaling)
+    lost = named & assessment.determined & (np.maximum(-low, high) > 0.5 * width)
+    rows = np.abs(scaling.prior_jacobian(values)).max(axis=0, initial=0.0)
+    by_prior = rows * np.sqrt(np.diag(posterior.covariance)) >= PRIOR_SHARE
+    numbered = np.isfinite(assessment.sd)
+    gained = named & ~numbered & ~by_prior & (high - low <= 0.5 * width) & (width > 0.0)
+    numbers = _numbers(scaling, values, posterior, (numbered & ~lost) | gained, assessment.wider)
+    determined = (assessment.determined & ~lost) | gained
+    names = [q.name for q in problem.parameters]
+    known = {name for name, is_known in zip(names, determined.tolist(), strict=True) if is_known}
+    findings = tuple(
+        finding
+        for finding in assessment.findings
+        if finding.kind not in _GAPS or not gained.any() or set(finding.subject.split(", ")) - known
+    )
     if lost.any():
-        names = [problem.parameters[i].name for i in np.flatnonzero(lost)]
-        verb, seem = ("is", "it seems") if len(names) == 1 else ("are", "they seem")
+        undetermined = [names[i] for i in np.flatnonzero(lost)]
+        verb, seem = ("is", "it seems") if len(undetermined) == 1 else ("are", "they seem")
         sentence = (
-            f"{join(names)} {verb} not determined: near the estimate {seem} to be known, but "
-            "values far from it fit the readings nearly as well."
+            f"{join(undetermined)} {verb} not determined: near the estimate {seem} to be known, "
+            "but values far from it fit the readings nearly as well."
         )
-        findings += (Finding("not-determined", ", ".join(names), sentence),)
+        findings += (Finding("not-determined", ", ".join(undetermined), sentence),)
     return replace(
         assessment,
         posterior=posterior,
-        determined=assessment.determined & ~lost,
+        determined=determined,
         beyond_bounds=assessment.beyond_bounds & ~lost,
+        gaps_x=np.where(gained[:, None], 0.0, assessment.gaps_x),
         findings=findings,
         **numbers,
     )
+
+
+_GAPS = ("not-determined", "not-separated")
+"""Findings on what the readings leave open."""
+
+
+def is_field(problem: Problem) -> Bools:
+    """(n,) the parameter is a mode of a field, of which nothing single is said."""
+    return np.array([bool(q.field) for q in problem.parameters], dtype=np.bool_)
 
 
 def _numbers(

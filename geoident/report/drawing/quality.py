@@ -29,7 +29,7 @@ from geoident.report.drawing.style import (
     short,
 )
 from geoident.report.text.layout import number
-from geoident.report.text.residuals import OUTLIER, in_sd_note, standardized
+from geoident.report.text.residuals import OUTLIER, has_unexplained, in_sd_note, unexplained
 
 _MOST_ROWS = 60
 _MOST_NAMES = 30
@@ -38,7 +38,7 @@ _MOST_NAMES = 30
 def quality_pictures(result: Result) -> tuple[Picture, ...]:
     """1:1 plot, residuals, history and correlation, as far as there is something to show."""
     pictures = []
-    if np.isfinite(standardized(result)).any():
+    if np.isfinite(unexplained(result)).any():
         words = "All readings; on the line, computed and measured are equal."
         draw = partial(one_to_one_figure, result)
         pictures.append(Picture("one-to-one", "Computed against measured", words, draw))
@@ -109,7 +109,7 @@ def _draw_dots(axes: Axes, x: Floats, y: Floats, *, used: bool, **style: Any) ->
 def _residual_words(result: Result) -> str:
     """What has to be known of the residuals, and what is left out where there are many."""
     rows = _residual_rows(result)
-    beyond = int(np.count_nonzero(np.abs(np.nan_to_num(standardized(result))) > OUTLIER))
+    beyond = int(np.count_nonzero(np.abs(np.nan_to_num(unexplained(result))) > OUTLIER))
     named = (
         f" Of {beyond} such values only the {_MOST_NAMES} largest are named."
         if beyond > _MOST_NAMES
@@ -117,15 +117,16 @@ def _residual_words(result: Result) -> str:
     )
     few = len(rows) < len(result.gauges.channels)
     more = f" Only the {len(rows)} channels that deviate most are shown." if few else ""
+    note = in_sd_note(result, predictions=True)
     return (
-        f"Measured minus computed. {in_sd_note(result)} Values beyond {OUTLIER:g} have the name of "
-        f"their stage.{named}{more}"
+        f"Measured minus computed. {note} Values beyond {OUTLIER:g} have the name of their stage."
+        f"{named}{more}"
     )
 
 
 def _residual_rows(result: Result) -> list[int]:
     """Channels with residuals; of many, those that deviate most, in their order."""
-    size = np.nan_to_num(np.abs(standardized(result)), nan=-1.0).max(axis=1, initial=-1.0)
+    size = np.nan_to_num(np.abs(unexplained(result)), nan=-1.0).max(axis=1, initial=-1.0)
     rows = [int(row) for row in np.argsort(-size, kind="stable") if size[row] >= 0]
     return sorted(rows[:_MOST_ROWS])
 
@@ -137,7 +138,7 @@ def residual_figure(result: Result) -> Figure:
     axes = figure.subplots()
     axes.axvspan(-2, 2, color=FAINT, alpha=0.15, lw=0)
     axes.axvline(0, color=FAINT, lw=0.7)
-    residual = standardized(result)
+    residual = unexplained(result)
     for y, row in enumerate(rows):
         for used in (True, False):
             here = np.isfinite(residual[row]) & (table.used[row] == used)
@@ -146,9 +147,10 @@ def residual_figure(result: Result) -> Figure:
     axes.set_xlim(-reach, reach)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_yticks(range(len(rows)), [short(table.channels[row], 22) for row in rows])
+    apart = has_unexplained(result, predictions=True)
+    what = "unexplained residual" if apart else "(measured - computed)"
     axes.set_xlabel(
-        "(measured - computed) / standard deviation; grey: within 2; hollow: not used",
-        fontsize=SMALL,
+        f"{what} / standard deviation; grey: within 2; hollow: not used", fontsize=SMALL
     )
     axes.grid(axis="y")
     _name_outliers(axes, residual[rows], table)

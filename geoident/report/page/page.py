@@ -44,6 +44,7 @@ from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
 from geoident.report.text.residuals import (
     OUTLIER,
+    has_unexplained,
     in_sd_note,
     influence_table,
     influence_title,
@@ -178,7 +179,9 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
                 ),
                 readings,
             ),
-            _paragraph(in_sd_note(result) if readings.rows else "", class_="note"),
+            _paragraph(
+                in_sd_note(result, predictions=True) if readings.rows else "", class_="note"
+            ),
             closed=True,
         ),
         section("Predictions tested", *(() if backtested else tested), closed=True),
@@ -262,8 +265,9 @@ def _warnings(result: Result) -> Html:
 def _outliers(result: Result) -> Html:
     """The readings that stand out, in words."""
     readings = outliers(result)
+    left = "unexplained residual" if has_unexplained(result, predictions=True) else "residual"
     if not readings:
-        return tag("p", f"No residual exceeds {OUTLIER:g} standard deviations.")
+        return tag("p", f"No {left} exceeds {OUTLIER:g} standard deviations.")
     items = [
         f"{o.channel}, {o.stage}: {o.residual:+.1f} standard deviations"
         f"{'' if o.used else ' (not used)'}"
@@ -271,7 +275,9 @@ def _outliers(result: Result) -> Html:
     ]
     if len(readings) > _MOST_OUTLIERS:
         items.append(f"and {len(readings) - _MOST_OUTLIERS} more, see the table of readings")
-    words = f"Residuals (measured minus computed) beyond {OUTLIER:g} standard deviations:"
+    words = (
+        f"{left.capitalize()}s (measured minus computed) beyond {OUTLIER:g} standard deviations:"
+    )
     return joined([tag("p", words), tag("ul", *(tag("li", item) for item in items))])
 
 

@@ -171,7 +171,7 @@ def prediction_table(result: Result) -> TextTable:
                 _error(one.z).strip() if known else NOT_DETERMINED,
             ]
         )
-    header = ("gauge", "stage", "up to", "predicted", "from", "to", "measured", "in sd")
+    header = ("gauge", "stage", "up to", "predicted", "from", "to", "measured", "in sd of band")
     return TextTable(header, rows, right="lllrrrrr")
 
 

@@ -1,6 +1,6 @@
 """Readings beside what the model says of them, in tables: as fitted, as predicted.
 
-Readings stand in the units of their channels; what "in sd" is says `residuals`.
+Readings stand in the units of their channels. `residuals` says what "in sd" and "unexplained" are.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from geoident.model.arrays import Bools
+from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Channel, Reading
 from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import ROW, column
@@ -25,7 +25,9 @@ from geoident.report.text.residuals import (
     as_predicted,
     beside_prediction,
     has_prediction,
-    standardized,
+    has_unexplained,
+    residual_in_sd,
+    unexplained,
 )
 from geoident.report.text.rows import by_stage
 from geoident.units import in_unit, shown_unit
@@ -153,7 +155,7 @@ def _farthest(shown: Bools, result: Result) -> list[tuple[int, int]]:
     """
     if np.count_nonzero(shown) <= MOST_SHOWN:
         return by_stage(shown)
-    off = np.where(shown, np.abs(np.nan_to_num(standardized(result))), -1.0)
+    off = np.where(shown, np.abs(np.nan_to_num(unexplained(result))), -1.0)
     kept = np.zeros_like(shown)
     kept.flat[np.argsort(-off, axis=None, kind="stable")[:MOST_SHOWN]] = True
     return by_stage(kept)
@@ -189,18 +191,25 @@ def fit_table(result: Result) -> TextTable:
     """
     if as_predicted(result) is not result:
         return reading_table(result)
-    gauges = result.gauges
-    residual = standardized(result)
+    gauges, in_sd = result.gauges, _in_sd(result)
     rows = []
     for i, j in _farthest(_fitted(result), result):
         measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
         three = (measured, computed, measured - computed)
         texts = [reading_text(gauges, i, value) for value in three]
-        in_sd = decimals(float(residual[i, j]), 1)
+        sizes = [decimals(float(each[i, j]), 1) for each in in_sd.values()]
         names = [gauges.channels[i], gauges.stages[j], *_unit_cell(gauges, i)]
-        rows.append([*names, *texts, in_sd, _with_note(gauges, i, j, _use(gauges, i, j))])
-    header = ("gauge", "stage", "measured", "computed", "residual", "in sd", "")
-    return _reading_table(gauges, header, rows, "llrrrrl")
+        rows.append([*names, *texts, *sizes, _with_note(gauges, i, j, _use(gauges, i, j))])
+    header = ("gauge", "stage", "measured", "computed", "residual", *in_sd, "")
+    return _reading_table(gauges, header, rows, f"llrrr{'r' * len(in_sd)}l")
+
+
+def _in_sd(result: Result, *, predictions: bool = False) -> dict[str, Floats]:
+    """Headings and columns (n_channels, n_stages) of residuals in standard deviations."""
+    columns = {"in sd": residual_in_sd(result)}
+    if has_unexplained(result, predictions=predictions):
+        columns["unexplained"] = unexplained(result)
+    return columns
 
 
 def _with_note(gauges: GaugeTable, i: int, j: int, state: str) -> str:
@@ -264,17 +273,16 @@ def read_or_predicted(result: Result) -> Bools:
 def reading_table(result: Result) -> TextTable:
     """Every reading that is measured or predicted; of many those that are farthest off."""
     result = as_predicted(result)
-    residual = standardized(result)
-    predicted = beside_prediction(result)
-    rows = [
-        _reading_row(result, i, j, float(residual[i, j]), predicted=bool(predicted[i, j]))
-        for i, j in _farthest(read_or_predicted(result), result)
-    ]
-    header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", "")
-    return _reading_table(result.gauges, header, rows, "llrrrrrl")
+    in_sd, predicted = _in_sd(result, predictions=True), beside_prediction(result)
+    rows = []
+    for i, j in _farthest(read_or_predicted(result), result):
+        *first, note = _reading_row(result, i, j, predicted=bool(predicted[i, j]))
+        rows.append([*first, *(decimals(float(each[i, j]), 1) for each in in_sd.values()), note])
+    header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", *in_sd, "")
+    return _reading_table(result.gauges, header, rows, f"llrrrr{'r' * len(in_sd)}l")
 
 
-def _reading_row(result: Result, i: int, j: int, in_sd: float, *, predicted: bool) -> list[str]:
+def _reading_row(result: Result, i: int, j: int, *, predicted: bool) -> list[str]:
     gauges, prediction = result.gauges, result.prediction
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     state, band, determined = "used" if gauges.used[i, j] else "not used", "-", True
@@ -293,7 +301,6 @@ def _reading_row(result: Result, i: int, j: int, in_sd: float, *, predicted: boo
         shown if determined else NOT_DETERMINED,
         band,
         reading_text(gauges, i, measured - computed) if determined else "-",
-        decimals(in_sd, 1),
         _with_note(gauges, i, j, "known to be wrong" if gauges.bad[i, j] else state),
     ]
 

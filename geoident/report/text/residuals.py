@@ -1,11 +1,12 @@
 """How far readings are from what the model says: residuals, outliers, influence.
 
-Residuals are measured minus computed, in standard deviations ("in sd", with one meaning).
+A residual is measured minus computed. "In sd" it is divided by the standard deviation of the
+reading, wherever this stands. "Unexplained" is what shared errors leave of it, or the uncertainty
+of a prediction: it tells outliers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -50,36 +51,68 @@ def beside_prediction(result: Result) -> Bools:
     return predicted if result.kind == "backtest" else predicted & ~result.gauges.used
 
 
-def standardized(result: Result) -> Floats:
-    """(n_channels, n_stages) measured minus computed "in sd", in its one meaning.
+def compared_with(result: Result) -> Floats:
+    """(n_channels, n_stages) what readings stand beside, SI; NaN where it is not determined.
 
-    In standard deviations of all errors that the fit assumed for the reading: its own, those that
-    it shares with others and the model's. What the other readings explain of these errors is
-    subtracted first (theory 7). A prediction has its own standard deviations, which include those
-    of the parameters. So have all readings of a backtest (`as_predicted`); those that no fit has
-    predicted have none. Tables, figures, outliers and their sentences all have these numbers;
-    `in_sd_note` explains them in the output. NaN where nothing was measured or the prediction is
-    not determined.
+    That is the prediction of a reading that took no part in the fit, else what the fit computes; of
+    a backtest the prediction by the last fit before, where there was one (`as_predicted`).
     """
-    before = as_predicted(result)
-    if before is not result and before.prediction is not None:
-        with np.errstate(invalid="ignore"):
-            z = (before.gauges.measured - before.prediction.mean) / before.prediction.sd
-        return np.where(np.isfinite(before.prediction.sd), z, np.nan)
-    table = result.gauges
-    sd, computed = table.sd.copy(), table.computed.copy()
-    if result.prediction is not None:
-        predicted = beside_prediction(result)
-        sd[predicted] = result.prediction.sd[predicted]
-        computed[predicted] = result.prediction.mean[predicted]
-    known = np.isfinite(sd) & (sd > 0)
-    residual = table.measured - computed
-    with np.errstate(over="ignore"):  # by a standard deviation of a damaged result
-        ratio = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
-    if _errors_shared(result) and result.diagnostics is not None:
-        wide = result.diagnostics.wide(table).standardized
+    result = as_predicted(result)
+    prediction, computed = result.prediction, result.gauges.computed
+    if prediction is None:
+        return computed
+    mean = np.where(prediction.known, prediction.mean, np.nan)
+    return np.where(beside_prediction(result), mean, computed)
+
+
+def residual_in_sd(result: Result) -> Floats:
+    """(n_channels, n_stages) residual by the standard deviation of the reading: "in sd".
+
+    It has the sign of the residual, and means the same beside a fit and beside a prediction. NaN
+    where nothing was measured or the prediction is not determined.
+    """
+    return _quotient(result.gauges.measured - compared_with(result), result.gauges.sd)
+
+
+def unexplained(result: Result) -> Floats:
+    """(n_channels, n_stages) what is left unexplained of residuals, in its standard deviations.
+
+    Where readings share errors, the part of them that the other readings show is taken off (theory
+    7); what is left is in standard deviations of the errors that remain, the model's among them.
+    Beside a prediction: the residual in standard deviations of the prediction, which include those
+    of the parameters. A reading of a backtest that no fit has predicted has none. Elsewhere this is
+    `residual_in_sd`. Outliers are judged by these numbers, in tables, figures and sentences.
+    """
+    ratio, before = residual_in_sd(result), as_predicted(result)
+    if shares_errors(result) and result.diagnostics is not None:
+        wide = result.diagnostics.wide(result.gauges).standardized
         ratio = np.where(np.isfinite(wide), wide, ratio)
+    if before.prediction is not None:
+        of_band = _quotient(result.gauges.measured - compared_with(result), before.prediction.sd)
+        not_predicted = ratio if before is result else np.nan
+        ratio = np.where(beside_prediction(before), of_band, not_predicted)
     return np.asarray(ratio)
+
+
+def _quotient(residual: Floats, sd: Floats) -> Floats:
+    known = np.isfinite(sd) & (sd > 0)
+    with np.errstate(over="ignore"):  # by a standard deviation of a damaged result
+        return np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+
+
+def has_unexplained(result: Result, *, predictions: bool = False) -> bool:
+    """Whether `unexplained` differs from `residual_in_sd`, so that a table has both.
+
+    Args:
+        result: whose readings it shows.
+        predictions: it shows those beside predictions, too.
+    """
+    of_backtest = as_predicted(result) is not result
+    return shares_errors(result) or of_backtest or (predictions and _reads_predictions(result))
+
+
+def _reads_predictions(result: Result) -> bool:
+    return bool((beside_prediction(result) & np.isfinite(result.gauges.measured)).any())
 
 
 @dataclass(frozen=True)
@@ -90,11 +123,12 @@ class ComparedReading:
         gauge: name of the channel.
         stage: name of the stage.
         measured: what was read.
-        computed: what it is compared with.
+        computed: what it is compared with: `compared_with`.
         residual: measured less computed.
-        sd: standard deviation of what it is compared with.
+        sd: standard deviation of the reading.
         unit: in which people see it.
-        residual_in_sd: the residual "in sd": see `standardized`.
+        residual_in_sd: residual by sd.
+        unexplained: see the function of this name.
         used: it took part in the identification.
         bad: it is known to be wrong.
         dimension: key of `geoident.units.DIMENSIONS`.
@@ -104,70 +138,62 @@ class ComparedReading:
     stage: str
     measured: float = field(metadata=column(dimension=ROW))
     computed: float = field(metadata=column(dimension=ROW))
-    residual: float = field(metadata=column(dimension=ROW, hidden=("json",)))
+    residual: float = field(metadata=column(dimension=ROW))
     sd: float = field(metadata=column(dimension=ROW))
     unit: str = field(metadata=column(dimension=ROW))
-    residual_in_sd: float = field(metadata=column(hidden=("json",)))
+    residual_in_sd: float
+    unexplained: float
     used: bool
     bad: bool = field(metadata=column(hidden=("csv",)))
     dimension: str = field(metadata=column(hidden=("csv", "json")))
 
 
 def compared_readings(result: Result) -> list[ComparedReading]:
-    """Every reading beside what it is compared with, stage by stage.
-
-    That is what a fit computes, with the accuracies; of a backtest its predictions
-    (`as_predicted`) with their standard deviations, NaN where they are not determined. Readings
-    before which there was no fit stand beside what the last one computes, without standard
-    deviation.
-    """
-    table, in_sd = result.gauges, standardized(result)
-    computed, sd = table.computed, table.sd
-    predicted = as_predicted(result)
-    if predicted is not result and predicted.prediction is not None:
-        prediction = predicted.prediction
-        sd = np.where(prediction.known, prediction.sd, np.nan)
-        first = ~np.isfinite(prediction.mean)
-        later = np.where(prediction.known, prediction.mean, np.nan)
-        computed = np.where(first, table.computed, later)
+    """Every reading beside what it is compared with, stage by stage."""
+    table, computed = result.gauges, compared_with(result)
+    in_sd, left = residual_in_sd(result), unexplained(result)
     return [
         ComparedReading(
             table.channels[i], table.stages[j], table.measured[i, j], computed[i, j],
-            table.measured[i, j] - computed[i, j], sd[i, j], table.units[i], in_sd[i, j],
-            bool(table.used[i, j]), bool(table.bad[i, j]), table.dimensions[i],
+            table.measured[i, j] - computed[i, j], table.sd[i, j], table.units[i], in_sd[i, j],
+            left[i, j], bool(table.used[i, j]), bool(table.bad[i, j]), table.dimensions[i],
         )
         for i, j in by_stage(np.isfinite(table.measured) | np.isfinite(computed))
     ]  # fmt: skip
 
 
-def _errors_shared(result: Result) -> bool:
-    """Readings share errors, of zeros and surveys or of the model."""
+def shares_errors(result: Result) -> bool:
+    """Readings share errors, of zeros and surveys, of the mesh or of the model."""
     return any(result.gauges.errors) or result.model_error is not None
 
 
-def in_sd_note(result: Result) -> str:
-    """What the columns and axes "in sd" of a result are, in a sentence."""
+def in_sd_note(result: Result, *, predictions: bool = False) -> str:
+    """What the columns and axes "in sd" and "unexplained" of a result are, in sentences.
+
+    Args:
+        result: whose readings are shown.
+        predictions: those beside predictions, too.
+    """
+    note = "in sd: residual divided by the standard deviation of the reading."
     if as_predicted(result) is not result:
         return (
-            "in sd: reading minus its prediction by the last fit before its stage, in standard "
-            "deviations of that prediction (parameters, accuracy and model error together)."
+            f"{note} unexplained: reading minus its prediction by the last fit before its stage, "
+            "in standard deviations of that prediction (parameters, accuracy and model error "
+            "together)."
         )
-    predicted = (
-        "" if result.prediction is None else " For predictions: those of the prediction itself."
-    )
-    if not _errors_shared(result):
-        return f"in sd: residual in standard deviations of the accuracy.{predicted}"
-    parts = ["accuracy"]
-    parts += ["errors that readings share"] if any(result.gauges.errors) else []
-    parts += ["model error"] if result.model_error is not None else []
-    return (
-        f"in sd: residual in standard deviations of {_listed(parts)} together. What the other "
-        f"readings explain of these errors is subtracted first.{predicted}"
-    )
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    if shares_errors(result):
+        parts = ["errors that readings share"] if any(result.gauges.errors) else []
+        parts += ["the model error"] if result.model_error is not None else []
+        note += (
+            f" unexplained: what is left of the residual when {' and '.join(parts)}, as the other "
+            "readings show them, are taken off, in standard deviations of what remains."
+        )
+    if predictions and _reads_predictions(result):
+        note += (
+            " Beside a prediction, unexplained is the residual in standard deviations of the "
+            "prediction."
+        )
+    return note
 
 
 @dataclass(frozen=True)
@@ -177,7 +203,7 @@ class Outlier:
     Args:
         channel: its gauge.
         stage: its stage.
-        residual: measured minus computed, in standard deviations.
+        residual: what is unexplained of it, in standard deviations.
         used: it took part in the identification.
     """
 
@@ -189,7 +215,7 @@ class Outlier:
 
 def outliers(result: Result) -> tuple[Outlier, ...]:
     """Readings beyond `OUTLIER`, the farthest first, without those known to be wrong."""
-    residual, table = standardized(result), result.gauges
+    residual, table = unexplained(result), result.gauges
     readings = [
         Outlier(table.channels[i], table.stages[j], float(residual[i, j]), bool(table.used[i, j]))
         for i, j in np.argwhere((np.abs(np.nan_to_num(residual)) > OUTLIER) & ~table.bad)
@@ -198,11 +224,11 @@ def outliers(result: Result) -> tuple[Outlier, ...]:
 
 
 def rms(result: Result) -> float:
-    """Root mean square of the standardized residuals that were used; about 1 for a good fit.
+    """Root mean square of what is unexplained of used readings; about 1 for a good fit.
 
     Of a backtest, of the predictions.
     """
-    used = standardized(result)[result.gauges.used]
+    used = unexplained(result)[result.gauges.used]
     used = used[np.isfinite(used)]
     return float(np.sqrt(np.mean(used**2))) if used.size else np.nan
 
@@ -232,7 +258,8 @@ def influence_title(diagnostics: Diagnostics | None) -> str:
 
 def influence_table(result: Result) -> TextTable:
     """The readings whose removal would change the answer most, and how far off they are."""
-    header = ("gauge", "stage", "in sd", "leverage", "weight", "changes most", "by sd")
+    left = "unexplained" if shares_errors(result) else "in sd"
+    header = ("gauge", "stage", left, "leverage", "weight", "changes most", "by sd")
     places, diagnostics = ranked_diagnostics(result)
     rows = []
     for k, (i, j) in enumerate(places[:MOST_INFLUENTIAL]):

@@ -49,6 +49,7 @@ from geoident.report.text.residuals import (
     outliers,
     rms,
     scored,
+    shares_errors,
 )
 
 _STATUS = {
@@ -227,8 +228,9 @@ def _fit(result: Result) -> list[str]:
             f"{_size(spread)} of their standard deviations (about 1 if the bands are right); "
             f"{count} {OUTLIER:g} standard deviations."
         ]
+    left = "the unexplained residuals" if shares_errors(result) else "the residuals"
     return [
-        f"The root mean square of the residuals is {_size(spread)} of their standard deviations "
+        f"The root mean square of {left} is {_size(spread)} of their standard deviations "
         f"(about 1 if {_what_is_assumed(result)}); "
         f"{count} {OUTLIER:g} standard deviations."
     ]

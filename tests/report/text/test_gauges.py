@@ -30,7 +30,7 @@ from geoident.report.text.residuals import (
     outliers,
     rms,
     scored,
-    standardized,
+    unexplained,
 )
 from geoident.report.text.result import result_text
 from tests.support.cases import displacement
@@ -69,7 +69,7 @@ def test_columns_have_their_names(result):
     )] == [
         (*first, "measured", "computed", "residual", "in sd", ""),
         (*first, "predicted", "from", "to", "measured", ""),
-        (*first, "measured", "computed", "95 % band", "residual", "in sd", ""),
+        (*first, "measured", "computed", "95 % band", "residual", "in sd", "unexplained", ""),
         (*first, "in sd", "leverage", "weight", "changes most", "by sd"),
     ]  # fmt: skip
 
@@ -160,8 +160,8 @@ def test_used_and_bad_readings_do_not_count_for_the_score(result):
     assert scored(replace(result, prediction=None)) == (0, 0)
 
 
-def test_residuals_of_predictions_count_in_the_sd_of_the_prediction(result):
-    found = standardized(result)
+def test_beside_predictions_their_own_sd_tells_what_is_unexplained(result):
+    found = unexplained(result)
     assert found[2, BENCH] == pytest.approx(0.8 / 0.1)
     assert found[0, LAST] == pytest.approx(-0.1 / 0.15)
     assert np.isnan(found[4, LAST])  # predicted without being determined
@@ -171,9 +171,9 @@ def test_residuals_of_predictions_count_in_the_sd_of_the_prediction(result):
 def test_the_table_of_the_page_has_every_reading_with_its_state(result):
     found = rows(reading_table(result))
     assert len(found) == 4 + 5 + 2  # bench 1, bench 2, the settlement at the drift and bench 1
-    assert found["EX-1.a8", "bench 1"] == ["1.90", "1.10", "-", "0.80", "8.0", "used"]
+    assert found["EX-1.a8", "bench 1"] == ["1.90", "1.10", "-", "0.80", "8.0", "8.0", "used"]
     assert found["EX-1.a2", "bench 2"] == [
-        "0.70", "0.80", "0.51 to 1.09", "-0.10", "-0.7", "predicted",
+        "0.70", "0.80", "0.51 to 1.09", "-0.10", "-1.0", "-0.7", "predicted",
     ]  # fmt: skip
     alone = replace(result, prediction=None)
     assert rows(reading_table(alone))["EX-1.a2", "bench 2"][-3:] == ["-0.10", "-1.0", "not used"]
@@ -238,8 +238,8 @@ def test_programs_get_all_diagnostics_by_influence(result):
     assert diagnostics_object(replace(result, diagnostics=None)) == {}
 
 
-def test_in_sd_has_one_meaning_in_all_tables_and_sentences(result):
-    """With a model error in the fit, the reading 0.8 mm off is 2.5 standard deviations off."""
+def test_in_sd_and_unexplained_have_one_meaning_in_all_tables_and_sentences(result):
+    """Of 0.8 mm, 8 accuracies, a model error leaves 2.5 standard deviations unexplained."""
     found = result.diagnostics
     found = replace(found, standardized=np.where(found.standardized > 5.0, 2.5, 0.25))
     error = ModelErrorTable(
@@ -248,13 +248,15 @@ def test_in_sd_has_one_meaning_in_all_tables_and_sentences(result):
     )  # fmt: skip
     given = replace(result, diagnostics=found, model_error=error)
     place = "EX-1.a8", "bench 1"
-    assert rows(fit_table(given))[place][3] == "2.5"
-    assert rows(reading_table(given))[place][4] == "2.5"
+    assert rows(fit_table(given))[place][3:5] == ["8.0", "2.5"]
+    assert rows(reading_table(given))[place][4:6] == ["8.0", "2.5"]
     assert rows(influence_table(given))[place][0] == "2.5"
+    assert influence_table(given).header[2] == "unexplained"
     csv = {row[:2]: row for row in csv_tables(given)["gauges"].rows}
-    assert csv[place][7] == 2.5
+    assert csv[place][7:9] == (pytest.approx(8.0), 2.5)
     assert not [one for one in outliers(given) if one.used]
     assert rms(given) == pytest.approx(np.sqrt((5 * 0.25**2 + 2.5**2) / 6))
-    assert "accuracy and model error together" in in_sd_note(given)
+    assert "unexplained: what is left of the residual when the model error" in in_sd_note(given)
     assert in_sd_note(given) in " ".join(result_text(given).split())
-    assert "standard deviations of the accuracy. For predictions" in in_sd_note(result)
+    assert "unexplained" not in in_sd_note(result)  # the fit's own readings: both are the same
+    assert "unexplained is the residual in" in in_sd_note(result, predictions=True)

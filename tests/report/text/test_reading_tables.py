@@ -89,7 +89,7 @@ def test_a_prediction_without_a_reading_is_neither_inside_nor_outside():
 
 
 def test_the_page_has_all_readings_and_what_each_was_for():
-    """A residual of a prediction counts in its own standard deviation, not in the gauge's."""
+    """Residuals are in sd of the gauge; what is unexplained of a prediction in sd of its band."""
     half = 1.96 * BAND_SD
     used = [
         [
@@ -98,7 +98,7 @@ def test_the_page_has_all_readings_and_what_each_was_for():
             mm(COMPUTED[i, j]),
             "-",
             mm(NOISE[i, j]),
-            f"{NOISE[i, j] / 1e-4:.1f}",
+            *[f"{NOISE[i, j] / 1e-4:.1f}"] * 2,
             "used",
         ]
         for i, j in USED
@@ -110,12 +110,13 @@ def test_the_page_has_all_readings_and_what_each_was_for():
             mm(COMPUTED[i, 2]),
             f"{mm(COMPUTED[i, 2] - half)} to {mm(COMPUTED[i, 2] + half)}",
             mm(NOISE[i, 2]),
+            f"{NOISE[i, 2] / 1e-4:.1f}",
             f"{NOISE[i, 2] / BAND_SD:.1f}",
             "predicted",
         ]
         for i in range(4)
     ]
-    lacking = [*start_of_row(4, 2), "3.50", "not determined", "-", "-", "-", "predicted"]
+    lacking = [*start_of_row(4, 2), "3.50", "not determined", "-", "-", "-", "-", "predicted"]
     assert rows(reading_table(RESULT)) == [*used, *predicted, lacking]
 
 
