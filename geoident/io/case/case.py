@@ -52,6 +52,7 @@ from geoident.io.schema.values import (
 )
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, Case, KeyPath, Material
+from geoident.model.parameter import scalars_of
 
 _AXES = "xyz"
 
@@ -336,8 +337,11 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
     return any(
         number.parameter is not None
         for material in materials.values()
-        for surface in material.yields
-        for number in surface.numbers
+        for numbers in (
+            *(surface.numbers for surface in material.yields),
+            *(scalars_of(g.law).values() for g in material.growths if g.surface is not None),
+        )
+        for number in numbers
     )
 
 
