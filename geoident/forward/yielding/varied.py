@@ -175,8 +175,8 @@ def inadmissible_strengths(on_mesh: CaseOnMesh, material: str, values: Values) -
     worst = int(np.argmin(factors[0].value))
     tension, where = float(factors[1].value[worst]), format_point(grown[0].positions[worst])
     return (
-        f"at {where} the tension of {material}, {tension / 1e3:.4g} kPa, is not less than c / tan(phi), "
-        "so that its cut-off has no effect there"
+        f"at {where} the tension of {material}, {tension / 1e3:.4g} kPa, is not less than "
+        "c / tan(phi), so that its cut-off has no effect there"
     )
 
 
