@@ -268,6 +268,12 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         name: part.for_model(context.at("structures", name))
         for name, part in section.structures.items()
     }
+    channels = build_channels(section.gauges, structures, context.at("gauges"))
+    known = dict.fromkeys(name for c in channels for name in (c.gauge, c.name))
+    if known or not section.gauges:  # of gauges that are wrong nobody knows the channels
+        for n, name in enumerate(section.fit.predict_gauges or ()):
+            if name not in known:
+                faults.add_unknown(("fit", "predict_gauges", n), "gauge", name, known)
     return section.to_model(
         Case,
         context,
@@ -281,7 +287,7 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         supports=tuple(build_supports(section.supports, context.at("supports")).values()),
         in_situ=in_situ,
         gravity=_gravity(section.gravity, context.at("gravity")),
-        channels=build_channels(section.gauges, structures, context.at("gauges")),
+        channels=channels,
         readings=(),
         dates={},
         fit=replace(
