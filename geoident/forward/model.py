@@ -17,6 +17,7 @@ from geoident.forward.reducible import ReducibleResponse
 from geoident.forward.staged import StagedKernel
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.hoek_brown import equivalent_notes
+from geoident.forward.yielding.varied import strength_faults
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
@@ -47,7 +48,7 @@ def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
     What grows with depth or stress is there, too.
 
     Raises:
-        InputError: a constant that grows is not positive somewhere at the start values.
+        InputError: a constant that grows is not admissible somewhere at the start values.
     """
     case, positions = on_mesh.case, on_mesh.discretization.points.position
     fields = []
@@ -59,7 +60,10 @@ def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
         raise InputError(faults)
     if not fields and not growths:
         return on_mesh
-    return on_mesh.with_fields(with_modes(case, fields), tuple(fields), growths)
+    varied = on_mesh.with_fields(with_modes(case, fields), tuple(fields), growths)
+    if faults := strength_faults(varied):
+        raise InputError(faults)
+    return varied
 
 
 class StagedModel(StagedKernel):
@@ -109,6 +113,8 @@ class StagedModel(StagedKernel):
     def _equivalent_notes(self, stress: Floats) -> Iterator[str]:
         """Curved strengths as c and phi, in the in-situ stress (n_strain, n_points)."""
         for name, points in self.systems[0].points_of.items():
+            if self.on_mesh.strength_growths(name):  # another curve at each point
+                continue
             material = self.case.materials[name]
             yield from equivalent_notes(material, stress[:, points], self.case.start)
 

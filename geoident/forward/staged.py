@@ -39,6 +39,7 @@ from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
+from geoident.forward.yielding.varied import inadmissible_strengths
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
@@ -211,6 +212,7 @@ class StagedKernel(ObservedModel):
                 s = self.discretization.points.n_strain
                 material = replace(self.case.materials[name], elastic=self.on_mesh.elastic(name))
                 fault = fault or inadmissible_moduli(material, fields, values, s, growths)
+            fault = fault or inadmissible_strengths(self.on_mesh, name, values)
         return fault
 
     def forget(self) -> None:

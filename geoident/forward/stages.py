@@ -265,6 +265,13 @@ class CaseOnMesh:
 
     def elastic_growths(self, material: str) -> tuple[PointGrowth, ...]:
         """Elastic constants of a material that grow with depth or stress."""
+        return tuple(g for g in self._growths(material) if g.growth.surface is None)
+
+    def strength_growths(self, material: str) -> tuple[PointGrowth, ...]:
+        """Strengths of a material that grow with depth or stress."""
+        return tuple(g for g in self._growths(material) if g.growth.surface is not None)
+
+    def _growths(self, material: str) -> tuple[PointGrowth, ...]:
         return tuple(g for g in self.growths if g.growth.material == material)
 
     def elastic(self, material: str) -> Elastic:

@@ -210,8 +210,7 @@ class RandomField:
         >>> RandomField("rock", "E", Scalar(1.0), 0.3, (20.0,), flat).name
         'rock.E'
         """
-        surface = f".yield-{self.surface + 1}" if self.surface else ""
-        return f"{self.material}{surface}.{self.constant}"
+        return _name(self)
 
 
 @dataclass(frozen=True)
@@ -247,14 +246,15 @@ class WithStress:
 
 @dataclass(frozen=True)
 class Growth:
-    """An elastic constant that grows with depth or with the stress in situ (theory 10.7).
+    """A constant that grows with depth or with the stress in situ (theory 10.7).
 
     Args:
         material: of this material.
-        constant: name among `constants` of its elasticity.
+        constant: name among `constants` of its elasticity, or among the strengths of a surface.
         base: the number from which it grows, Pa: at the surface, or at the reference pressure; the
             constant without its growth.
         law: how it grows.
+        surface: index of the yield surface whose strength it is; None for an elastic constant.
         dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
         unit: in which the user wrote the base, for tables.
         path: keys of the case that lead to it.
@@ -264,6 +264,7 @@ class Growth:
     constant: str
     base: Scalar
     law: WithDepth | WithStress
+    surface: int | None = None
     dimension: str = "pressure"
     unit: str = ""
     path: tuple[str | int, ...] = ()
@@ -271,13 +272,19 @@ class Growth:
     @property
     def name(self) -> str:
         """By which people and files know it."""
-        return f"{self.material}.{self.constant}"
+        return _name(self)
 
     @property
     def words(self) -> str:
         """That it grows, a clause."""
         with_what = "depth" if isinstance(self.law, WithDepth) else "the in-situ stress"
-        return f"{self.constant} of {self.material} grows with {with_what}"
+        written = self.path[-1] if self.path else self.constant
+        return f"{written} of {self.material} grows with {with_what}"
+
+
+def _name(varied: RandomField | Growth) -> str:
+    surface = f".yield-{varied.surface + 1}" if varied.surface else ""
+    return f"{varied.material}{surface}.{varied.constant}"
 
 
 @dataclass(frozen=True)
@@ -368,7 +375,8 @@ def bounded(elastic: Elastic, growths: Sequence[Growth]) -> Elastic:
     """
     if not isinstance(elastic, Isotropic):
         return elastic
-    return with_constants(elastic, {growth.constant: Scalar(1.0) for growth in growths})
+    grown = [growth.constant for growth in growths if growth.surface is None]
+    return with_constants(elastic, dict.fromkeys(grown, Scalar(1.0)))
 
 
 def angles(elastic: Elastic) -> dict[str, Scalar]:

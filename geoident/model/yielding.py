@@ -6,8 +6,8 @@ Tension is positive; stresses and strengths in Pa.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import degrees, pi, tan
 from typing import Any, ClassVar, Literal
 
@@ -17,7 +17,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.bounds import Breach, Numbers, beyond, negative, not_positive
 from geoident.model.dual import Dual
 from geoident.model.empirical.rock_mass import LARGEST_GSI, strength_constants
-from geoident.model.ground import Frame, angles_of
+from geoident.model.ground import Frame, Growth, angles_of
 from geoident.model.parameter import Scalar, Values, scalars_of
 from geoident.model.results.columns import column, derived
 
@@ -308,6 +308,33 @@ class HoekBrown(_Surface):
 
 
 YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane | HoekBrown
+
+
+def with_strengths(
+    surfaces: Sequence[YieldSurface], strengths: Mapping[tuple[int | None, str], Scalar]
+) -> tuple[YieldSurface, ...]:
+    """Surfaces with other numbers for some of their strengths, by index and name."""
+    changed: list[dict[str, Any]] = [{} for _ in surfaces]
+    for (number, name), scalar in strengths.items():
+        if number is not None:
+            changed[number][name] = scalar
+    return tuple(replace(s, **own) for s, own in zip(surfaces, changed, strict=True))
+
+
+def bounded_surfaces(
+    surfaces: Sequence[YieldSurface], growths: Sequence[Growth]
+) -> tuple[YieldSurface, ...]:
+    """The surfaces to check against bounds.
+
+    A strength that grows may start from zero, so an admissible one takes its place here; it is
+    checked at the points of the ground.
+    """
+    admissible = {
+        (growth.surface, growth.constant): Scalar(0.0 if growth.constant == "tension" else 1.0)
+        for growth in growths
+    }
+    return with_strengths(surfaces, admissible)
+
 
 _EXPONENTS = (0.2, 0.9)
 """Of Hoek-Brown: 0.5 to 0.67 by GSI; 0.25 and 0.75 are used for spalling (Diederichs 2007)."""

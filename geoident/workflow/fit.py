@@ -38,6 +38,7 @@ from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
 from geoident.workflow.estimating.predictions import (
     collapse_findings,
+    predicted_places,
     predicted_stages,
     score,
 )
@@ -61,6 +62,7 @@ from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
+from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
 from geoident.workflow.scoring.trials import LastStage, last_stage
 
 ENOUGH = 1e-4
@@ -165,7 +167,9 @@ def _result(
         estimate.outcome.certificate,
     )
     parameters = with_rivals(parameters, case.parameters, estimate.rivals)
-    prediction = predicted(setup, estimate, predicted_stages(gauges))
+    left_out = left_out_rows(case)
+    prediction = predicted(setup, estimate, predicted_places(gauges, left_out))
+    scored = left_out_table(case, gauges, prediction)
     stated = replace(gauges, readings=as_stated(job.inputs.case, estimate.readings))
     gross = gross_readings(stated.readings)
     by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
@@ -221,6 +225,7 @@ def _result(
         evidence=estimate.evidence,
         varied=field_estimates(setup.model, estimate.outcome.values, estimate.assessment),
         backtest=last.backtest,
+        left_out=scored,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
             *case.notes,
@@ -229,7 +234,8 @@ def _result(
             *surface_notes(setup.surface),
             *convergence_notes(setup.model, estimate),
             *unused_notes(estimate.readings),
-            *score(gauges, prediction),
+            *score(gauges, prediction, left_out),
+            *(scored.sentences if scored else ()),
             *rests,
             *last.notes,
             *(setup.mesh.notes if setup.mesh is not None else ()),

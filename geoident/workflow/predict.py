@@ -44,7 +44,7 @@ from geoident.workflow.estimating.predictions import (
     collapse_findings,
     follow_bound,
     predict_stages,
-    predicted_stages,
+    predicted_places,
     score,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
@@ -61,6 +61,7 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.readings import bad_notes, used_rows
+from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""
@@ -173,8 +174,10 @@ def predict(task: PredictTask, control: Control) -> Finished:
     readings = with_computed(table, case, model, survey, p)
     gauges = gauge_table(case, readings, survey.computed)
     chosen = task.request.stages
-    stages = chosen_stages(gauges, chosen) if chosen else predicted_stages(gauges)
-    prediction, left_out = _prediction(task, model, case, survey, stages)
+    rows = left_out_rows(case)
+    places = chosen_stages(gauges, chosen) if chosen else predicted_places(gauges, rows)
+    prediction, left_out = _prediction(task, model, case, survey, places)
+    scored = left_out_table(case, gauges, prediction)
     inherited = [one for one in fit.findings if one.kind != "collapse"]  # it has its own
     if task.others:  # its gauges may have the same names
         inherited = [replace(one, sentence=f"Of the fit: {one.sentence}") for one in inherited]
@@ -206,8 +209,10 @@ def predict(task: PredictTask, control: Control) -> Finished:
                 *left_out,
                 *by_reduced,
                 *bad_notes(readings),
-                *score(gauges, prediction),
+                *score(gauges, prediction, rows),
+                *(scored.sentences if scored else ()),
             ),
+            left_out=scored,
         )
     )
 
@@ -236,7 +241,7 @@ def _model(task: PredictTask) -> tuple[ObservedModel, Case]:
 
 
 def _prediction(
-    task: PredictTask, model: ObservedModel, case: Case, survey: Survey, stages: Bools
+    task: PredictTask, model: ObservedModel, case: Case, survey: Survey, places: Bools
 ) -> tuple[Prediction, tuple[str, ...]]:
     """What all minima of a fit predict, and a note where rivals have to be left out.
 
@@ -247,10 +252,10 @@ def _prediction(
         model: of the case to predict.
         case: to predict.
         survey: of the model at the answer of the fit.
-        stages: (n_stages,) which to predict.
+        places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
     fit, origin, same_case = task.fit, task.origin, task.request.case is None
-    first, rivals = _of_one_minimum(task, fit, model, case, survey, stages), fit.rivals
+    first, rivals = _of_one_minimum(task, fit, model, case, survey, places), fit.rivals
     if rivals is None:
         return first, ()
     if not same_case and origin.mesh_sha256 != fit.provenance.mesh_sha256:
@@ -270,7 +275,7 @@ def _prediction(
             there = of_fit
             if not same_case:
                 there = model.survey(values[order], fields=False, partial=True)
-            others.append(_of_one_minimum(task, at_rival, model, case, there, stages))
+            others.append(_of_one_minimum(task, at_rival, model, case, there, places))
     except ModelError as error:
         why = f"with the values of one of them {error}"
         return first, (LEFT_OUT.format(len(rivals) - 1, why),)
@@ -278,7 +283,7 @@ def _prediction(
 
 
 def _of_one_minimum(
-    task: PredictTask, fit: Result, model: ObservedModel, case: Case, survey: Survey, stages: Bools
+    task: PredictTask, fit: Result, model: ObservedModel, case: Case, survey: Survey, places: Bools
 ) -> Prediction:
     """What a fit predicts at its parameters, or at those of a rival that stands in their place.
 
@@ -291,7 +296,7 @@ def _of_one_minimum(
         model: of the case to predict.
         case: to predict.
         survey: of the model there.
-        stages: (n_stages,) which to predict.
+        places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
     p, readings = fit.parameters.values, fit.gauges.readings
     setup = setup_of_result(fit, task.origin.case, model)
@@ -319,7 +324,7 @@ def _of_one_minimum(
             Possible.of(fit.accuracies, readings.used),
         )
         known = known.of_nothing_used() if task.others else known
-    return predict_stages(survey, assessment, accuracies(case), stages, known, nonlinearity)
+    return predict_stages(survey, assessment, accuracies(case), places, known, nonlinearity)
 
 
 def _whose_gauges(task: PredictTask) -> Iterator[Finding]:

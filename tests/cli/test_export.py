@@ -20,7 +20,7 @@ def fitted(after):
 
 
 MISSING = (
-    *("accuracies", "grid", "structures", "backtest", "backtest-parameters"),
+    *("accuracies", "left-out", "grid", "structures", "backtest", "backtest-parameters"),
     *("posterior", "draws", "fields", "yielded"),
     *("opening", "ground-reaction", "opening-stresses", "face", "face-profile"),
 )

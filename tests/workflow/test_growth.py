@@ -113,3 +113,47 @@ def test_a_modulus_that_is_not_positive_is_said_where_it_is_written(fitted):
     said = " ".join(done.output.split())
     assert "other.yaml:11" in said
     assert "where it must be positive" in said
+
+
+CLAY = (
+    CASE.replace(DEPTH, "30 MPa")
+    .replace(
+        "E_top: {start: 20 MPa, bounds: [1 MPa, 500 MPa]",
+        "su: {start: 25 kPa, bounds: [1 kPa, 500 kPa]",
+    )
+    .replace(
+        "growth: {start: 3 MPa/m, bounds: [0 MPa/m, 100 MPa/m]}",
+        "growth: {start: 6 kPa/m, bounds: [0 kPa/m, 100 kPa/m]}",
+    )
+    .replace(
+        "nu: 0.25",
+        "nu: 0.25\n    yield: {type: tresca, strength: {at: $su, gradient: $growth, surface: 4 m}}",
+    )
+)
+
+
+@pytest.mark.usefixtures("plain_pictures")
+def test_strength_and_its_growth_are_found_and_shown(tmp_path):
+    """From readings of a finer mesh; the ground yields around the trench."""
+    path = tmp_path / "case.yaml"
+    path.write_text(CLAY)
+    (tmp_path / "readings.csv").write_text("gauge,stage,value,unit\n")
+    write_mesh(tmp_path / "trench.inp", n=(12, 8))
+    given = ("--set", "parameters.su.start=18 kPa", "--set", "parameters.growth.start=4 kPa/m")
+    drawn = run_command("simulate", path, *given, "--noise", "--seed", 3)
+    assert drawn.exit_code == 0, drawn.output
+    (tmp_path / "readings.csv").write_text(drawn.stdout)
+    done = run_command("fit", path)
+    assert done.exit_code == 0, done.output
+    result = read_result(str(tmp_path / "case.fit.h5"))
+    for k, truth in enumerate((18e3, 4e3)):
+        assert result.parameters.lower95[k] < truth < result.parameters.upper95[k]
+    (varied,) = result.varied
+    depth = 4.0 - varied.centres[:, 1]
+    assert varied.name == "soil.cohesion"
+    assert varied.values == pytest.approx(result.parameters.values @ [np.ones_like(depth), depth])
+    checked = " ".join(run_command("check", path).output.split())
+    assert "strength of soil grows with depth: at the start values 25.63 kPa" in checked
+    reported = run_command("report", tmp_path / "case.fit.h5", "-o", tmp_path / "report.html")
+    assert reported.exit_code == 0, reported.output
+    assert "Utilisation of the strength" in (tmp_path / "report.html").read_text()

@@ -36,6 +36,7 @@ TABLES = (
     "grid",
     "readings",
     "accuracies",
+    "left-out",
     "posterior",
     "draws",
     "fields",

@@ -45,6 +45,7 @@ from geoident.model.ground import (
     elastic_scalars,
 )
 from geoident.model.parameter import Values
+from geoident.model.yielding import bounded_surfaces
 
 _FORMULAS: Mapping[type, Callable[[formulas.Constants], Dual]] = {
     Isotropic: formulas.isotropic,
@@ -351,7 +352,8 @@ class ModuliAt:
 
 def inadmissible(material: Material, values: Values) -> str | None:
     """Why the moduli or strengths are not admissible, as a sentence; None if they are."""
-    breaches = (surface.breach(values) for surface in material.yields)
+    surfaces = bounded_surfaces(material.yields, material.growths)
+    breaches = (surface.breach(values) for surface in surfaces)
     elastic = bounded(material.elastic, material.growths)
     reason = breach(elastic, values) or next(filter(None, breaches), None)
     if reason is None:

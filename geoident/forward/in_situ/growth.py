@@ -1,8 +1,8 @@
 """Constants that grow with depth or with the in-situ stress: from a case to its strain points.
 
 The stress is the one in situ as the case gives it, before the first stage: neither the equilibrium
-step of the virgin ground nor later stages change the stiffness, so the ground stays linear elastic
-and the derivatives by the numbers of the in-situ stress are exact (theory 10.7).
+step of the virgin ground nor later stages change stiffness and strength, so elastic ground stays
+linear and the derivatives by the numbers of the in-situ stress are exact (theory 10.7).
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _floor(one: PointGrowth, law: WithStress, factors: Floats, values: Values) -
 
 
 def _shown(value: float, growth: Growth) -> str:
-    unit = growth.unit or "MPa"
+    unit = growth.unit or ("MPa" if value >= 1e6 else "kPa")
     return (
         f"{in_unit(float(value), unit, growth.dimension):.4g} {shown_unit(unit, growth.dimension)}"
     )

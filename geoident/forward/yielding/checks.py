@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,13 @@ from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Growth, RandomField, constants
 from geoident.model.parameter import Parameter, Values
-from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
+from geoident.model.yielding import (
+    GivenPlanes,
+    HoekBrown,
+    WeakPlane,
+    YieldSurface,
+    bounded_surfaces,
+)
 
 _ROUNDED_NORMAL = 1e-9
 """Of a unit normal: rounding of the turns of axes, below which a component is zero."""
@@ -45,7 +52,10 @@ def yield_notes(case: Case) -> list[str]:
     notes = []
     for material in _yielding(case):
         notes.append(f"'{material.name}' yields by {_described(case, material)}")
-        for surface in material.yields:
+        varied = {growth.surface for growth in material.growths}
+        for number, surface in enumerate(material.yields):
+            if number in varied:  # said, point by point, where it is on the mesh
+                continue
             limit, tension = surface.apex(start), getattr(surface, "tension", None)
             if limit is not None and tension is not None and tension.value(start) >= limit:
                 notes.append(
@@ -67,7 +77,7 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
     """
     entries: tuple[RandomField | Growth, ...] = (*material.fields, *material.growths)
     for field in entries:
-        if isinstance(field, Growth) or field.surface is None:
+        if field.surface is None:
             moduli = [name for name in constants(material.elastic) if not name.startswith("nu")]
             if moduli != [field.constant]:
                 others = ", ".join(name for name in moduli if name != field.constant)
@@ -94,8 +104,18 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
         yield case.source.fault(path, code="field", message=message, hint=hint)
 
 
-def _other_strengths(case: Case, material: Material, field: RandomField) -> Iterator[Fault]:
-    """Strengths that do not vary with the one that does."""
+def _other_strengths(
+    case: Case, material: Material, field: RandomField | Growth
+) -> Iterator[Fault]:
+    """Strengths that do not vary with the one that does.
+
+    Where cohesion or tension grows, the other one is free, unless it is a field (`varied`).
+    """
+    assert field.surface is not None
+    free = {(field.surface, field.constant)}
+    if isinstance(field, Growth) and not isinstance(material.yields[field.surface], HoekBrown):
+        free |= {(field.surface, name) for name in ("cohesion", "tension")}
+        free -= {(one.surface, one.constant) for one in material.fields}
     for number, surface in enumerate(material.yields):
         if isinstance(surface, GivenPlanes):
             others = [f"the plane '{plane.name}'" for plane in surface.planes]
@@ -105,7 +125,7 @@ def _other_strengths(case: Case, material: Material, field: RandomField) -> Iter
                 for name, strength in surface.strengths.items()
                 if name not in (*_ANGLES, "hardening", *surface.dimensionless)
                 and (strength.factor or strength.parameter)
-                and (number, name) != (field.surface, field.constant)
+                and (number, name) not in free
             ]
         if others:
             message = f"{field.constant} of '{material.name}' varies from place to place, but "
@@ -113,7 +133,8 @@ def _other_strengths(case: Case, material: Material, field: RandomField) -> Iter
             message += "does not" if len(others) == 1 else "do not"
             message += ": a yield surface can grow and shrink from place to place, but not change "
             message += "its shape"
-            hint = f"Leave out {others[0]}, or give {field.constant} without a field."
+            how = "a field" if isinstance(field, RandomField) else "growth"
+            hint = f"Leave out {others[0]}, or give {field.constant} without {how}."
             yield case.source.fault(field.path, code="field", message=message, hint=hint)
 
 
@@ -221,7 +242,9 @@ def _empty_in_the_box(
 
 
 def _outside_at_zero(case: Case, material: Material) -> bool:
-    planes = yield_limits(material, ParameterPoint(case.start, ()), n_strain_of(case))
+    surfaces = bounded_surfaces(material.yields, material.growths)
+    bounded = replace(material, yields=surfaces)
+    planes = yield_limits(bounded, ParameterPoint(case.start, ()), n_strain_of(case))
     return bool(planes.distances.value.min() < 0.0)
 
 

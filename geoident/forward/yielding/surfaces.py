@@ -45,10 +45,10 @@ from geoident.forward.yielding.facets import (
 )
 from geoident.forward.yielding.hoek_brown import hoek_brown
 from geoident.forward.yielding.mohr_coulomb import cut_off, exact_mohr_coulomb, mohr_coulomb
+from geoident.forward.yielding.varied import mean_surface, surface_factors, with_common_surface
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint, stacked
-from geoident.model.ground import PointField
 from geoident.model.yielding import (
     DruckerPrager,
     Fit,
@@ -73,12 +73,17 @@ class YieldLaws:
         self._moduli, self._on_mesh, self._point = moduli, moduli.on_mesh, moduli.point
         self._materials = moduli.on_mesh.case.materials
         self._laws: dict[str, YieldLaw | None] = {}
+        self._factors: dict[str, tuple[Dual, Dual] | None] = {}
 
     @cached_property
     def limits(self) -> dict[str, YieldPlanes | HoekBrownConstants]:
-        """Planes or constants of the surface of every material of the case that yields."""
+        """Planes or constants of the surface of every material of the case that yields.
+
+        Where a strength is a field or grows, those of its mean.
+        """
+        grown = self._on_mesh.strength_growths
         return {
-            name: yield_limits(material, self._point, self._moduli.n_strain)
+            name: self._limits(mean_surface(material, grown(name), self._point))
             for name, material in self._materials.items()
             if material.yields
         }
@@ -86,7 +91,7 @@ class YieldLaws:
     def at(self, material: str, points: Index) -> YieldLaw | None:
         """The law of a material at some of its strain points, or None if it does not yield.
 
-        Where moduli or strengths are fields, that of their means with factors of the points.
+        Where moduli or strengths vary, that of `law` with the factors of the points.
 
         Args:
             material: its name.
@@ -95,56 +100,48 @@ class YieldLaws:
         Raises:
             EmptyDomain: no stress satisfies the planes of an exact surface.
         """
-        law, fields = self.law(material), self._on_mesh.strength_fields(material)
-        moduli = self._moduli.moduli(material, points).value
-        if law is None or not (fields or isinstance(moduli, ScaledModuli)):
+        law = self.law(material)
+        if law is None:
+            return None
+        factors, moduli = self._factors_of(material), self._moduli.moduli(material, points).value
+        if factors is None and not isinstance(moduli, ScaledModuli):
             return law
         wanted = numbers(points, self._on_mesh.discretization.points.n_points)
         places = np.searchsorted(self._on_mesh.material_points(material), wanted)
-        strength, slopes = np.ones(len(wanted)), np.zeros((len(wanted), len(self._point.names)))
-        if fields:  # a surface that keeps its shape has one (`checks`)
-            (field,) = fields
-            assert field.surface is not None
-            surface = self._materials[material].yields[field.surface]
-            mean = self._point.number(surface.strengths[field.constant])
-            strength = field.factor(self._point.values, float(mean.value))[places]
-            slopes = strength_slopes(field, mean, self._point.names)[places] * strength[:, None]
-        stiffness = moduli.factor if isinstance(moduli, ScaledModuli) else np.ones(len(wanted))
-        return ScaledLaw(law, strength, stiffness, slopes)
+        one, none = (self._point.constant(np.full(len(wanted), x)) for x in (1.0, 0.0))
+        strength, shift = (one, none) if factors is None else (each[places] for each in factors)
+        stiffness = moduli.factor if isinstance(moduli, ScaledModuli) else one.value
+        return ScaledLaw(law, strength, shift, stiffness)
 
     def law(self, material: str) -> YieldLaw | None:
-        """The law of a material, or None if it does not yield; of the means of its fields.
+        """The law of a material, or None if it does not yield.
+
+        Of the means of its fields, and of the surface common to its points where strengths grow.
 
         Raises:
             EmptyDomain: no stress satisfies the planes of an exact surface.
         """
         if material not in self._laws:
-            planes, elasticity = self.limits.get(material), self._moduli.elastic_matrix(material)
-            if planes is None:
-                self._laws[material] = None
-            elif isinstance(planes, HoekBrownConstants):
-                self._laws[material] = HoekBrownLaw(elasticity, planes)
-            elif in_principal_stresses(self._materials[material]):
-                self._laws[material] = PrincipalLaw(elasticity, planes)
-            else:
-                self._laws[material] = PolyhedralLaw(elasticity, planes)
+            self._laws[material] = self._made(self._materials[material])
         return self._laws[material]
 
+    def _made(self, material: Material) -> YieldLaw | None:
+        if not material.yields:
+            return None
+        planes = self._limits(with_common_surface(self._on_mesh, material.name))
+        elasticity = self._moduli.elastic_matrix(material.name)
+        if isinstance(planes, HoekBrownConstants):
+            return HoekBrownLaw(elasticity, planes)
+        law = PrincipalLaw if in_principal_stresses(material) else PolyhedralLaw
+        return law(elasticity, planes)
 
-def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floats:
-    """Derivatives (q, n) of the logarithm of the factor of a field by parameters.
+    def _limits(self, material: Material) -> YieldPlanes | HoekBrownConstants:
+        return yield_limits(material, self._point, self._moduli.n_strain)
 
-    Args:
-        field: the field.
-        mean: of its constant, with derivatives by the n parameters.
-        names: of the parameters.
-    """
-    slopes = np.outer(-field.pull, mean.columns[1:] / float(mean.value))
-    places = {name: k for k, name in enumerate(names)}
-    for k, name in enumerate(field.names):
-        if name in places:
-            slopes[:, places[name]] += field.modes[:, k]
-    return np.asarray(slopes)
+    def _factors_of(self, material: str) -> tuple[Dual, Dual] | None:
+        if material not in self._factors:
+            self._factors[material] = surface_factors(self._on_mesh, material, self._point)
+        return self._factors[material]
 
 
 def in_principal_stresses(material: Material) -> bool:

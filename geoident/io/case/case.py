@@ -52,6 +52,7 @@ from geoident.io.schema.values import (
 )
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, Case, KeyPath, Material
+from geoident.model.parameter import scalars_of
 
 _AXES = "xyz"
 
@@ -267,6 +268,12 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         name: part.for_model(context.at("structures", name))
         for name, part in section.structures.items()
     }
+    channels = build_channels(section.gauges, structures, context.at("gauges"))
+    known = dict.fromkeys(name for c in channels for name in (c.gauge, c.name))
+    if known or not section.gauges:  # of gauges that are wrong nobody knows the channels
+        for n, name in enumerate(section.fit.predict_gauges or ()):
+            if name not in known:
+                faults.add_unknown(("fit", "predict_gauges", n), "gauge", name, known)
     return section.to_model(
         Case,
         context,
@@ -280,7 +287,7 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         supports=tuple(build_supports(section.supports, context.at("supports")).values()),
         in_situ=in_situ,
         gravity=_gravity(section.gravity, context.at("gravity")),
-        channels=build_channels(section.gauges, structures, context.at("gauges")),
+        channels=channels,
         readings=(),
         dates={},
         fit=replace(
@@ -336,8 +343,11 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
     return any(
         number.parameter is not None
         for material in materials.values()
-        for surface in material.yields
-        for number in surface.numbers
+        for numbers in (
+            *(surface.numbers for surface in material.yields),
+            *(scalars_of(g.law).values() for g in material.growths if g.surface is not None),
+        )
+        for number in numbers
     )
 
 

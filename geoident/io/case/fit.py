@@ -112,6 +112,12 @@ class FitBase(Section):
     stages: Annotated[list[Name], Field(min_length=1)] | None = Field(
         None, description="Stages whose readings are used (all if missing); others are predicted."
     )
+    predict_gauges: Annotated[list[Name], Field(min_length=1)] | None = Field(
+        None,
+        description="Gauges, or channels such as X.a, whose readings are not used: they are "
+        "predicted with bands, and the result says how many lie inside.",
+        examples=[["D-E"]],
+    )
 
     accuracies: EstimatedKinds | None = Field(
         None,
@@ -194,6 +200,7 @@ class FitBase(Section):
             reduced=self.reduced is not False,
             keep_reduced=self.reduced == "keep",
             ladder=(),
+            predict_gauges=tuple(self.predict_gauges or ()),
         )
 
     def _method(self, name: str) -> MethodOptions:

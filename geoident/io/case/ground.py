@@ -12,7 +12,12 @@ from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, stra
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import ModulusOrVaried, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
-from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
+from geoident.io.case.yielding.sections import (
+    YieldSections,
+    build_yields,
+    fields_of_yields,
+    growths_of_yields,
+)
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Angle,
@@ -276,17 +281,18 @@ def build_materials(
     for name, section in sections.items():
         place = context.at(name)
         elastic, growths = section.build_elastic(place), growths_in(section, place, material=name)
+        stronger = growths_of_yields(section.yields, place.at("yield"), material=name)
         _check_start(bounded(elastic, growths), section, parameters, place)
         materials[name] = section.to_model(
             Material,
             name=name,
             elastic=elastic,
-            yields=build_yields(section.yields, elastic, parameters, place.at("yield")),
+            yields=build_yields(section.yields, elastic, stronger, parameters, place.at("yield")),
             fields=(
                 *fields_in(section, place, material=name),
                 *fields_of_yields(section.yields, place.at("yield"), material=name),
             ),
-            growths=growths,
+            growths=(*growths, *stronger),
         )
     return materials
 

@@ -21,6 +21,7 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import column, derived, select
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
+from geoident.model.results.left_out import LeftOutTable
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
@@ -805,6 +806,7 @@ class Result:
         evidence: how well the model explains the readings, or None.
         comparison: of a ladder of models, of which this is the chosen one, or None.
         surface: the response surfaces of a table of runs, or None.
+        left_out: how well gauges that the fit left out are predicted, or None.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -890,6 +892,9 @@ class Result:
     varied: tuple[FieldEstimate, ...] = ()
     surface: SurfaceTable | None = field(
         default=None, metadata=column(group="surface", optional=True)
+    )
+    left_out: LeftOutTable | None = field(
+        default=None, metadata=column(group="left_out", optional=True)
     )
 
     @property

@@ -27,6 +27,7 @@ from geoident.report.text import (
     accuracies,
     backtest,
     extent,
+    left_out,
     posterior,
     rivals,
     structures,
@@ -153,6 +154,9 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(model_error.TITLE, _paragraph(model_error.model_error_text(result.model_error))),
         section(surface.TITLE, *_surface(result)),
         section(rivals.TITLE, TitledTable(rivals.TITLE, rivals.rivals_table(result))),
+        section(
+            left_out.TITLE, TitledTable(left_out.TITLE, left_out.left_out_table(result.left_out))
+        ),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),
         section("Displacements and stresses", Figures(pictures.fields)),
         section(

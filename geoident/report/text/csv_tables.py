@@ -214,6 +214,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "grid": _grid,
     "readings": lambda result: sheet(each_reading(result.gauges), ROW),
     "accuracies": _accuracies,
+    "left-out": lambda result: sheet(result.left_out, "left_out"),
     "posterior": posterior_sheet,
     "draws": draws_sheet,
     "fields": _fields,

@@ -99,6 +99,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "backtest": result.backtest and backtest_object(result),
         "model_error": result.model_error and attributes(result.model_error),
         "surface": result.surface and surface_object(result.surface),
+        "left_out": result.left_out and objects(result.left_out, "left_out"),
         "fields": fields and varied_list(fields),
         "certificate": proof and certificate_object(proof),
         "structures": result.members and structures_list(result.members),

@@ -211,21 +211,21 @@ def over_accuracies(
     return OverAccuracies.of(problems, setup.accuracies.odds, p, computed, jacobian)
 
 
-def predicted(setup: Setup, estimate: Estimate, stages: Bools) -> Prediction:
-    """Bands of the readings at some stages, from an estimate and its rivals.
+def predicted(setup: Setup, estimate: Estimate, places: Bools) -> Prediction:
+    """Bands of some readings, from an estimate and its rivals.
 
     Args:
         setup: model and readings.
         estimate: the estimate.
-        stages: (n_stages,) which.
+        places: (n_channels, n_stages) which, or (n_stages,) of all channels.
     """
     sd = accuracies(setup.case)
     first = predict_stages(
-        estimate.survey, estimate.assessment, sd, stages, estimate.errors, estimate.nonlinearity
+        estimate.survey, estimate.assessment, sd, places, estimate.errors, estimate.nonlinearity
     )
     if estimate.rivals is None:
         return first
-    others = [predicted(setup, other, stages) for other in estimate.others]
+    others = [predicted(setup, other, places) for other in estimate.others]
     return mixed_prediction(estimate.rivals.odds, [first, *others])
 
 

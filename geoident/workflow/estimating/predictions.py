@@ -34,6 +34,16 @@ def predicted_stages(gauges: GaugeTable) -> Bools:
     return np.asarray(~np.any(gauges.used, axis=0), dtype=np.bool_)
 
 
+def predicted_places(gauges: GaugeTable, left_out: Bools) -> Bools:
+    """(n_channels, n_stages) what a fit predicts: stages it did not use, and gauges left out.
+
+    Args:
+        gauges: with the readings of the fit.
+        left_out: (n_channels,) channels that it was told to leave out.
+    """
+    return np.asarray(predicted_stages(gauges)[None] | left_out[:, None])
+
+
 def chosen_stages(gauges: GaugeTable, names: Sequence[str]) -> Bools:
     """(n_stages,) the stages of these names."""
     return np.array([stage in names for stage in gauges.stages], dtype=np.bool_)
@@ -43,24 +53,24 @@ def predict_stages(
     survey: Survey,
     assessment: Assessment,
     accuracy: Floats,
-    stages: Bools,
+    places: Bools,
     known: KnownErrors | None = None,
     nonlinearity: Nonlinearity | None = None,
 ) -> Prediction:
-    """Bands of the computed readings at the given stages.
+    """Bands of computed readings.
 
     Args:
         survey: the model at the estimate; its readings are NaN where a channel cannot be read.
         assessment: how well the parameters are known.
         accuracy: (n_channels, n_stages) standard deviation of a reading, SI; NaN for no prediction.
-        stages: (n_stages,) the stages to predict.
+        places: (n_channels, n_stages) those to predict, or (n_stages,) of all channels.
         known: what the used readings tell of errors that later ones share; None where all are
             independent.
         nonlinearity: how the readings of all channels and stages, row by row, deviate from linear
             where a bound truncates a parameter; None for not at all.
     """
     computed = survey.computed
-    wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
+    wanted = np.isfinite(computed) & np.isfinite(accuracy) & places
     mean = np.where(wanted, computed, np.nan)
     sensitivity = survey.sensitivity[wanted]
     curved = None if nonlinearity is None else nonlinearity.of(wanted.ravel())
@@ -243,15 +253,21 @@ class KnownErrors:
         return whole.rows(np.arange(g)), whole.rows(np.arange(g, g + len(later)))
 
 
-def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
-    """One sentence for every predicted stage that was read: how well the prediction came true."""
+def score(gauges: GaugeTable, prediction: Prediction, left_out: Bools) -> tuple[str, ...]:
+    """One sentence for every predicted stage that was read: how well the prediction came true.
+
+    Args:
+        gauges: what was read.
+        prediction: of all that is predicted.
+        left_out: (n_channels,) channels that the fit left out; they have scores of their own.
+    """
     sentences = []
     measured = np.where(gauges.bad, np.nan, gauges.measured)  # without those known to be wrong
     within = (measured >= prediction.lower95) & (measured <= prediction.upper95)
     for column, stage in enumerate(gauges.stages):
         error = measured[:, column] - prediction.mean[:, column]
         sd = prediction.sd[:, column]
-        read = np.isfinite(error) & np.isfinite(sd)
+        read = np.isfinite(error) & np.isfinite(sd) & ~left_out
         if np.any(read):
             inside = within[read, column]
             rms = float(np.sqrt(np.mean((error[read] / sd[read]) ** 2)))

@@ -68,6 +68,8 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
         if case.fit.stages is not None and reading.stage not in case.fit.stages:
             return "the stage is not in fit.stages"
         channel = channels[reading.channel]
+        if not {channel.gauge, channel.name}.isdisjoint(case.fit.predict_gauges):
+            return "the gauge is in fit.predict_gauges"
         # Another number at that stage is a second reading, which has errors.
         at_zero = channel.is_zeroed and channel.zero == reading.stage
         if at_zero and reading.value == 0.0 and channel.drift is None:

@@ -7,6 +7,7 @@ import pytest
 from support.plastic import Planes, coulomb, isotropic, principal
 
 from geoident.fem.yielding.scaled_law import ScaledLaw
+from geoident.model.dual import Dual
 
 LAME, SHEAR = 1.3, 0.9
 ELASTICITY, STIFFER = isotropic(LAME, SHEAR, 6), isotropic(0.3, -0.2, 6)
@@ -19,9 +20,12 @@ def test_each_point_is_that_of_a_law_with_its_numbers(dilation):
     planes = coulomb(0.6, 0.8, tension=0.3, dilation=dilation)
     count = 30
     strength, stiffness = rng.uniform(0.5, 2.0, (2, count))
-    slopes = rng.normal(size=(count, 2))
+    shift = rng.normal(size=count)
+    slopes, moved = rng.normal(size=(2, count, 2))
     changes = [Planes(distances=np.array([0.7, 0.2])), Planes(elasticity=STIFFER)]
-    law = ScaledLaw(principal(ELASTICITY, planes, changes), strength, stiffness, slopes)
+    factors = (Dual(np.column_stack(c)) for c in ((strength, slopes), (shift, moved)))
+    law = ScaledLaw(principal(ELASTICITY, planes, changes), *factors, stiffness)
+    along = planes.normals.sum(axis=1)  # what a unit of hydrostatic tension takes of the distance
     assert law.associated == (dilation is None)
     assert not law.hardens
     trial = 3.0 * rng.normal(size=(6, count))
@@ -34,10 +38,14 @@ def test_each_point_is_that_of_a_law_with_its_numbers(dilation):
     outside = law.excess(trial)
     for n in range(count):
         f, g = strength[n], stiffness[n]
-        numbers = Planes(planes.normals, f * planes.distances, planes.flow)
+        distances = f * planes.distances + shift[n] * along
+        numbers = Planes(planes.normals, distances, planes.flow)
+        slope, moves_k = (
+            np.outer(x[n], y) for x, y in ((slopes, planes.distances), (moved, along))
+        )
         with_slopes = [
-            Planes(distances=f * changes[0].distances + slopes[n, 0] * planes.distances),
-            Planes(distances=slopes[n, 1] * planes.distances, elasticity=g * STIFFER),
+            Planes(distances=f * changes[0].distances + slope[0] + moves_k[0]),
+            Planes(distances=slope[1] + moves_k[1], elasticity=g * STIFFER),
         ]
         alone = principal(g * ELASTICITY, numbers, with_slopes)
         one = alone.project(trial[:, n : n + 1])

@@ -1,4 +1,4 @@
-"""Moduli that grow with depth or stress: what a case says of them, and what is wrong with it."""
+"""Moduli and strengths that grow: what a case says of them, and what is wrong with it."""
 
 from __future__ import annotations
 
@@ -81,3 +81,48 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, modulus, said):
 def test_a_ratio_does_not_grow(tmp_path):
     said = faults(tmp_path, "$E", "nu: {at: 0.2, gradient: 0.1 1/m, surface: 0 m}")
     assert "materials.rock.nu" in said
+
+
+def read_yield(folder, surface):
+    path = write_case(folder)
+    path.write_text(CASE.replace(ROCK, f"E: $E, nu: 0.25, yield: {surface}}}"))
+    return read_case(str(path)).case.materials["rock"]
+
+
+@pytest.mark.parametrize("key", ["strength", "cohesion"])
+def test_undrained_strength_grows(tmp_path, key):
+    """From zero at the surface, in a list of surfaces as well as alone."""
+    surface = f"{{type: tresca, {key}: {{at: 0 kPa, gradient: 11 kPa/m, surface: 4 m}}}}"
+    for given in (surface, f"[{surface}]"):
+        (found,) = read_yield(tmp_path, given).growths
+        assert (found.name, found.surface) == ("rock.cohesion", 0)
+        assert found.law == WithDepth(Scalar(11e3), Scalar(4.0))
+        assert found.words == f"{key} of rock grows with depth"
+
+
+def test_cohesion_and_tension_grow_apart(tmp_path):
+    surface = "{type: mohr-coulomb, cohesion: C, friction: 20 deg, tension: T}"
+    surface = surface.replace("C", "{reference: 20 kPa, exponent: 0.5, pressure: 100 kPa}")
+    surface = surface.replace(" T}", " {at: 1 kPa, gradient: 2 kPa/m, surface: hills}}")
+    growths = read_yield(tmp_path, surface).growths
+    assert [growth.constant for growth in growths] == ["tension", "cohesion"]
+
+
+@pytest.mark.parametrize(
+    ("surface", "said"),
+    [
+        (
+            "{type: tresca, strength: {at: 1 kPa, gradient: 11 kPa, surface: 4 m}}",
+            "materials.rock.yield.strength.gradient: '11 kPa' is a pressure",
+        ),
+        (
+            "{type: mohr-coulomb, cohesion: 1 kPa, friction: "
+            "{at: 30 deg, gradient: 1 deg/m, surface: 4 m}}",
+            "an angle does not grow",
+        ),
+    ],
+)
+def test_what_is_wrong_of_strengths_is_said(tmp_path, surface, said):
+    with pytest.raises(InputError) as caught:
+        read_yield(tmp_path, surface)
+    assert said in str(caught.value)

@@ -1,1 +1,1 @@
-"""Constants of the ground that are not one number: fields, and moduli that grow."""
+"""Constants of the ground that are not one number: fields, and what grows."""

@@ -1,4 +1,4 @@
-"""Moduli that grow with depth, or with the stress in situ.
+"""Moduli and strengths that grow with depth, or with the stress in situ.
 
 Written as `E: {at: 20 MPa, gradient: 0.5 MPa/m, surface: 0 m}` or as
 `E: {reference: 30 MPa, exponent: 0.5, pressure: 100 kPa}`.
@@ -31,7 +31,7 @@ LEAST_PRESSURE = 0.01
 
 
 class GrowthBase(Section):
-    """A modulus that grows."""
+    """A modulus or a strength that grows."""
 
     @property
     @abstractmethod
@@ -46,13 +46,16 @@ class GrowthBase(Section):
         """The number from which it grows."""
         return replace(self.base, varied_by=self)
 
-    def built(self, context: Context, *, material: str, constant: str) -> Growth:
+    def built(
+        self, context: Context, *, material: str, constant: str, surface: int | None
+    ) -> Growth:
         """The growth for the model.
 
         Args:
             context: of the key of the constant.
             material: of which it is.
             constant: its name in the model.
+            surface: index of the yield surface whose strength it is, or None.
         """
         base = self.base
         return Growth(
@@ -60,6 +63,7 @@ class GrowthBase(Section):
             constant=constant,
             base=base.scalar,
             law=self.law(),
+            surface=surface,
             dimension=base.dimension,
             unit=base.unit,
             path=context.path,
@@ -67,16 +71,16 @@ class GrowthBase(Section):
 
 
 class DepthGrowthSection(GrowthBase):
-    """A modulus that grows with depth: at + gradient * depth."""
+    """A modulus or a strength that grows with depth: at + gradient * depth."""
 
     at: Stress = Field(
-        description="The modulus at the surface; it may be 0, as in Gibson's soil.",
+        description="Its value at the surface; it may be 0, as in Gibson's soil.",
         examples=["20 MPa", "$E_top"],
     )
     gradient: UnitWeight = Field(
         description="By how much it grows per metre of depth; it may be negative, where the "
-        "modulus stays positive in all ground of the material.",
-        examples=["0.5 MPa/m"],
+        "value stays positive in all ground of the material.",
+        examples=["0.5 MPa/m", "$growth"],
     )
     surface: LevelOrGroup = Field(
         description="Where depth is counted from, downwards: a level, or a group of lines (2-D) or "
@@ -86,7 +90,7 @@ class DepthGrowthSection(GrowthBase):
 
     @property
     def base(self) -> CaseNumber:
-        """The modulus at the surface."""
+        """The value at the surface."""
         return self.at
 
     def law(self) -> WithDepth:
@@ -95,33 +99,34 @@ class DepthGrowthSection(GrowthBase):
 
 
 class StressGrowthSection(GrowthBase):
-    """A modulus that grows with the mean effective stress p' in situ.
+    """A modulus or a strength that grows with the mean effective stress p' in situ.
 
     It is reference * (p' / pressure)^exponent, with p' as `in_situ` gives it before the first
     stage, compression positive: no stage changes it.
     """
 
     reference: Modulus = Field(
-        description="The modulus at p' = pressure.", examples=["30 MPa", "$E_ref"]
+        description="Its value at p' = pressure.", examples=["30 MPa", "$E_ref"]
     )
     exponent: Coefficient = Field(
-        description="Exponent: about 0.5 for sand, up to 1 for soft clay; 0 for no growth.",
+        description="Exponent: of moduli about 0.5 for sand, up to 1 for soft clay; 1 for an "
+        "undrained strength in proportion to p'; 0 for no growth.",
         examples=["0.5", "$m"],
     )
     pressure: Modulus = Field(
-        description="Mean effective stress at which the modulus is the reference.",
+        description="Mean effective stress at which the value is the reference.",
         examples=["100 kPa"],
     )
     least: Modulus | None = Field(
         None,
-        description="Least p' that counts: ground in tension or without stress has the modulus of "
+        description="Least p' that counts: ground in tension or without stress has the value of "
         "this one. 1 % of `pressure` if missing.",
         examples=["1 kPa"],
     )
 
     @property
     def base(self) -> CaseNumber:
-        """The modulus at the reference pressure."""
+        """The value at the reference pressure."""
         return self.reference
 
     def law(self) -> WithStress:

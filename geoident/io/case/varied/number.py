@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
+    BeforeValidator,
     Discriminator,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
@@ -19,7 +20,7 @@ from pydantic_core import CoreSchema, core_schema
 from geoident.io.case.varied.field import VariedAngleSection, VariedModulusSection, VariedSection
 from geoident.io.case.varied.growth import DepthGrowthSection, GrowthBase, StressGrowthSection
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus, RockMassModulusSection
-from geoident.io.schema.section import Context, Section
+from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
@@ -96,15 +97,32 @@ YoungModulus = Annotated[
     | Annotated[CaseNumber, InPlaceOfNumber(RockMassModulusSection), Tag("<rock mass>")],
     Discriminator(_number_varied_or_derived),
 ]
-FieldStrength = Annotated[
+StrengthOrVaried = Annotated[
     Annotated[Stress, Tag("<number>")]
-    | Annotated[CaseNumber, InPlaceOfNumber(VariedModulusSection), Tag("<field>")],
-    Discriminator(_number_or_field),
+    | Annotated[CaseNumber, InPlaceOfNumber(VariedModulusSection), Tag("<field>")]
+    | Annotated[CaseNumber, InPlaceOfNumber(DepthGrowthSection), Tag("<depth>")]
+    | Annotated[CaseNumber, InPlaceOfNumber(StressGrowthSection), Tag("<stress>")],
+    Discriminator(_number_or_varied),
 ]
+
+
+def _no_growth(value: object) -> object:
+    """Refuse growth where an angle is asked for."""
+    if isinstance(value, dict) and _number_or_varied(value) in ("<depth>", "<stress>"):
+        faults = SectionFaults()
+        message = "an angle does not grow: it makes the shape of the yield surface, which is the "
+        message += "same at all points of a material"
+        hint = "Let the cohesion grow, or give places of another angle a material of their own."
+        faults.add((), "growing-angle", message, hint)
+        faults.raise_any()
+    return value
+
+
 FieldAngle = Annotated[
     Annotated[Angle, Tag("<number>")]
     | Annotated[CaseNumber, InPlaceOfNumber(VariedAngleSection), Tag("<field>")],
     Discriminator(_number_or_field),
+    BeforeValidator(_no_growth),
     WithJsonSchema(TypeAdapter(Angle).json_schema()),
 ]
 """An angle. A field of it is read and then refused with the reason, so schemas do not offer it."""
@@ -140,17 +158,23 @@ def fields_in(
     return tuple(fields)
 
 
-def growths_in(section: Section, context: Context, *, material: str) -> tuple[Growth, ...]:
-    """The growths among the numbers of a section of a material.
-
-    Args:
-        section: of the material.
-        context: of the section.
-        material: name of the material.
-    """
+def growths_in(
+    section: Section,
+    context: Context,
+    *,
+    material: str,
+    surface: int | None = None,
+    names: Mapping[str, str] | None = None,
+) -> tuple[Growth, ...]:
+    """The growths among the numbers of a section; arguments as of `fields_in`."""
     given = ((name, getattr(section, name)) for name in type(section).model_fields)
     return tuple(
-        value.varied_by.built(context.at(name), material=material, constant=name)
+        value.varied_by.built(
+            context.at(name),
+            material=material,
+            constant=(names or {}).get(name, name),
+            surface=surface,
+        )
         for name, value in given
         if isinstance(value, CaseNumber) and isinstance(value.varied_by, GrowthBase)
     )

@@ -14,7 +14,7 @@ from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import strata
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
-from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
+from geoident.io.case.varied.number import FieldAngle, StrengthOrVaried, fields_in, growths_in
 from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
     Angle,
@@ -27,7 +27,7 @@ from geoident.io.schema.values import (
     Stress,
     scalar_of,
 )
-from geoident.model.ground import Elastic, Isotropic, RandomField
+from geoident.model.ground import Elastic, Growth, Isotropic, RandomField
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
     DruckerPrager,
@@ -38,6 +38,7 @@ from geoident.model.yielding import (
     WeakPlane,
     YieldPlane,
     YieldSurface,
+    bounded_surfaces,
 )
 
 _COMPONENTS = {2: ([0, 1, 3], [0, 1, 2, 3]), 3: ([0, 1, 2, 3, 4, 5],)}
@@ -141,7 +142,7 @@ class PlanesSection(SurfaceBase):
 class _CoulombBase(SurfaceBase):
     """A yield surface of Mohr and Coulomb, exact or by planes."""
 
-    tension: FieldStrength | None = Field(None, description=TENSION)
+    tension: StrengthOrVaried | None = Field(None, description=TENSION)
     planes: Annotated[int, Count()] | None = Field(
         None,
         description="Planes in place of the exact surface: in 2-D the sides of the polygon in "
@@ -166,10 +167,12 @@ class TrescaSection(_CoulombBase):
     one_of = (Alternatives("strength", "cohesion", hint="Give the shear strength once."),)
 
     type: Literal["tresca"] = Field(description="Kind of yield surface.")
-    strength: FieldStrength | None = Field(
+    strength: StrengthOrVaried | None = Field(
         None, description="Shear strength: half the compressive one.", examples=["2 MPa"]
     )
-    cohesion: FieldStrength | None = Field(None, description="Another name of the shear strength.")
+    cohesion: StrengthOrVaried | None = Field(
+        None, description="Another name of the shear strength."
+    )
 
     def surface(self, context: Context) -> MohrCoulomb:
         """Mohr-Coulomb without friction."""
@@ -187,7 +190,7 @@ class MohrCoulombSection(_CoulombBase):
     """Mohr-Coulomb: exact, in principal stresses, or by `planes`."""
 
     type: Literal["mohr-coulomb"] = Field(description="Kind of yield surface.")
-    cohesion: FieldStrength = _COHESION
+    cohesion: StrengthOrVaried = _COHESION
     friction: FieldAngle = _FRICTION
     dilation: Angle | None = Field(
         None,
@@ -211,14 +214,14 @@ class DruckerPragerSection(SurfaceBase):
     """Drucker-Prager's cone by planes, from the cohesion and friction of Mohr-Coulomb."""
 
     type: Literal["drucker-prager"] = Field(description="Kind of yield surface.")
-    cohesion: FieldStrength = _COHESION
+    cohesion: StrengthOrVaried = _COHESION
     friction: FieldAngle = _FRICTION
     match: Literal["outer", "inner", "plane-strain"] = Field(
         "plane-strain",
         description="Where the cone meets Mohr-Coulomb: in triaxial compression (its outer edges), "
         "in extension (inner edges), or so that both carry the same in plane strain.",
     )
-    tension: FieldStrength | None = Field(None, description=TENSION)
+    tension: StrengthOrVaried | None = Field(None, description=TENSION)
     planes: Annotated[int, Count()] = Field(
         24, description="Least number of planes: from 6 on in 2-D, from 10 on in a solid."
     )
@@ -254,9 +257,9 @@ class WeakPlaneSection(SurfaceBase):
     normal: DirectionVector | None = Field(
         None, description="Normal of the planes in x, y, z; its length does not matter."
     )
-    cohesion: FieldStrength = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
+    cohesion: StrengthOrVaried = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
     friction: FieldAngle = Field(description="Friction angle on the planes.", examples=["25 deg"])
-    tension: FieldStrength | None = Field(
+    tension: StrengthOrVaried | None = Field(
         None, description="Tensile strength across the planes; cohesion / tan(friction) if missing."
     )
     planes: Annotated[int, Count()] = Field(
@@ -288,7 +291,7 @@ class HoekBrownSection(SurfaceBase):
     )
 
     type: Literal["hoek-brown"] = Field(description="Kind of yield surface.")
-    sigci: FieldStrength = Field(
+    sigci: StrengthOrVaried = Field(
         description="Uniaxial compressive strength of intact rock.",
         examples=["50 MPa", "$sigci"],
     )
@@ -321,7 +324,7 @@ class HoekBrownSection(SurfaceBase):
         "unsupported wall dilates as no rock does; `none` does not change its volume, as "
         "`dilation: 0 deg`.",
     )
-    tension: FieldStrength | None = Field(
+    tension: StrengthOrVaried | None = Field(
         None,
         description="Tensile strength: largest principal stress, lower than s sigci / mb, which "
         "limits it if missing.",
@@ -358,6 +361,7 @@ YieldSections = Annotated[
 def build_yields(
     given: YieldSections | None,
     elastic: Elastic,
+    growths: Sequence[Growth],
     parameters: Mapping[str, ParameterSection],
     context: Context,
 ) -> tuple[YieldSurface, ...]:
@@ -368,17 +372,21 @@ def build_yields(
     Args:
         given: what stands under the key `yield`.
         elastic: elasticity of the material.
+        growths: of its strengths.
         parameters: the parameters of the case.
         context: of the key `yield`.
     """
-    surfaces = []
     sections = _listed(given, context)
-    for place, section in sections:
-        surface = section.surface(place)
-        surfaces.append(surface)
+    surfaces = tuple(section.surface(place) for place, section in sections)
+    bounded = bounded_surfaces(surfaces, growths)
+    for (place, section), surface in zip(sections, bounded, strict=True):
         _check_exact(surface, elastic, place, alone=len(sections) == 1)
         _check_strengths(section, surface, parameters, place)
-    return tuple(surfaces)
+    return surfaces
+
+
+_NAMES = {"strength": "cohesion"}
+"""Key of a strength to its name in the model, where it is another one."""
 
 
 def fields_of_yields(
@@ -394,9 +402,18 @@ def fields_of_yields(
     return tuple(
         field
         for n, (place, section) in enumerate(_listed(given, context))
-        for field in fields_in(
-            section, place, material=material, surface=n, names={"strength": "cohesion"}
-        )
+        for field in fields_in(section, place, material=material, surface=n, names=_NAMES)
+    )
+
+
+def growths_of_yields(
+    given: YieldSections | None, context: Context, *, material: str
+) -> tuple[Growth, ...]:
+    """The growths among the strengths of a material; arguments as of `fields_of_yields`."""
+    return tuple(
+        growth
+        for n, (place, section) in enumerate(_listed(given, context))
+        for growth in growths_in(section, place, material=material, surface=n, names=_NAMES)
     )
 
 

@@ -12,9 +12,10 @@ from geoident.fem.kinematics import block_geometry, kinematics_of, strain_points
 from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.yielding.hoek_brown import hoek_brown, hoek_brown_share
 from geoident.forward.yielding.surfaces import curved_surface, in_principal_stresses, yield_planes
+from geoident.forward.yielding.varied import common_surface, factor_and_shift
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, Material
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.report.drawing.fields.panels import (
     ColouredField,
     add_levels,
@@ -79,8 +80,37 @@ def utilisation(scene: Scene, state: int) -> Floats:
     stress = scene.fields.stress[state]
     for material, elements in _materials_at(scene, case, state):
         if material.yields:
-            shares[elements] = _share(material, point, stress[elements], scene.solid)
+            common, moved = _common(scene, material, point, elements, stress[elements])
+            shares[elements] = _share(common, point, moved, scene.solid)
     return np.asarray(np.clip(shares, 0.0, _MOST))
+
+
+def _common(
+    scene: Scene, material: Material, point: ParameterPoint, elements: Ints, stress: Floats
+) -> tuple[Material, Floats]:
+    """A material of one surface, and stresses (k, 6) as near to it as the given ones to theirs.
+
+    Where strengths vary, by their estimates at the elements (`forward.yielding.varied`).
+    """
+    varied = [one for one in (*material.fields, *material.growths) if one.surface is not None]
+    if not varied:
+        return material, stress
+    number, known = varied[0].surface, {one.name: one for one in scene.result.varied}
+    strengths = {}
+    for one in varied:
+        if one.name not in known or number is None:  # a result without estimates
+            return material, np.full_like(stress, np.nan)
+        values = np.full(scene.fields.mesh.n_elements, np.nan)
+        values[known[one.name].elements] = known[one.name].values
+        strengths[one.constant] = Dual(values[elements, None])
+    sizes = {name: float(np.nanmean(values.value)) for name, values in strengths.items()}
+    common = common_surface(material, number, sizes, point.values)
+    factor, shift = factor_and_shift(
+        material.yields[number], common.yields[number], strengths, point
+    )
+    moved = stress.copy()
+    moved[:, :3] -= shift.value[:, None]
+    return common, moved / factor.value[:, None]
 
 
 def _share(material: Material, point: ParameterPoint, stress: Floats, solid: bool) -> Floats:
@@ -129,7 +159,8 @@ def plastic_strain(scene: Scene) -> Floats | None:
     """(n_states, n_elements) equivalent plastic strain; NaN where it cannot be told.
 
     Total strains, means over elements, without the elastic strains of the change of stress. Told
-    of ground that yields, stands from the beginning and keeps its material, and has no field.
+    of ground that yields, stands from the beginning and keeps its material, and has the same
+    elasticity everywhere.
 
     Args:
         scene: what is drawn.
@@ -158,7 +189,9 @@ def plastic_strain(scene: Scene) -> Floats | None:
         change = (fields.stress[state] - fields.stress[0]).T[:s]
         for material, elements in _materials_at(scene, case, state):
             here = elements[steady[elements]]
-            if material.yields and not material.fields and len(here):
+            varied = (*material.fields, *material.growths)
+            uniform = all(one.surface is not None for one in varied)  # its elasticity
+            if material.yields and uniform and len(here):
                 stiffness = elastic_matrix(material.elastic, point, section=not scene.solid).value
                 elastic = np.linalg.solve(stiffness[:s, :s], change[:, here])
                 plastic = total[:, here] - elastic

@@ -1,0 +1,76 @@
+"""How well a fit predicts the gauges that it left out (`fit: {predict_gauges: [..]}`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geoident.model.arrays import Floats, Ints
+from geoident.model.results.backtest import Scores
+from geoident.model.results.columns import column
+
+
+@dataclass(frozen=True)
+class LeftOutTable:
+    """Scores of k gauges that were left out; see `Scores`.
+
+    Args:
+        names: k names of gauges, or of single channels.
+        readings: (k,) how many of their readings have a band.
+        open: (k,) how many more were read, but their prediction is not determined.
+        inside: (k,) how many lie inside their 95 % bands.
+        rms: (k,) root mean square of the standardized errors; 1 where the bands are right.
+        sharpness: (k,) mean width of the bands, by the root mean square of the readings.
+        interval_score: (k,) mean of the width and 40 times what a reading is beyond it, likewise.
+        log_score: (k,) mean logarithm of the predicted density of a reading, per stated accuracy.
+    """
+
+    names: tuple[str, ...] = field(metadata=column("left_out", name="gauge"))
+    readings: Ints = field(metadata=column("left_out", name="predicted", title="readings"))
+    open: Ints = field(metadata=column("left_out"))
+    inside: Ints = field(metadata=column("left_out"))
+    rms: Floats = field(metadata=column("left_out"))
+    sharpness: Floats = field(metadata=column("left_out"))
+    interval_score: Floats = field(metadata=column("left_out"))
+    log_score: Floats = field(metadata=column("left_out"))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def of(cls, names: Sequence[str], scores: Sequence[Scores]) -> LeftOutTable:
+        """The table of the scores of gauges.
+
+        Args:
+            names: k names.
+            scores: of each.
+        """
+        columns = (
+            ("readings", "open", "inside"),
+            ("rms", "sharpness", "interval_score", "log_score"),
+        )
+        numbers = {
+            name: np.array([getattr(one, name) for one in scores], dtype=kind)
+            for some, kind in zip(columns, (np.int64, np.float64), strict=True)
+            for name in some
+        }
+        return cls(tuple(names), **numbers)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """One for each gauge."""
+        return tuple(self._sentence(k) for k in range(len(self)))
+
+    def _sentence(self, k: int) -> str:
+        name, count = self.names[k], int(self.readings[k])
+        if not count:
+            why = (
+                "its predictions are not determined" if self.open[k] else "nothing to compare with"
+            )
+            return f"{name}, left out of the fit, is predicted: {why}."
+        return (
+            f"{name}, left out of the fit, is predicted: {self.inside[k]} of {count} readings "
+            f"inside the 95 % band, errors {self.rms[k]:.2f} times what the band says."
+        )
