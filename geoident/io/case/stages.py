@@ -78,8 +78,9 @@ class StageSection(Section):
     remove: list[Name] = Field([], description="Names of loads that end with this stage.")
     build: list[Name] = Field(
         [],
-        description="Names of `structures` that are built. They begin free of stress (bars with "
-        "their prestress), and carry part of what acts from then on.",
+        description="Names of `structures` that are built, at the beginning of the stage. They "
+        "begin free of stress (bars with their prestress), and carry part of what this stage and "
+        "later ones excavate and release.",
         examples=[["lining"]],
     )
     dismantle: list[Name] = Field(
