@@ -22,7 +22,7 @@ from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Bars, Beam, Structure, Struts
+from geoident.model.structures import Bars, Beam, OpeningSupport, Structure, Struts
 
 ON_PLANE = 1e-6
 """Distance from a plane, in parts of the size of the mesh, that counts as on it."""
@@ -50,10 +50,10 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
                     f"the lining '{name}' ends at {len(ends)} nodes that supports hold, and turns "
                     "freely there; on a plane of symmetry name the group under 'clamped_on'"
                 )
-    return notes + _when_built(on_mesh)
+    return notes + built_notes(on_mesh)
 
 
-def _when_built(on_mesh: CaseOnMesh) -> list[str]:
+def built_notes(on_mesh: CaseOnMesh) -> list[str]:
     """From where behind the face structures stand; linings that are built with their excavation."""
     states, notes = on_mesh.sequence.states, []
     for state in states[1:]:
@@ -129,10 +129,12 @@ def _later(
 
 
 def _lines(on_mesh: CaseOnMesh, name: str, groups: frozenset[int]) -> bool:
-    """Whether a structure is a beam on the wall of what groups of elements fill."""
+    """Whether a structure is on the wall of what groups of elements fill, all of it."""
     mesh, beam = on_mesh.mesh, on_mesh.case.structures[name]
-    if not groups or not isinstance(beam, Beam):
+    if not groups or not isinstance(beam, Beam | OpeningSupport):
         return False
+    if isinstance(beam, OpeningSupport) or not mesh.blocks:
+        return True  # of the one opening of a case without mesh
     within = nodes_in(mesh.blocks, np.isin(on_mesh.sequence.group_of, list(groups)))
     return bool(np.isin(group_nodes(mesh, beam.group), within).all())
 

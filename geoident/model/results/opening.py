@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.columns import column, derived
 
@@ -27,6 +29,10 @@ class GroundReaction:
         stage_pressure: (s,) pressure inside at each, Pa; NaN where there is no closed form.
         stage_displacement: (s,) of the wall at each, m.
         stage_plastic_radius: (s,) at each, m; NaN where it is elastic.
+        supports: names of the supports, none where none ever stands.
+        support_pressure: (p, s) of each on the wall at each stage, Pa; NaN where it does not stand.
+        support_capacity: (p, s) what each can press with at each stage, Pa; infinite where it has
+            no limit, NaN where it does not stand.
         radii: (m,) distances from the centre, m.
         radial: (s, m) radial stress at each stage there, Pa.
         hoop: (s, m) stress around the opening there, Pa.
@@ -63,6 +69,22 @@ class GroundReaction:
         metadata=column(
             "stage", "radii", dimension="pressure", sheet="hoop_compression", shown="MPa"
         )
+    )
+
+    supports: tuple[str, ...] = field(
+        default=(), metadata=column("support", name="support", optional=True)
+    )
+    support_pressure: Floats = field(
+        default_factory=lambda: np.empty((0, 0)),
+        metadata=column(
+            "support", "stage", title="pressure", dimension="pressure", shown="MPa", optional=True
+        ),
+    )
+    support_capacity: Floats = field(
+        default_factory=lambda: np.empty((0, 0)),
+        metadata=column(
+            "support", "stage", title="capacity", dimension="pressure", shown="MPa", optional=True
+        ),
     )
 
     @property
