@@ -144,8 +144,8 @@ class Ring(_Structure):
 
     Args:
         E: Young's modulus, Pa; where it hardens that of old concrete.
-        nu: Poisson's ratio.
         thickness: m.
+        nu: Poisson's ratio.
         strength: uniaxial compressive strength, Pa; None: it carries all.
         hardening_time: T, s: E and strength have grown to 1 - exp(-t / T) at the age t; None: they
             are the same from the beginning.
@@ -153,8 +153,8 @@ class Ring(_Structure):
     """
 
     E: Scalar
-    nu: Scalar
     thickness: Scalar
+    nu: Scalar = Scalar(0.2)
     strength: Scalar | None = None
     hardening_time: Scalar | None = None
     hardening_distance: Scalar | None = None

@@ -150,7 +150,7 @@ class FaceAtPoint:
         self._face = face
         self._parts: dict[FaceDistance, Dual] = {}
 
-    def share(self, distance: Scalar, stage: str) -> Dual:
+    def share(self, distance: Scalar | Dual, stage: str) -> Dual:
         """The part of its final motion () that the wall without support has made.
 
         Args:
@@ -169,12 +169,6 @@ class FaceAtPoint:
             with _at_stage(stage):
                 self._parts |= self._convert(release)
         return self._parts[release]
-
-    def part_at(self, distance: Dual, stage: str) -> Dual:
-        """The same at any distance, m, for the wall of a round opening."""
-        with _at_stage(stage):
-            share = self._share(distance)
-            return self._part_for(share) if self._face.by_reaction else share
 
     def _convert(self, release: FaceDistance) -> Mapping[FaceDistance, Dual]:
         """The part of a distance, and those that are known with it."""

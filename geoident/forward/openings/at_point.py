@@ -40,7 +40,7 @@ from geoident.model.parameter import Scalar
 from geoident.model.structures import Ring, Structure
 from geoident.model.yielding import HoekBrown, MohrCoulomb
 
-_STEPS = np.linspace(0.0, 1.0, 13) ** 2
+_STEPS = np.linspace(0.0, 1.0, 9) ** 2
 """Parts of a stage in which concrete that hardens has one age: shorter where the face is near."""
 
 
@@ -158,12 +158,17 @@ class OpeningAtPoint:
         released, loads = self._point.constant(0.0), 0.0 * p0
         if self._opened(base):
             released, loads = self.released(base), self._loads(base)
-        loads = loads + (self._loads(n) - loads).times(part)
+        over = self._point.constant(part)  # of the motion of the stage, by the profile
         if (distance := self._between(self._distance, n, part)) is not None:
-            released = self._face.at(self._point).part_at(distance, self._states[n].name)
-        else:
-            released = released + (self.released(n) - released).times(part)
-        return (1.0 - released) * p0 + loads
+            face, name = self._face.at(self._point), self._states[n].name
+            ends = [self._distance(state) for state in (base, n)]
+            first, now, last = (
+                face.share(x, name) for x in (ends[0], distance, ends[1]) if x is not None
+            )
+            if last.value > first.value:
+                over = (now - first) / (last - first)
+        released = released + (self.released(n) - released) * over
+        return (1.0 - released) * p0 + loads + (self._loads(n) - loads) * over
 
     def _loads(self, n: int) -> Dual:
         """Pressures on the wall that the case gives, Pa."""

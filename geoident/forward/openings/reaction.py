@@ -72,8 +72,8 @@ def ground_reaction(
         radial=np.stack([radial.value for radial, _, _ in stresses]),
         hoop=np.stack([hoop.value for _, hoop, _ in stresses]),
         supports=tuple(supports),
-        support_pressure=pressed[..., 0],
-        support_capacity=pressed[..., 1],
+        support_pressure=pressed[..., 0] if supports else None,
+        support_capacity=pressed[..., 1] if supports else None,
     )
 
 

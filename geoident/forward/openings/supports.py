@@ -11,9 +11,6 @@ for the increments of a stage:  p_s = min(p_s' + k (u - u'), p_max)  with those 
 - *Ring* (Lame; E. Hoek & E. T. Brown, Underground excavations in rock, 1980), R its outer and
   b = R - t its inner radius:  k = E (R^2 - b^2) / ((1 + nu) R ((1 - 2 nu) R^2 + b^2)) ,
   p_max = strength (1 - b^2 / R^2) / 2, at which the hoop stress inside is the strength.
-  (C. Carranza-Torres & C. Fairhurst, Application of the convergence-confinement method of tunnel
-  design to rock masses that satisfy the Hoek-Brown failure criterion, Tunn. Undergr. Sp. Tech. 15,
-  2000, print 1 - nu in place of 1 + nu.)
 - *Ribs* of section A at a spacing S:  k = E A / (S R^2) ,  p_max = strength A / (S R).
 - *Bolts* that are held at head and end (Hoek & Brown), d thick, of length l, a force F and a
   stiffness of the head K_h each:  1 / k = s_c s_l (4 l / (pi d^2 E) + 1 / K_h) ,
@@ -23,8 +20,10 @@ Shotcrete that hardens has parts 1 - exp(-t / T) of its stiffness and strength a
 (P. P. Oreste, A procedure for determining the reaction curve of shotcrete lining considering
 transient conditions, Rock Mech. Rock Eng. 36, 2003). A stage is then divided into steps.
 
-Several supports share the motion since each was built. With the pressure p_e that the face still
-holds, and loads on the wall, the pressure inside solves
+Several supports share the motion since each was built (C. Carranza-Torres & C. Fairhurst,
+Application of the convergence-confinement method of tunnel design to rock masses that satisfy the
+Hoek-Brown failure criterion, Tunn. Undergr. Space Technol. 15, 2000). With the pressure p_e that
+the face still holds, and loads on the wall, the pressure inside solves
 
     p = p_e + sum of p_s(u(p)) .
 

@@ -296,6 +296,7 @@ def _missing(
                     if on_mesh.locator.best(point, present) is None:
                         return ("ends", n, k), f"{what} {format_point(point)} lies"
         return None
+    assert isinstance(structure, Beam)
     lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
     if len(lost) == 0:
         return None

@@ -289,6 +289,11 @@ class RingSection(OpeningSupportSection):
     strength (1 - b^2 / R^2) / 2 at most.
     """
 
+    one_of = (
+        Alternatives(
+            "", "hardening_time", "hardening_distance", hint="Let it harden in one of these ways."
+        ),
+    )
     builds = Ring
     instead = "kind: beam, on: LINES, E: 15 GPa, nu: 0.2, thickness: 0.2 m"
 
@@ -296,8 +301,8 @@ class RingSection(OpeningSupportSection):
     E: Modulus = Field(
         description="Young's modulus; where it hardens that of old concrete.", examples=["25 GPa"]
     )
-    nu: Ratio = Field(CaseNumber("0.2", 0.2, None, "dimensionless"), description="Poisson's ratio.")
     thickness: Size = Field(description="Thickness.", examples=["0.2 m"])
+    nu: Ratio | None = Field(None, description="Poisson's ratio; 0.2 if missing.")
     strength: Modulus | None = Field(
         None,
         description="Uniaxial compressive strength; without it the ring carries all.",
@@ -315,12 +320,6 @@ class RingSection(OpeningSupportSection):
         "time; needs a `distance` of the stages.",
         examples=["6 m"],
     )
-
-    def check(self, faults: SectionFaults) -> None:
-        """It hardens by time or by distance."""
-        if self.hardening_time is not None and self.hardening_distance is not None:
-            message = "found hardening_time and hardening_distance; expected one of them"
-            faults.add((), "wrong-pair", message, "Remove one of the two.")
 
 
 class RibsSection(OpeningSupportSection):

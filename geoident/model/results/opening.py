@@ -30,9 +30,10 @@ class GroundReaction:
         stage_displacement: (s,) of the wall at each, m.
         stage_plastic_radius: (s,) at each, m; NaN where it is elastic.
         supports: names of the supports, none where none ever stands.
-        support_pressure: (p, s) of each on the wall at each stage, Pa; NaN where it does not stand.
+        support_pressure: (p, s) of each on the wall at each stage, Pa; NaN where it does not stand;
+            None where none ever stands.
         support_capacity: (p, s) what each can press with at each stage, Pa; infinite where it has
-            no limit, NaN where it does not stand.
+            no limit, NaN where it does not stand; None where none ever stands.
         radii: (m,) distances from the centre, m.
         radial: (s, m) radial stress at each stage there, Pa.
         hoop: (s, m) stress around the opening there, Pa.
@@ -74,18 +75,26 @@ class GroundReaction:
     supports: tuple[str, ...] = field(
         default=(), metadata=column("support", name="support", optional=True)
     )
-    support_pressure: Floats = field(
-        default_factory=lambda: np.empty((0, 0)),
+    support_pressure: Floats | None = field(
+        default=None,
         metadata=column(
-            "support", "stage", title="pressure", dimension="pressure", shown="MPa", optional=True
+            "support", "stage", sheet="pressure", dimension="pressure", shown="MPa", optional=True
         ),
     )
-    support_capacity: Floats = field(
-        default_factory=lambda: np.empty((0, 0)),
+    support_capacity: Floats | None = field(
+        default=None,
         metadata=column(
-            "support", "stage", title="capacity", dimension="pressure", shown="MPa", optional=True
+            "support", "stage", sheet="capacity", dimension="pressure", shown="MPa", optional=True
         ),
     )
+
+    @property
+    def standing(self) -> list[list[int]]:
+        """Numbers of a support and of a stage at which it stands, for every pair of them."""
+        if self.support_pressure is None:
+            return []
+        pairs: list[list[int]] = np.argwhere(np.isfinite(self.support_pressure)).tolist()
+        return pairs
 
     @property
     @derived("component", name="component")
