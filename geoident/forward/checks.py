@@ -50,6 +50,7 @@ from geoident.forward.stages import (
     group_faults,
 )
 from geoident.forward.structures.checks import (
+    lining_faults,
     structure_faults,
     structure_notes,
     structure_place_faults,
@@ -101,7 +102,7 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
     structures = structure_place_faults(on_mesh)
     places = (
         mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
-        _stress_without_ground, face_faults,
+        _stress_without_ground, face_faults, lining_faults,
     )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:

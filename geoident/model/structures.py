@@ -1,4 +1,7 @@
-"""Structural parts of a case: linings and walls as beams; bolts, struts and anchors as bars."""
+"""Structural parts of a case: linings and walls as beams; bolts, struts and anchors as bars.
+
+Those of a round opening in closed form press on its wall all round.
+"""
 
 from __future__ import annotations
 
@@ -135,4 +138,82 @@ class Anchors(Bars):
     grouted: float = field(default=0.0, kw_only=True)
 
 
-Structure = Beam | Bolts | Struts | Anchors
+@dataclass(frozen=True)
+class Ring(_Structure):
+    """A closed ring of shotcrete or concrete around an opening in closed form.
+
+    Args:
+        E: Young's modulus, Pa; where it hardens that of old concrete.
+        thickness: m.
+        nu: Poisson's ratio.
+        strength: uniaxial compressive strength, Pa; None: it carries all.
+        hardening_time: T, s: E and strength have grown to 1 - exp(-t / T) at the age t; None: they
+            are the same from the beginning.
+        hardening_distance: the same by the way of the face since it was built, m.
+    """
+
+    E: Scalar
+    thickness: Scalar
+    nu: Scalar = Scalar(0.2)
+    strength: Scalar | None = None
+    hardening_time: Scalar | None = None
+    hardening_distance: Scalar | None = None
+
+
+@dataclass(frozen=True)
+class Ribs(_Structure):
+    """Closed steel sets that bear on the wall all round.
+
+    Args:
+        E: Young's modulus, Pa.
+        area: of the section of one, m2.
+        spacing: along the opening, m.
+        strength: yield strength, Pa; None: they carry all.
+    """
+
+    E: Scalar
+    area: Scalar
+    spacing: Scalar
+    strength: Scalar | None = None
+
+
+@dataclass(frozen=True)
+class BoltPattern(_Structure):
+    """Bolts that are held at their head and their end, all around an opening.
+
+    Args:
+        E: Young's modulus, Pa.
+        diameter: m.
+        length: m.
+        spacing: around the wall, m.
+        rows: distance of the rows along the opening, m; None: as the spacing.
+        capacity: force that head, bar and end carry, N; None: all.
+        head_stiffness: force per displacement of head and end, N/m; None: rigid.
+    """
+
+    E: Scalar
+    diameter: Scalar
+    length: Scalar
+    spacing: Scalar
+    rows: Scalar | None = None
+    capacity: Scalar | None = None
+    head_stiffness: Scalar | None = None
+
+
+@dataclass(frozen=True)
+class SupportLine(_Structure):
+    """A support of which only its line is known.
+
+    Args:
+        stiffness: pressure on the wall per motion of the wall inwards, Pa/m.
+        capacity: largest pressure, Pa; None: no limit.
+    """
+
+    stiffness: Scalar
+    capacity: Scalar | None = None
+
+
+OpeningSupport = Ring | Ribs | BoltPattern | SupportLine
+"""What supports an opening in closed form."""
+
+Structure = Beam | Bolts | Struts | Anchors | OpeningSupport

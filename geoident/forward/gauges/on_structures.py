@@ -152,7 +152,7 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
         elif channel.member >= count:
             message = f"sits on bar {channel.member + 1} of {of}, which has {count}"
             yield fault("no-such-bar", message, "correct 'bar'; they count from 1", "bar")
-    else:
+    elif isinstance(structure, Beam):
         asked = format_point(channel.second)
         place, side_known = place_on_beam(channel, on_mesh)
         on_beam = place.distance <= REACH * place.lengths.max()

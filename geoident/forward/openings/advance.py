@@ -150,8 +150,8 @@ class FaceAtPoint:
         self._face = face
         self._parts: dict[FaceDistance, Dual] = {}
 
-    def share(self, distance: Scalar, stage: str) -> Dual:
-        """The part of its final motion () that the wall has made.
+    def share(self, distance: Scalar | Dual, stage: str) -> Dual:
+        """The part of its final motion () that the wall without support has made.
 
         Args:
             distance: of the section behind the face, m.
@@ -177,10 +177,11 @@ class FaceAtPoint:
         share = self._share(release.distance)
         return {release: self._part_for(share) if self._face.by_reaction else share}
 
-    def _share(self, distance: Scalar) -> Dual:
+    def _share(self, distance: Scalar | Dual) -> Dual:
         profile = self._face.profile
         assert profile is not None
-        away = self.point.number(distance) / self.point.number(profile.radius)
+        metres = distance if isinstance(distance, Dual) else self.point.number(distance)
+        away = metres / self.point.number(profile.radius)
         if profile.law == "vlachopoulos-diederichs":
             return vlachopoulos_diederichs(away, self.plastic_ratio)
         first, second = (self.point.number(constant) for constant in profile.constants)
@@ -243,7 +244,7 @@ class FaceAtPoint:
         except BeyondClosedForm as beyond:
             collapse = beyond.reason == NO_EQUILIBRIUM
             raise NoFinalMotion(beyond.reason, collapse=collapse) from beyond
-        return -state.displacement(np.ones(1))[0], state.plastic_radius
+        return state.wall_inwards, state.plastic_radius
 
 
 def vlachopoulos_diederichs(away: Dual, ratio: Dual) -> Dual:

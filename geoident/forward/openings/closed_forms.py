@@ -44,6 +44,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from geoident.forward.openings.divided_differences import exp_divided, log_divided
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, Number
@@ -393,6 +395,11 @@ class GroundState:
         if abs(change) <= abs(self.zones[0].limit.difference(self.turned).value):
             return replace(self, pressure=pressure)
         raise BeyondClosedForm(BOTH_WAYS)
+
+    @property
+    def wall_inwards(self) -> Dual:
+        """Motion of the wall inwards from the virgin state, m."""
+        return -self.displacement(np.array([self.opening.radius]))[0]
 
     def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a from the virgin state, m, outwards."""

@@ -8,7 +8,7 @@ ground that yields an approximation, and it is said how large the deviation is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -31,11 +31,14 @@ from geoident.forward.openings.face import (
 from geoident.forward.openings.obstacles import NO_SECTION, stage_obstacles, unsuitable
 from geoident.forward.openings.reaction import ground_reaction
 from geoident.forward.openings.site import OpeningSite, site_in_mesh, site_without_mesh
+from geoident.forward.openings.supports import hardening_faults, too_thick
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.checks import built_notes, lining_faults
+from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.yielding.hoek_brown import equivalent_notes
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
-from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
@@ -61,7 +64,7 @@ class OpeningModel(ObservedModel):
     def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
         case, sequence = on_mesh.case, on_mesh.sequence
         virgin, channels = sequence.states[0].materials, case.channels
-        self._on_mesh, self._site, self._sequence = on_mesh, site, sequence
+        self._on_mesh, self._site = on_mesh, site
         self._material = case.materials[virgin[site.ground]]
         self._face = face_at(on_mesh, site.centre, site.ground)
         a, (x, y) = site.radius, site.centre
@@ -69,7 +72,7 @@ class OpeningModel(ObservedModel):
         places = StressPlaces(around, np.full(len(around), site.ground))
         self._in_situ = InSituStress(on_mesh, places)
         self._points = _ChannelPoints(site, channels)
-        self._obstacles = stage_obstacles(sequence, site)
+        self._obstacles = stage_obstacles(on_mesh, site)
         opened = [not site.groups & state.materials.keys() for state in sequence.states]
         self._open: Bools = np.array(opened, dtype=np.bool_)
         closed_form = np.array([reason is None for reason in self._obstacles], dtype=np.bool_)
@@ -137,7 +140,9 @@ class OpeningModel(ObservedModel):
 
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
-        return inadmissible(self._material, self.values(p))
+        values = self.values(p)
+        fault = inadmissible(self._material, values) or impossible_structure(self.case, values)
+        return fault or too_thick(self.case, self._site.radius, values)
 
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
@@ -153,7 +158,11 @@ class OpeningModel(ObservedModel):
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
         at = self._at(self.case.start, ())
-        return (*self._notes(at, self.case.start), *conversion_note(self._face, self._on_mesh))
+        return (
+            *self._notes(at, self.case.start),
+            *conversion_note(self._face, self._on_mesh),
+            *built_notes(self._on_mesh),
+        )
 
     def remarks(self, p: Floats) -> tuple[str, ...]:
         """What is to be known of the closed form at p (n,), sentences without a stop."""
@@ -168,6 +177,8 @@ class OpeningModel(ObservedModel):
             if radius is not None:
                 reach = f"{float(radius.value):.3g} m from the centre"
                 remarks.append(f"at stage '{name}' the ground yields up to {reach}")
+            if supports := at.supports(number):
+                remarks.append(f"at stage '{name}' {_supports_text(supports)}")
         return tuple(remarks)
 
     def _notes(self, at: OpeningAtPoint, values: Values) -> tuple[str, ...]:
@@ -177,12 +188,15 @@ class OpeningModel(ObservedModel):
         sentences = [f"{place} in '{name}'", *self._site.remarks]
         p0, (xx, yy, _, xy) = float(at.opening.rock.pressure.value), -at.stress.value
         off = float(np.abs([xx - p0, yy - p0, xy]).max())
+        supported = any(state.structures for state in self._on_mesh.sequence.states)
         if off > _UNEVEN * abs(p0):
             how = f"{100 * off / abs(p0):.0f} %" if p0 else f"{off:.3g} Pa"
             text = f"the in-situ stress around the opening is up to {how} off its mean at the "
             text += "centre"
             if self._material.yields:
                 text += "; the closed form takes that part as if the ground were elastic"
+            if supported:
+                text += "; supports resist the mean of the stress only, and not that part"
             sentences.append(text)
         if any(isinstance(s, MohrCoulomb) and s.planes for s in self._material.yields):
             sentences.append("the closed form takes the exact surface for the polyhedron")
@@ -190,8 +204,20 @@ class OpeningModel(ObservedModel):
 
     def _at(self, values: Values, names: Sequence[str]) -> OpeningAtPoint:
         point = ParameterPoint(values, names)
-        stress = Dual(self._in_situ.columns(point))
-        return OpeningAtPoint(self._sequence, self._site, self._material, stress, point, self._face)
+        return OpeningAtPoint(self._on_mesh, self._site, self._in_situ, point, self._face)
+
+
+def _supports_text(supports: Mapping[str, tuple[float, float]]) -> str:
+    """What supports press with, Pa, and which part of their capacity that is, a clause."""
+    parts = []
+    for name, (pressure, capacity) in supports.items():
+        part = f"'{name}' {pressure / 1e6:.3g} MPa"
+        if np.isfinite(capacity):
+            full = "all" if pressure >= capacity else f"{100.0 * pressure / capacity:.0f} %"
+            part += f" ({full} of what it carries)"
+        parts.append(part)
+    total = sum(pressure for pressure, _ in supports.values())
+    return f"supports press on the wall with {total / 1e6:.3g} MPa: {', '.join(parts)}"
 
 
 class _ChannelPoints:
@@ -227,7 +253,7 @@ class _ChannelPoints:
         across = at.deviation * self._sine - at.shear * self._cosine
         radial = state.displacement(self._r) - size * along * (4.0 * (1.0 - rock.nu) - s)
         hoop = size * across * (2.0 - 4.0 * rock.nu + s)
-        moved = (radial * self._outwards + hoop * self._around).columns
+        moved = (radial * self._outwards + hoop * self._around).columns[:, :-1]  # not by pressure
         seen = np.zeros((len(self.inside), moved.shape[1]))
         np.add.at(seen, self._channel, moved)
         return seen
@@ -266,6 +292,8 @@ def opening_model(case: Case) -> OpeningModel:
         InputError: it has none.
     """
     on_mesh, options = CaseOnMesh(case, _NO_MESH), case.fit.closed_form
+    if faults := [*lining_faults(on_mesh), *hardening_faults(on_mesh)]:
+        raise InputError(faults)
     model = _model(on_mesh, site_without_mesh(on_mesh.sequence, options.centre, options.radius))
     if isinstance(model, str):
         message = f"there is no closed form of this case: {model}"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from geoident.forward.openings.site import OpeningSite
-from geoident.forward.stages import ConstructionSequence, ConstructionState
+from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Case
 from geoident.model.ground import Isotropic
 from geoident.model.in_situ import GeostaticStress
+from geoident.model.structures import Beam, OpeningSupport, Structure
 from geoident.model.yielding import HoekBrown, MohrCoulomb
 
 NO_SECTION = "its formulas are those of plane strain"
@@ -45,25 +46,25 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
     return None
 
 
-def stage_obstacles(sequence: ConstructionSequence, site: OpeningSite) -> list[str | None]:
+def stage_obstacles(on_mesh: CaseOnMesh, site: OpeningSite) -> list[str | None]:
     """Why each state has no closed form, a clause, or None if it has one.
 
     What happens at a state stands against those that build on it, too.
 
     Args:
-        sequence: the states of the case.
+        on_mesh: the case.
         site: the opening.
     """
-    reasons: list[str | None] = [_obstacle(sequence, site, sequence.states[0])]
-    for state in sequence.states[1:]:
-        reasons.append(reasons[0] or reasons[state.base] or _obstacle(sequence, site, state))
+    states = on_mesh.sequence.states
+    reasons: list[str | None] = [_obstacle(on_mesh, site, states[0])]
+    for state in states[1:]:
+        reasons.append(reasons[0] or reasons[state.base] or _obstacle(on_mesh, site, state))
     return reasons
 
 
-def _obstacle(
-    sequence: ConstructionSequence, site: OpeningSite, state: ConstructionState
-) -> str | None:
+def _obstacle(on_mesh: CaseOnMesh, site: OpeningSite, state: ConstructionState) -> str | None:
     """Why what happens at a state has no closed form."""
+    sequence = on_mesh.sequence
     groups, virgin = sequence.groups, sequence.states[0]
     closed = site.groups & state.materials.keys()
     if closed and closed != site.groups:
@@ -80,8 +81,11 @@ def _obstacle(
             return f"the support '{name}' is moved by what is given"
     if state.held != virgin.held:
         return f"stage '{state.name}' changes what is held"
-    if state.structures:
-        return f"'{min(state.structures)}' supports the ground at stage '{state.name}'"
+    for name in sorted(state.structures):
+        if not _supports_wall(on_mesh.case.structures[name], site):
+            return f"'{name}' supports the ground at stage '{state.name}'"
+        if closed:
+            return f"'{name}' is built before the opening is excavated"
     if state.temperature:
         return f"the temperature of '{groups[min(state.temperature)]}' changes"
     if state.water is not None:
@@ -92,3 +96,11 @@ def _obstacle(
         if closed:
             return f"the load '{name}' acts before the opening is excavated"
     return None
+
+
+def _supports_wall(structure: Structure, site: OpeningSite) -> bool:
+    """Whether a structure presses on the whole wall all round, as a ring does."""
+    if isinstance(structure, Beam):
+        round_wall = site.walls is None or structure.group in site.walls
+        return round_wall and not structure.hinges and not structure.has_weight
+    return isinstance(structure, OpeningSupport)

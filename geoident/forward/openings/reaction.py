@@ -49,6 +49,11 @@ def ground_reaction(
             curve.append(opening.under(p0 * 0.0 + float(inside)))
         except BeyondClosedForm:
             break
+    standing = {stages[n]: at.supports(n) for n in stages if stages[n] in reached}
+    supports = sorted({name for each in standing.values() for name in each})
+    missing = (np.nan, np.nan)
+    pressed = np.array([[standing[s].get(name, missing) for s in reached] for name in supports])
+    pressed = pressed.reshape(len(supports), len(reached), 2)
     radii = np.geomspace(a, _FAR * np.nanmax([a, *_plastic_radii(states)]), _RADII)
     stresses = [state.stresses(radii) for state in states]
     return GroundReaction(
@@ -57,21 +62,24 @@ def ground_reaction(
         in_situ=-np.asarray(at.stress.value[:, 0], dtype=np.float64),
         critical=float("nan") if opening.critical is None else float(opening.critical[0].value),
         pressure=pressure[: len(curve)],
-        displacement=_wall(curve, a),
+        displacement=_wall(curve),
         plastic_radius=_plastic_radii(curve),
         stages=tuple(reached),
         stage_pressure=at_stages,
-        stage_displacement=_wall(states, a),
+        stage_displacement=_wall(states),
         stage_plastic_radius=_plastic_radii(states),
         radii=radii,
         radial=np.stack([radial.value for radial, _, _ in stresses]),
         hoop=np.stack([hoop.value for _, hoop, _ in stresses]),
+        supports=tuple(supports),
+        support_pressure=pressed[..., 0] if supports else None,
+        support_capacity=pressed[..., 1] if supports else None,
     )
 
 
-def _wall(states: list[GroundState], radius: float) -> Floats:
+def _wall(states: list[GroundState]) -> Floats:
     """(k,) motions of the wall inwards, m."""
-    return np.array([-float(state.displacement(np.array([radius])).value[0]) for state in states])
+    return np.array([float(state.wall_inwards.value) for state in states])
 
 
 def _plastic_radii(states: list[GroundState]) -> Floats:

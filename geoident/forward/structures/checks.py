@@ -9,7 +9,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
-from geoident.forward.stages import CaseOnMesh
+from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.placing import (
     clamped_nodes,
     held_points,
@@ -17,17 +17,22 @@ from geoident.forward.structures.placing import (
     present_throughout,
     straight_pieces,
 )
+from geoident.model.actions import FaceDistance, Release
 from geoident.model.arrays import Bools
 from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import Mesh, nodes_in
-from geoident.model.structures import Bars, Beam, Structure, Struts
+from geoident.model.parameter import Scalar
+from geoident.model.structures import Bars, Beam, OpeningSupport, Structure, Struts
 
 ON_PLANE = 1e-6
 """Distance from a plane, in parts of the size of the mesh, that counts as on it."""
 
 
 def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """Structures that no stage builds; linings that end at supports and turn freely there."""
+    """Structures that no stage builds; linings that end at supports and turn freely there.
+
+    Also what a lining takes that is built with its excavation, or behind a face.
+    """
     mesh = on_mesh.mesh
     built = {name for state in on_mesh.sequence.states for name in state.structures}
     held = np.logical_or.reduce(fixed_dofs(on_mesh).reshape(-1, mesh.dim), axis=1)
@@ -45,7 +50,123 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
                     f"the lining '{name}' ends at {len(ends)} nodes that supports hold, and turns "
                     "freely there; on a plane of symmetry name the group under 'clamped_on'"
                 )
+    return notes + built_notes(on_mesh)
+
+
+def built_notes(on_mesh: CaseOnMesh) -> list[str]:
+    """From where behind the face structures stand; linings that are built with their excavation."""
+    states, notes = on_mesh.sequence.states, []
+    for state in states[1:]:
+        before = states[state.base]
+        distances = [x for x in before.release.values() if isinstance(x, FaceDistance)]
+        for name in sorted(state.built):
+            what = f"the structure '{name}' is built at stage '{state.name}'"
+            if distances:
+                notes.append(
+                    f"{what}: it stands from the distance to the face at stage '{before.name}', "
+                    f"{_distance(distances[0])}, on and takes its share of what is released after "
+                    "that"
+                )
+            elif state.leaving and _lines(on_mesh, name, state.leaving):
+                stage = f"{{name: opened, excavate: {_named(on_mesh, state.leaving)}, release: "
+                stage += f"{_parts(on_mesh, state.leaving, '0.5')}}}"
+                notes.append(
+                    f"{what}, which excavates the ground within it, so it carries what this "
+                    "releases as if it had stood before the excavation. If it follows the face, "
+                    f"release a part first, by a stage '{stage}', and 'release: "
+                    f"{_parts(on_mesh, state.leaving, '1')}' where it is built"
+                )
     return notes
+
+
+def lining_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Linings that stand before their tunnel is there, though its stress is released in parts.
+
+    A stage builds first and releases then. A lining in the stage that excavates its tunnel, or
+    after one whose face is still ahead of the section, would take all of the stress.
+    """
+    case, sequence, faults = on_mesh.case, on_mesh.sequence, []
+    for n, state in enumerate(sequence.states[1:], start=1):
+        before = sequence.states[state.base]
+        opened = frozenset(g for g in state.leaving if _in_parts(state.release.get(g)))
+        coming = frozenset(g for g, part in before.release.items() if _ahead(part))
+        if not opened and not coming:
+            continue
+        keys: list[tuple[KeyPath, str, frozenset[int]]] = []
+        for k, name in enumerate(case.stages[n - 1].build):
+            keys += [(("build", k), name, g) for g in (opened, coming) if _lines(on_mesh, name, g)]
+        for group in case.stages[n - 1].install:
+            index = sequence.groups.index(group)
+            keys += [(("install", group), group, g) for g in (opened, coming) if index in g]
+        for path, name, groups in keys:
+            if groups == opened:
+                why = f"stage '{state.name}' excavates the tunnel and builds its lining '{name}', "
+                why += "which would stand before anything is released and carry all of it"
+            else:
+                why = f"the lining '{name}' would stand from the distance to the face at stage "
+                why += f"'{before.name}' on, {_distance(before.release[min(coming)])}: before the "
+                why += "face has passed"
+            build = f"build: [{name}]"
+            if path[0] == "install":
+                build = f"install: {{{name}: {case.stages[n - 1].install[name]}}}"
+            place, hint = ("stages", n - 1, *path), _later(state, build, on_mesh, groups)
+            faults.append(case.source.fault(place, code="lining-too-early", message=why, hint=hint))
+    return faults
+
+
+def _later(
+    state: ConstructionState, build: str, on_mesh: CaseOnMesh, groups: frozenset[int]
+) -> str:
+    """The line by which a lining is built after its tunnel is open."""
+    part = state.release[min(groups)]
+    if isinstance(part, FaceDistance):
+        away = part.distance
+        written = f"${away.parameter}" if away.parameter else f"{away.factor:.6g} m"
+        line = f"{{name: lined, distance: {written}, {build}}}"
+        return f"Build it after this stage, by '{line}': it then takes what is released from there."
+    line = f"{{name: lined, {build}, release: {_parts(on_mesh, groups, '1')}}}"
+    return f"Build it where the rest is released, after this stage: '{line}'."
+
+
+def _lines(on_mesh: CaseOnMesh, name: str, groups: frozenset[int]) -> bool:
+    """Whether a structure is on the wall of what groups of elements fill, all of it."""
+    mesh, beam = on_mesh.mesh, on_mesh.case.structures[name]
+    if not groups or not isinstance(beam, Beam | OpeningSupport):
+        return False
+    if isinstance(beam, OpeningSupport) or not mesh.blocks:
+        return True  # of the one opening of a case without mesh
+    within = nodes_in(mesh.blocks, np.isin(on_mesh.sequence.group_of, list(groups)))
+    return bool(np.isin(group_nodes(mesh, beam.group), within).all())
+
+
+def _in_parts(release: Release | None) -> bool:
+    """Whether a stage says that not all of a stress is released yet."""
+    return release is not None and release != Scalar(1.0)
+
+
+def _ahead(release: Release) -> bool:
+    """Whether the face has yet to come, by a distance that is no parameter."""
+    if not isinstance(release, FaceDistance) or release.distance.parameter is not None:
+        return False
+    return release.distance.factor < 0.0
+
+
+def _distance(release: Release) -> str:
+    """Where a section is by its distance to the face."""
+    assert isinstance(release, FaceDistance)
+    away = release.distance
+    if away.parameter is not None:
+        return f"${away.parameter}"
+    return f"{abs(away.factor):.4g} m {'ahead of' if away.factor < 0.0 else 'behind'} it"
+
+
+def _named(on_mesh: CaseOnMesh, groups: frozenset[int]) -> str:
+    return f"[{', '.join(on_mesh.sequence.groups[g] for g in sorted(groups))}]"
+
+
+def _parts(on_mesh: CaseOnMesh, groups: frozenset[int], part: str) -> str:
+    """A part of the stress of groups as a case gives it."""
+    return f"{{{', '.join(f'{on_mesh.sequence.groups[g]}: {part}' for g in sorted(groups))}}}"
 
 
 def structure_faults(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -175,6 +296,7 @@ def _missing(
                     if on_mesh.locator.best(point, present) is None:
                         return ("ends", n, k), f"{what} {format_point(point)} lies"
         return None
+    assert isinstance(structure, Beam)
     lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
     if len(lost) == 0:
         return None

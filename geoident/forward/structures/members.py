@@ -301,6 +301,7 @@ def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]
             nu = point.number(structure.nu)
             modulus = modulus / (1.0 - nu * nu)
         return modulus * t, (modulus * t * t * t).times(1 / 12)
+    assert isinstance(structure, Bars)
     if structure.EA is not None:
         axial = point.number(structure.EA)
     elif structure.E is not None and structure.diameter is not None:

@@ -36,7 +36,7 @@ from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.report import ReportSection
 from geoident.io.case.stages import ABSENT, StageSection
-from geoident.io.case.structures import StructureSection
+from geoident.io.case.structures import OpeningSupportSection, StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
 from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
@@ -268,6 +268,8 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         name: part.for_model(context.at("structures", name))
         for name, part in section.structures.items()
     }
+    if section.mesh is not None or "mesh" in wrong:
+        _refuse_opening_supports(section.structures, context)
     channels = build_channels(section.gauges, structures, context.at("gauges"))
     known = dict.fromkeys(name for c in channels for name in (c.gauge, c.name))
     if known or not section.gauges:  # of gauges that are wrong nobody knows the channels
@@ -325,6 +327,15 @@ def _refuse_fields(materials: Mapping[str, Material], context: Context) -> None:
             message = f"{growth.words}, and there is no mesh"
             hint = "Closed forms are of uniform ground: write one number."
             context.at(*growth.path).refuse("no-mesh", message, hint, key=True)
+
+
+def _refuse_opening_supports(structures: Mapping[str, StructureSection], context: Context) -> None:
+    """On a mesh linings and bolts have their lines and points."""
+    for name, part in structures.items():
+        if isinstance(part, OpeningSupportSection):
+            message = f"'{part.kind}' supports the opening of a closed form, and there is a mesh"
+            hint = f"On a mesh write '{name}: {{{part.instead}}}'."
+            context.at("structures", name, "kind").refuse("wrong-structure", message, hint)
 
 
 def _gravity(given: Gravity | None, context: Context) -> tuple[float, ...] | None:

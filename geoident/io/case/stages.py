@@ -18,7 +18,12 @@ from geoident.io.case.actions import (
     WaterSection,
 )
 from geoident.io.case.ground import MaterialSection
-from geoident.io.case.structures import BeamSection, StructureSection, negative_force
+from geoident.io.case.structures import (
+    BeamSection,
+    OpeningSupportSection,
+    StructureSection,
+    negative_force,
+)
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
@@ -78,8 +83,9 @@ class StageSection(Section):
     remove: list[Name] = Field([], description="Names of loads that end with this stage.")
     build: list[Name] = Field(
         [],
-        description="Names of `structures` that are built. They begin free of stress (bars with "
-        "their prestress), and carry part of what acts from then on.",
+        description="Names of `structures` that are built, at the beginning of the stage. They "
+        "begin free of stress (bars with their prestress), and carry part of what this stage and "
+        "later ones excavate and release.",
         examples=[["lining"]],
     )
     dismantle: list[Name] = Field(
@@ -332,8 +338,9 @@ class _Ground:
         section = self.begin.structures.get(name)
         if section is None:
             self.faults.add_unknown(place, "structure", name, self.begin.structures, key=True)
-        elif isinstance(section, BeamSection):
-            message = f"'{name}' is a beam, which is not prestressed"
+        elif isinstance(section, BeamSection | OpeningSupportSection):
+            what = "a beam" if isinstance(section, BeamSection) else f"of kind '{section.kind}'"
+            message = f"'{name}' is {what}, which is not prestressed"
             hint = "Name bolts, struts or anchors."
             self.faults.add(place, "wrong-structure", message, hint, key=True)
         elif name not in self.structures:

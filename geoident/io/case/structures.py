@@ -1,4 +1,7 @@
-"""Structural parts of a case, and what they are built into: linings as beams, bolts as bars."""
+"""Structural parts of a case, and what they are built into: linings as beams, bolts as bars.
+
+An opening in closed form has supports of its own, which press on its wall all round.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +28,21 @@ from geoident.io.schema.values import (
     Size,
     Stress,
     TextOrList,
+    Time,
     WallStiffness,
+    WallSubgrade,
 )
 from geoident.model.case import Analysis
-from geoident.model.structures import Anchors, Beam, Bolts, Struts
+from geoident.model.structures import (
+    Anchors,
+    Beam,
+    BoltPattern,
+    Bolts,
+    Ribs,
+    Ring,
+    Struts,
+    SupportLine,
+)
 
 Hinge = TextOrList[Name, Coordinates]
 
@@ -260,6 +274,128 @@ def _refuse(what: str, where: str, context: Context) -> None:
     context.at("kind").refuse("wrong-analysis", message, hint)
 
 
+class OpeningSupportSection(Section):
+    """A support of an opening in closed form: it presses on the wall as this moves inwards."""
+
+    instead: ClassVar[str]
+    """What to write in a case with a mesh."""
+
+
+class RingSection(OpeningSupportSection):
+    """A closed ring of shotcrete or concrete around the opening of a case without mesh.
+
+    It is a thick ring (Lame; Hoek & Brown 1980): with R its outer and b its inner radius it presses
+    by E (R^2 - b^2) / ((1 + nu) R ((1 - 2 nu) R^2 + b^2)) per motion of the wall, and by
+    strength (1 - b^2 / R^2) / 2 at most.
+    """
+
+    one_of = (
+        Alternatives(
+            "", "hardening_time", "hardening_distance", hint="Let it harden in one of these ways."
+        ),
+    )
+    builds = Ring
+    instead = "kind: beam, on: LINES, E: 15 GPa, nu: 0.2, thickness: 0.2 m"
+
+    kind: Literal["ring"]
+    E: Modulus = Field(
+        description="Young's modulus; where it hardens that of old concrete.", examples=["25 GPa"]
+    )
+    thickness: Size = Field(description="Thickness.", examples=["0.2 m"])
+    nu: Ratio | None = Field(None, description="Poisson's ratio; 0.2 if missing.")
+    strength: Modulus | None = Field(
+        None,
+        description="Uniaxial compressive strength; without it the ring carries all.",
+        examples=["25 MPa"],
+    )
+    hardening_time: Time | None = Field(
+        None,
+        description="T: stiffness and strength have grown to 1 - exp(-t / T) at the age t. Needs "
+        "`dates` of the stages.",
+        examples=["3 day"],
+    )
+    hardening_distance: Size | None = Field(
+        None,
+        description="The same by the way of the face since the ring was built, in place of the "
+        "time; needs a `distance` of the stages.",
+        examples=["6 m"],
+    )
+
+
+class RibsSection(OpeningSupportSection):
+    """Closed steel sets around the opening of a case without mesh, in contact all round.
+
+    They press by E area / (spacing R^2) per motion of the wall, and by strength area / (spacing R)
+    at most.
+    """
+
+    builds = Ribs
+    instead = "kind: beam, on: LINES, EA: 1 GN/m, EI: 1 MNm2/m"
+
+    kind: Literal["ribs"]
+    E: Modulus = Field(description="Young's modulus.", examples=["210 GPa"])
+    area: Area = Field(description="Area of the section of one rib.", examples=["54 cm2"])
+    spacing: Size = Field(description="Distance of the ribs along the opening.", examples=["1 m"])
+    strength: Modulus | None = Field(
+        None, description="Yield strength; without it they carry all.", examples=["355 MPa"]
+    )
+
+
+class BoltPatternSection(OpeningSupportSection):
+    """Bolts all around the opening of a case without mesh, held at head and end (not grouted).
+
+    They press by 1 / (spacing rows (4 length / (pi diameter^2 E) + 1 / head_stiffness)) per motion
+    of the wall, and by capacity / (spacing rows) at most (Hoek & Brown 1980). Grouted bolts
+    strengthen the ground: give it that strength.
+    """
+
+    builds = BoltPattern
+    instead = "kind: bolt, ends: [[HEAD, END], ..], spacing: 1.5 m, E: 210 GPa, diameter: 25 mm"
+
+    kind: Literal["bolting"]
+    E: Modulus = Field(description="Young's modulus.", examples=["210 GPa"])
+    diameter: Size = Field(description="Diameter of a bolt.", examples=["25 mm"])
+    length: Size = Field(description="Free length of a bolt.", examples=["4 m"])
+    spacing: Size = Field(description="Distance of the bolts around the wall.", examples=["1.5 m"])
+    rows: Size | None = Field(
+        None, description="Distance of the rows along the opening; the spacing if missing."
+    )
+    capacity: AxialStiffness | None = Field(
+        None,
+        description="Force that one bolt with head and end carries; all if missing.",
+        examples=["200 kN"],
+    )
+    head_stiffness: WallStiffness | None = Field(
+        None,
+        description="Force per displacement of head and end in a pull-out test, beside the bar; "
+        "rigid if missing.",
+        examples=["7 MN/m"],
+    )
+
+
+class SupportLineSection(OpeningSupportSection):
+    """A support of which only the line is known, of the opening of a case without mesh."""
+
+    builds = SupportLine
+    instead = "kind: beam, on: LINES, E: 15 GPa, nu: 0.2, thickness: 0.2 m"
+
+    kind: Literal["support-line"]
+    stiffness: WallSubgrade = Field(
+        description="Pressure on the wall per motion of the wall inwards.", examples=["80 MPa/m"]
+    )
+    capacity: Modulus | None = Field(
+        None, description="Largest pressure; no limit if missing.", examples=["0.6 MPa"]
+    )
+
+
 StructureSection = Annotated[
-    BeamSection | BoltSection | StrutSection | AnchorSection, Field(discriminator="kind")
+    BeamSection
+    | BoltSection
+    | StrutSection
+    | AnchorSection
+    | RingSection
+    | RibsSection
+    | BoltPatternSection
+    | SupportLineSection,
+    Field(discriminator="kind"),
 ]

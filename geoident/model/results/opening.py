@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.columns import column, derived
 
@@ -27,6 +29,11 @@ class GroundReaction:
         stage_pressure: (s,) pressure inside at each, Pa; NaN where there is no closed form.
         stage_displacement: (s,) of the wall at each, m.
         stage_plastic_radius: (s,) at each, m; NaN where it is elastic.
+        supports: names of the supports, none where none ever stands.
+        support_pressure: (p, s) of each on the wall at each stage, Pa; NaN where it does not stand;
+            None where none ever stands.
+        support_capacity: (p, s) what each can press with at each stage, Pa; infinite where it has
+            no limit, NaN where it does not stand; None where none ever stands.
         radii: (m,) distances from the centre, m.
         radial: (s, m) radial stress at each stage there, Pa.
         hoop: (s, m) stress around the opening there, Pa.
@@ -64,6 +71,30 @@ class GroundReaction:
             "stage", "radii", dimension="pressure", sheet="hoop_compression", shown="MPa"
         )
     )
+
+    supports: tuple[str, ...] = field(
+        default=(), metadata=column("support", name="support", optional=True)
+    )
+    support_pressure: Floats | None = field(
+        default=None,
+        metadata=column(
+            "support", "stage", sheet="pressure", dimension="pressure", shown="MPa", optional=True
+        ),
+    )
+    support_capacity: Floats | None = field(
+        default=None,
+        metadata=column(
+            "support", "stage", sheet="capacity", dimension="pressure", shown="MPa", optional=True
+        ),
+    )
+
+    @property
+    def standing(self) -> list[list[int]]:
+        """Numbers of a support and of a stage at which it stands, for every pair of them."""
+        if self.support_pressure is None:
+            return []
+        pairs: list[list[int]] = np.argwhere(np.isfinite(self.support_pressure)).tolist()
+        return pairs
 
     @property
     @derived("component", name="component")

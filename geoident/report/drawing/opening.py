@@ -38,6 +38,7 @@ def opening_pictures(result: Result) -> tuple[Picture, ...]:
     if reaction is None:
         return ()
     yields = bool(np.isfinite(reaction.stage_plastic_radius).any())
+    supported = "; thick: pressure of all supports" if reaction.supports else ""
     zone = " The brown ground yields at the last stage with a closed form." if yields else ""
     return (
         Picture(
@@ -50,7 +51,8 @@ def opening_pictures(result: Result) -> tuple[Picture, ...]:
             "ground-reaction",
             "Ground reaction",
             "Left: pressure inside the opening against the motion of the wall inwards, by the "
-            "identified parameters; dots: the stages; dotted: from there on the wall yields. "
+            "identified parameters; dots: the stages; dotted: from there on the wall yields"
+            f"{supported}. "
             "Middle: how far the ground yields. Right: radial stress (dashed) and stress around "
             "the opening (solid) at the stages.",
             lambda: reaction_figure(reaction),
@@ -145,6 +147,12 @@ def reaction_figure(reaction: GroundReaction) -> Figure:
     left.set_xlabel("wall inwards (mm)")
     left.set_ylabel(f"pressure inside ({unit})")
     _draw_stages(left, reaction, MM * reaction.stage_displacement, reaction.stage_pressure / size)
+    if reaction.support_pressure is not None:
+        standing = np.isfinite(reaction.support_pressure)
+        first = max(int(np.argmax(standing.any(axis=0))) - 1, 0)  # they begin where the wall was
+        pressed = np.where(standing, reaction.support_pressure, 0.0).sum(axis=0)[first:]
+        moved = MM * reaction.stage_displacement[first:]
+        left.plot(moved, pressed / size, color=ACCENT, lw=2.4)
     if np.isfinite(reaction.plastic_radius).any():
         middle.plot(reaction.plastic_radius, pressure, color=COMPUTED, lw=1.4)
         _draw_stages(

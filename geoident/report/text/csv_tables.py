@@ -164,6 +164,15 @@ def _opening_stresses(result: Result) -> CsvTable:
     return sheet(result.reaction, "stage", "radii", only=fields)
 
 
+def _opening_supports(result: Result) -> CsvTable:
+    """What each support of an opening presses with while it stands, and could press with."""
+    reaction = result.reaction
+    if reaction is None or not reaction.supports:
+        return CsvTable()
+    fields = ("supports", "stages", "support_pressure", "support_capacity")
+    return sheet(reaction, "support", "stage", only=fields, rows=reaction.standing)
+
+
 def _grid(result: Result) -> CsvTable:
     """One row a point; without an objective where the model has no solution."""
     grid, table = result.grid, result.parameters
@@ -209,6 +218,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "opening": _opening,
     "ground-reaction": lambda result: sheet(result.reaction, "pressure"),
     "opening-stresses": _opening_stresses,
+    "opening-supports": _opening_supports,
     "face": lambda result: sheet(result.advance, "stage"),
     "face-profile": lambda result: sheet(result.advance, "distance"),
     "grid": _grid,

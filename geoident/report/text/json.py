@@ -119,6 +119,7 @@ def opening_object(reaction: GroundReaction) -> dict[str, Any]:
         reaction: its ground reaction curve, and its stages on their way along it.
     """
     curve = ("pressure", "displacement", "plastic_radius")
+    keys = ("support", "stage", "support_pressure", "support_capacity")
     return {
         **attributes(reaction),
         "centre": reaction.centre,
@@ -130,6 +131,10 @@ def opening_object(reaction: GroundReaction) -> dict[str, Any]:
             "radial": dict(zip(reaction.stages, reaction.radial, strict=True)),
             "hoop": dict(zip(reaction.stages, reaction.hoop, strict=True)),
         },
+        "supports": [
+            {key: entry[key] for key in keys}
+            for entry in objects(reaction, "support", "stage", rows=reaction.standing)
+        ],
     }
 
 

@@ -8,6 +8,7 @@ from support.cases import displacement, material, model, rollers
 from support.derivatives import assert_exact
 from support.meshes import opening
 
+from geoident.errors import InputError
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.mesh import Mesh
@@ -209,3 +210,16 @@ def test_a_released_part_of_ground_that_has_moved_is_multiplied_by_its_moduli():
     )
     said = "what 'core' still holds at stage 'open' contains the product of part and E, and both "
     assert staged.response([("a", "open")]).obstacle() == said + "are free"
+
+
+def test_a_lining_of_elements_in_the_stage_that_excavates_in_parts_is_refused():
+    held = {"core": Scalar(0.4), "ring": Scalar(0.4)}
+    stages = (
+        Stage("open", excavate=("core", "ring"), install={"ring": "shot"}, release=held),
+        Stage("rest", release={"core": Scalar(1.0), "ring": Scalar(1.0)}),
+    )
+    with pytest.raises(InputError) as caught:
+        _staged(_tunnel(2), Scalar(0.4), stages=stages)
+    (fault,) = caught.value.faults
+    assert fault.path == "stages[0].install.ring"
+    assert "{name: lined, install: {ring: shot}, release: {core: 1, ring: 1}}" in fault.hint

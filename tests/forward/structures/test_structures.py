@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from geoident.model.actions import Traction
+from geoident.errors import InputError
+from geoident.model.actions import FaceProfile, Traction
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
@@ -470,3 +473,76 @@ def test_beam_is_the_limit_of_a_thin_lining_of_elements():
     assert apart[0] < 0.05
     assert apart[1] < 0.6 * apart[0]
     assert apart[2] < 0.6 * apart[1]
+
+
+PANET = FaceProfile(
+    "panet", ("core",), Scalar(RADIUS), constants=(Scalar(0.25), Scalar(0.75)), conversion="direct"
+)
+
+
+def _behind_face(*stages, **changes):
+    return _lined(_tunnel(), stages, face=PANET, **changes)
+
+
+@pytest.mark.parametrize(
+    ("stages", "closed_at"),
+    [
+        ((Stage("open", ("core",), distance=Scalar(2.5)),
+          Stage("lined", build=("lining",), distance=Scalar(2.5)),
+          Stage("far", distance=Scalar(1e4))), 2.5),
+        ((Stage("open", ("core",), distance=Scalar(2.5)),
+          Stage("far", build=("lining",), distance=Scalar(1e4))), 2.5),
+        ((Stage("ahead", ("core",), distance=Scalar(0.0)),
+          Stage("open", distance=Scalar(4.0)),
+          Stage("far", build=("lining",), distance=Scalar(1e4))), 4.0),
+    ],
+)  # fmt: skip
+def test_a_lining_behind_a_face_takes_what_is_released_after_it(stages, closed_at):
+    """Panet's s = lambda there; then ground p0 - p = 2 G u / R and ring p = k (u - u_0)."""
+    found = _behind_face(*stages)
+    axial = found.survey(NOTHING, fields=True).members.axial[:, -1]
+    left = 0.75 * (0.75 / (0.75 + closed_at / RADIUS)) ** 2
+    G, k = E / (2 * (1 + NU)), 4e9 / RADIUS**2
+    exact = -left * P0 / (1 + 2 * G / (k * RADIUS)) * RADIUS
+    np.testing.assert_allclose(axial, exact, rtol=0.01)
+    (note,) = (text for text in found.notes if "'lining'" in text)
+    assert f"{closed_at:g} m behind it" in note
+
+
+def test_a_lining_that_would_stand_before_its_tunnel_is_refused_with_the_line_to_write():
+    """Built where the tunnel is excavated it carried all of the stress."""
+    far = Stage("far", distance=Scalar(1e4))
+    with pytest.raises(InputError) as caught:
+        _behind_face(Stage("open", ("core",), distance=Scalar(2.5), build=("lining",)), far)
+    (fault,) = caught.value.faults
+    assert fault.path == "stages[0].build[0]"
+    assert "would stand before anything is released and carry all of it" in fault.message
+    assert "'{name: lined, distance: 2.5 m, build: [lining]}'" in fault.hint
+
+    with pytest.raises(InputError) as caught:
+        _lined(
+            _tunnel(),
+            (
+                Stage("open", ("core",), release={"core": Scalar(0.4)}, build=("lining",)),
+                Stage("line", release={"core": Scalar(1.0)}),
+            ),
+        )
+    (fault,) = caught.value.faults
+    assert "'{name: lined, build: [lining], release: {core: 1}}'" in fault.hint
+
+    chern = replace(PANET, law="chern", constants=(Scalar(1.1), Scalar(1.7)))
+    with pytest.raises(InputError) as caught:
+        _lined(
+            _tunnel(),
+            (
+                Stage("ahead", ("core",), distance=Scalar(-3.0)),
+                Stage("lined", build=("lining",), distance=Scalar(2.5)),
+            ),
+            face=chern,
+        )
+    (fault,) = caught.value.faults
+    assert "3 m ahead of it: before the face has passed" in fault.message
+
+    found = _lined(_tunnel(), (Stage("open", ("core",), build=("lining",)),))
+    (note,) = (text for text in found.notes if "'lining'" in text)
+    assert "'{name: opened, excavate: [core], release: {core: 0.5}}'" in note

@@ -3,7 +3,16 @@
 import pytest
 
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Anchors, Beam, Bolts, Struts
+from geoident.model.structures import (
+    Anchors,
+    Beam,
+    BoltPattern,
+    Bolts,
+    Ribs,
+    Ring,
+    Struts,
+    SupportLine,
+)
 
 BENCH = "  - {name: bench 1, excavate: [bench], install: {lining: shotcrete}}"
 STAGES = "stages:\n"
@@ -228,3 +237,76 @@ def test_bars_about_an_axis_need_their_number_or_spacing(project, built):
     assert faults(BOLT.replace("[3, 0 m]", "[0, 0 m]")) == {
         "zero-length": "the first end lies on the axis, where bars have no spacing"
     }
+
+
+OPENING = """\
+format: geoident-case/1
+analysis: plane-strain
+parameters:
+  E: {start: 1.5 GPa, bounds: [0.2 GPa, 20 GPa], scale: log}
+  k: {start: 80 MPa/m, bounds: [1 MPa/m, 900 MPa/m], scale: log}
+materials:
+  rock: {E: $E, nu: 0.25}
+groups: {rock: rock, tunnel: rock}
+in_situ: {model: heim, vertical: 12 MPa, K0: 1.0}
+face: {profile: panet}
+structures:
+  shotcrete: {kind: ring, E: 20 GPa, thickness: 20 cm, strength: 25 MPa, hardening_distance: 6 m}
+  ribs: {kind: ribs, E: 210 GPa, area: 54 cm2, spacing: 1 m, strength: 355 MPa}
+  bolts: {kind: bolting, E: 210 GPa, diameter: 25 mm, length: 4 m, spacing: 1.5 m,
+          capacity: 180 kN, head_stiffness: 7 MN/m}
+  line: {kind: support-line, stiffness: $k, capacity: 0.6 MPa}
+stages:
+  - {name: open, excavate: [tunnel], distance: 2 m}
+  - {name: lined, distance: 9 m, build: [shotcrete, ribs, bolts, line]}
+gauges:
+  CV: {kind: convergence, between: [[-2.5, 0 m], [2.5, 0 m]], accuracy: 0.2 mm, zero: open}
+fit: {method: closed-form, closed-form: {centre: [0, 0 m], radius: 2.5 m}}
+"""
+
+
+def test_supports_of_an_opening_without_mesh(project):
+    assert project.read(OPENING).case.structures == {
+        "shotcrete": Ring(
+            Scalar(20e9), Scalar(0.2), strength=Scalar(25e6), hardening_distance=Scalar(6.0)
+        ),
+        "ribs": Ribs(Scalar(210e9), Scalar(54e-4), Scalar(1.0), Scalar(355e6)),
+        "bolts": BoltPattern(
+            Scalar(210e9), Scalar(0.025), Scalar(4.0), Scalar(1.5),
+            capacity=Scalar(180e3), head_stiffness=Scalar(7e6),
+        ),
+        "line": SupportLine(Scalar(1.0, "k"), Scalar(0.6e6)),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "said"),
+    [
+        ("distance: 6 m}", "distance: 6 m, hardening_time: 2 day}", "structures.shotcrete",
+         "found hardening_time and hardening_distance"),
+        ("strength: 25 MPa", "strength: 0 MPa", "structures.shotcrete.strength", "'0 MPa'"),
+        ("stiffness: $k", "stiffness: $E", "structures.line.stiffness",
+         "pressure (start: 1.5 GPa)"),
+        ("build: [", "prestress: {bolts: 9 kN}, build: [", "stages[1].prestress.bolts",
+         "'bolts' is of kind 'bolting', which is not prestressed"),
+        ("gauges:\n", "gauges:\n  N: {kind: load-cell, structure: ribs, accuracy: 5 kN}\n",
+         "gauges.N", "which gives displacements only"),
+    ],
+)  # fmt: skip
+def test_wrong_supports_of_an_opening_are_refused(project, old, new, path, said):
+    assert OPENING.count(old) == 1
+    text = OPENING.replace(old, new)
+    if "$E" in new:
+        text = text.replace(
+            "  k: {start: 80 MPa/m, bounds: [1 MPa/m, 900 MPa/m], scale: log}\n", ""
+        )
+    fault = project.only_fault(text)
+    assert fault.path == path
+    assert said in fault.message
+
+
+def test_on_a_mesh_the_beam_or_bolts_to_write_are_named(project, built):
+    fault = project.only_fault(built(shell="{kind: ring, E: 15 GPa, thickness: 0.2 m}"))
+    assert fault.path == "structures.shell.kind"
+    assert "and there is a mesh" in fault.message
+    assert "write 'shell: {kind: beam, on: LINES, E: 15 GPa" in fault.hint

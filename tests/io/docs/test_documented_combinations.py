@@ -25,6 +25,8 @@ from geoident.io.case.file import parse_case
 PAGE = Path(__file__).parents[3] / "geoident" / "docs" / "keys.md"
 PLACES = ("materials", "in_situ", "loads", "structures", "gauges", "supports", "water", "face")
 """Keys of a case whose sections are tried. Others name files, or say how a case is computed."""
+OF_OPENINGS = ("ring", "ribs", "bolting", "support-line")
+"""Kinds of structures of a case without mesh."""
 NAMED = ("materials", "loads", "structures", "gauges", "supports")
 """Those under which there are sections by name: many trials make one case."""
 
@@ -45,7 +47,7 @@ WORDS = {
     "velocity": "1 mm/month", "pressure rate": "2 kPa/month", "angle rate": "1 mrad/month",
     "strain rate": "2 microstrain/month", "strain": "5 microstrain", "temperature": "10 K",
     "quantity": "2 mm", "whole number": "48", "flag": "true", "estimate": "estimate",
-    "text": "heading",
+    "text": "heading", "time": "3 day",
 }  # fmt: skip
 """A value of each kind."""
 POINTS: dict[str, Callable[[int], Any]] = {
@@ -66,7 +68,7 @@ PARAMETERS = {
     "angle rate": ("0 mrad/day", "[-1, 1 mrad/day]"),
     "strain rate": ("0 microstrain/day", "[-1, 1 microstrain/day]"),
     "velocity": ("0 mm/day", "[-1, 1 mm/day]"), "strain": ("0 microstrain", "[-9, 9 microstrain]"),
-    "quantity": ("0 mm", "[-9, 9 mm]"),
+    "quantity": ("0 mm", "[-9, 9 mm]"), "time": ("3 day", "[1 day, 9 day]"),
 }  # fmt: skip
 """Start and bounds of a parameter of each kind."""
 OF_GAUGES: dict[str, dict[str, str]] = {
@@ -346,6 +348,10 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
     if analysis == "plane-strain":
         case["face"] = {"profile": "panet", "radius": "4 m"}
         case["stages"][0]["distance"] = "2 m"
+    if any(isinstance(one, dict) and one.get("kind") in OF_OPENINGS for one in sections.values()):
+        del case["mesh"]
+        case["fit"] = {"method": "closed-form"}
+        case["fit"]["closed-form"] = {"centre": at(dim, 0, 0), "radius": "3 m"}
     if place == "face":
         return case | {"face": {"radius": "4 m", **sections}}
     return case | {place: {**case.get(place, {}), **sections} if place in NAMED else sections}

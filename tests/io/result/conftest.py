@@ -176,6 +176,9 @@ def make_reaction() -> GroundReaction:
         radii=np.array([2.5, 5.0, 10.0]),
         radial=np.array([[6e6, 8e6, 1e7], [0.0, 5e6, 9e6]]),
         hoop=np.array([[1.6e7, 1.3e7, 1.1e7], [2e6, 1.8e7, 1.3e7]]),
+        supports=("bolts", "ring"),
+        support_pressure=np.array([[np.nan, 8e4], [np.nan, 5e5]]),
+        support_capacity=np.array([[np.nan, 8e4], [np.nan, np.inf]]),
     )
 
 

@@ -216,6 +216,10 @@ SHEETS: dict[str, tuple[str, dict[str, str], dict[str, tuple[str, Any]]]] = {
         "opening", {"pressure (MPa)": "pressure"},
         {"wall_inwards (mm)": ("displacement", MM), "plastic_radius (m)": ("plastic_radius", 1)},
     ),
+    "opening-supports": (
+        "opening", {"support": "support", "stage": "stage"},
+        {"pressure (MPa)": ("support_pressure", MPA), "capacity (MPa)": ("support_capacity", MPA)},
+    ),
     "opening-stresses": (
         "opening", {"stage": "stage", "distance (m)": "radii"},
         {

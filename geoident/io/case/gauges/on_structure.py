@@ -11,7 +11,7 @@ from geoident.io.case.gauges.value import ValueGauge
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
 from geoident.model.gauges import Channel
-from geoident.model.structures import Bars, Beam, Structure, Struts
+from geoident.model.structures import Bars, Beam, OpeningSupport, Structure, Struts
 
 TOWARDS = "A point on the inside of the beam; needed where ground is on both sides of it."
 
@@ -68,7 +68,12 @@ def on_structures(
                 yield channel
             continue  # an unknown structure is a fault of its own (`references`)
         section, place = sections[channel.gauge], context.at(channel.gauge)
-        if isinstance(structure, Beam):
+        if isinstance(structure, OpeningSupport):
+            message = f"'{channel.structure}' supports an opening in closed form, which gives "
+            message += "displacements only"
+            hint = "Gauges on structures need a mesh with a beam or bars."
+            place.refuse("wrong-structure", message, hint)
+        elif isinstance(structure, Beam):
             if getattr(section, "point", None) is None:
                 message = f"'{channel.structure}' is a beam; where on it is missing"
                 place.refuse("missing-key", message, "Add 'point'.", key=True)

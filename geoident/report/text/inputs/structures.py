@@ -7,8 +7,19 @@ from collections.abc import Mapping
 from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed
 from geoident.report.text.layout import TextTable
 
-_KINDS = {"beam": "wall or lining", "bolt": "bolts", "strut": "struts", "anchor": "anchors"}
-_STIFFNESS = ("E", "nu", "thickness", "diameter", "area", "EA", "EI", "density", "weight")
+_KINDS = {
+    "beam": "wall or lining", "bolt": "bolts", "strut": "struts", "anchor": "anchors",
+    "ring": "ring", "ribs": "ribs", "bolting": "bolts", "support-line": "support line",
+}  # fmt: skip
+_ALL_ROUND = ("ring", "ribs", "bolting", "support-line")
+_STIFFNESS = (
+    "E", "nu", "thickness", "diameter", "length", "area", "EA", "EI", "stiffness", "head_stiffness",
+    "density", "weight",
+)  # fmt: skip
+_DETAILS = (
+    "spacing", "rows", "number", "grouted", "prestress", "strength", "capacity", "hardening_time",
+    "hardening_distance",
+)  # fmt: skip
 
 
 def structures_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
@@ -38,6 +49,8 @@ def _place(structure: CaseTexts, numbers: ShownNumbers) -> str:
     """The lines on which it lies, or where its bars run."""
     if structure.get("on"):
         return f"on {structure['on']}"
+    if structure.get("kind") in _ALL_ROUND:
+        return "all round"
     bars = structure.get("ends")
     bars = bars if isinstance(bars, list) else []
     if len(bars) == 1 and isinstance(bars[0], list):
@@ -46,11 +59,7 @@ def _place(structure: CaseTexts, numbers: ShownNumbers) -> str:
 
 
 def _details(structure: CaseTexts, numbers: ShownNumbers) -> str:
-    details = [
-        f"{key} {numbers.text(structure[key])}"
-        for key in ("spacing", "number", "grouted", "prestress")
-        if key in structure
-    ]
+    details = [f"{key} {numbers.text(structure[key])}" for key in _DETAILS if key in structure]
     end = structure.get("second_end")
     details += [f"second end {end}"] if end and end != "joined" else []
     clamped = listed(structure.get("clamped_on"))
