@@ -308,10 +308,13 @@ class ModelErrorOptions:
         kind: ``estimate`` it from the residuals, ``none``, or ``given``.
         size: relative to the computed motion, where it is given.
         length: over which it is correlated, m; None: as far as the gauges are spread.
+        time: over which it is correlated, s; None: a third of the time of the readings of a model
+            without ground of its own, and by stages of construction of others.
         written: the case says so; else this is what happens by default.
     """
 
     kind: ModelErrorKind = "estimate"
     size: float = 0.0
     length: float | None = None
+    time: float | None = None
     written: bool = False

@@ -40,6 +40,7 @@ from geoident.workflow.scoring.trials import (
     clause,
     hand_on,
     nearby,
+    of_full_errors,
     read_stages,
     tried,
     variances,
@@ -215,8 +216,12 @@ def _result(
     last, estimate = trials[-1], trials[-1].estimate
     fits = backtest_of(setup, trials, skipped)
     judged = _judged(setup, trials, fits)
+    settled = of_full_errors(trials) if fits.horizons else trials
     restless, others = settling(
-        case, fits.steps, variances(trials), estimated=last.setup.accuracies is not None
+        case,
+        [trial.step for trial in settled],
+        variances(settled),
+        estimated=last.setup.accuracies is not None,
     )
     status, reason = ending(case, fits, judged, out_of_time=out_of_time)
     outcome = estimate.outcome
@@ -270,8 +275,8 @@ def _judged(setup: Setup, trials: Sequence[PartialFit], fits: Backtest) -> Verdi
         fits: what they say together.
     """
     whole = verdict(fits, trials[-1].gauges)
-    full = [trial for trial in trials if trial.setup.model_error is not None]
-    if whole.holds or not full or len(full) == len(trials):
+    full = of_full_errors(trials)
+    if whole.holds or len(full) == len(trials):
         return whole
     rest = verdict(backtest_of(setup, full, ()), trials[-1].gauges)
     if not rest.holds:

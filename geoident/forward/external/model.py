@@ -74,8 +74,15 @@ class ExternalModel(ObservedModel):
         return Observed(np.concatenate([np.zeros((1, *readings.shape[1:])), readings]))
 
     def increments_of(self, observed: Observed) -> Floats:
-        """Zeros: of an external model the increments of single stages are not known."""
-        return np.zeros(observed.seen.shape[:2])
+        """What each state changes in what channels see, (n_states, n_channels), SI.
+
+        Where the model gives nothing, a channel stays at what it gave last.
+        """
+        seen = np.array(observed.seen[:, :, 0])
+        for state in range(1, len(seen)):
+            unknown = ~np.isfinite(seen[state])
+            seen[state, unknown] = seen[state - 1, unknown]
+        return np.diff(seen, axis=0, prepend=0.0)
 
 
 def _rule(case: Case, provided: Bools) -> ReadingRule:

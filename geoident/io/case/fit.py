@@ -129,7 +129,7 @@ class FitBase(Section):
         None,
         description="How far the ground may differ from the model: `estimate` from the residuals "
         "(the default where they are enough), `none`, a part of the computed motion, "
-        "or {size: , length: }. Intervals and bands of later stages follow.",
+        "or {size: , length: , time: }. Intervals and bands of later stages follow.",
         examples=["estimate", "none", "15 %", {"size": "15 %", "length": "20 m"}],
     )
     backtest: bool = Field(

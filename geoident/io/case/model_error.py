@@ -10,7 +10,7 @@ from pydantic import Field
 
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import CaseNumber, FixedSize, TextOrMapping
+from geoident.io.schema.values import CaseNumber, FixedDuration, FixedSize, TextOrMapping
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS
@@ -65,6 +65,14 @@ class ModelErrorSection(Section):
         "spread. The results hardly depend on it.",
         examples=["20 m"],
     )
+    time: FixedDuration | None = Field(
+        None,
+        description="Time over which it is correlated: errors then last, and are those of what "
+        "is read since the zero. Without it a third of the time of the readings, where the model "
+        "is a program, a function, a table or a convergence law; of other models each stage has an "
+        "error of its own beside that of all. Needs dates.",
+        examples=["60 days"],
+    )
 
 
 ModelErrorValue = TextOrMapping[Annotated[CaseNumber, RelativeError()], ModelErrorSection]
@@ -81,8 +89,10 @@ def model_error_options(value: CaseNumber | ModelErrorSection | None) -> ModelEr
     size = value.size if isinstance(value, ModelErrorSection) else value
     given = value.length if isinstance(value, ModelErrorSection) else None
     length = None if given is None else given.factor
+    lasting = value.time if isinstance(value, ModelErrorSection) else None
+    time = None if lasting is None else lasting.factor
     if math.isnan(size.factor):
-        return ModelErrorOptions("estimate", length=length, written=True)
+        return ModelErrorOptions("estimate", length=length, time=time, written=True)
     if size.factor == 0.0:
-        return ModelErrorOptions("none", length=length, written=True)
-    return ModelErrorOptions("given", size.factor, length, written=True)
+        return ModelErrorOptions("none", length=length, time=time, written=True)
+    return ModelErrorOptions("given", size.factor, length, time, written=True)

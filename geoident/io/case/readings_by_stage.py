@@ -94,6 +94,7 @@ def read_all(
         checks.all(readings, alone=alone)
         read.readings += readings
     checks.bad()
+    checks.lasting()
     read.notes += checks.drifts(read.readings)
     read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)

@@ -584,6 +584,7 @@ FixedMultiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
 FixedCoefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
 FixedAngle = Annotated[CaseNumber, QuantityType("angle")]
 FixedSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
+FixedDuration = Annotated[CaseNumber, QuantityType("time", above=0.0)]
 FixedAcceleration = Annotated[CaseNumber, QuantityType("acceleration")]
 AnyQuantity = Annotated[CaseNumber, QuantityType(None)]
 

@@ -46,6 +46,58 @@ class Scores:
 
 
 @dataclass(frozen=True)
+class Horizon:
+    """How predictions of a series came true by how far they looked ahead.
+
+    Args:
+        first: how many read stages ahead, at least.
+        last: at most.
+        time: how long ahead the last of them was, s; NaN where the stages have no dates.
+        readings: how many were predicted with a band.
+        inside: how many lie inside their 95 % bands.
+        rms: root mean square of the standardized errors.
+    """
+
+    first: int = field(metadata=column(name="stages_ahead"))
+    last: int = field(metadata=column(name="stages_ahead_at_most"))
+    time: float = field(metadata=column())
+    readings: int = field(metadata=column())
+    inside: int = field(metadata=column())
+    rms: float = field(metadata=column())
+
+
+@dataclass(frozen=True)
+class Reach:
+    """One fit whose predictions of a series look as far ahead as the prediction does.
+
+    Args:
+        step: number of the last stage that it fits.
+        stages: how many read stages it looks ahead.
+        far: how far the last of them is, in s, or in stages where these have no dates.
+        asked: how far ahead the prediction looks, likewise.
+        dated: both are in s.
+        readings: how many were predicted with a band.
+        inside: how many lie inside their 95 % bands.
+        rms: root mean square of the standardized errors.
+        few: probability that bands that hold leave so few inside.
+        large: probability that standardized errors are then as large.
+        independent: how many independent readings say as much.
+    """
+
+    step: int
+    stages: int
+    far: float
+    asked: float
+    dated: bool
+    readings: int
+    inside: int
+    rms: float
+    few: float
+    large: float
+    independent: float
+
+
+@dataclass(frozen=True)
 class BacktestStep:
     """A fit of the readings up to a stage, and what it says of later stages.
 
@@ -124,6 +176,9 @@ class Backtest:
         few: probability that bands that hold leave so few readings of next stages inside.
         far: probability that standardized errors are then as large.
         measured: (n_channels, n_stages) readings that predictions are compared with, SI.
+        horizons: of a series, how predictions came true by how far they looked ahead.
+        reach: of a series, the test that looks as far ahead as the prediction; None where the next
+            stage is what counts, or no fit can look ahead so.
     """
 
     steps: tuple[BacktestStep, ...] = field(metadata=column("fit"))
@@ -133,6 +188,10 @@ class Backtest:
     few: float
     far: float
     measured: Floats = field(metadata=column("gauge", "stage", dimension="gauge"))
+    horizons: tuple[Horizon, ...] = field(
+        default=(), metadata=column("ahead", group="horizons", optional=True)
+    )
+    reach: Reach | None = field(default=None, metadata=column(group="reach", optional=True))
 
 
 def bands_of(backtest: Backtest, step: BacktestStep) -> Bands:

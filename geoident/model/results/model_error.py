@@ -17,7 +17,7 @@ class ModelErrorTable:
         size: eta, relative to the computed motion.
         lower95: lower end of its 95 % interval; the size itself where it is given.
         upper95: upper end, likewise.
-        length: over which it is correlated, m.
+        length: over which it is correlated, m; NaN where no gauge has a place.
         sizes: (m,) the eta that were weighed.
         weights: (m,) what residuals and prior leave of each; their sum is one.
         states: names of the J states, the virgin state first.
@@ -34,6 +34,10 @@ class ModelErrorTable:
             readings show; 0 where the case declares it, or none can tell.
         zero_lower95: lower end of its 95 % interval.
         zero_upper95: upper end, likewise.
+        time: over which it is correlated; NaN where the errors are those of single steps.
+        time_unit: of it: ``s``, or ``stages`` where these have no dates; empty where there is none.
+        moments: (k,) log(1 + t / T) of the time t of each reading since its zero and this time T;
+            NaN for readings that are not used. None where there is no such time.
     """
 
     kind: str
@@ -53,6 +57,9 @@ class ModelErrorTable:
     zero: float = 0.0
     zero_lower95: float = 0.0
     zero_upper95: float = 0.0
+    time: float = float("nan")
+    time_unit: str = ""
+    moments: Floats | None = field(default=None, metadata=column("reading", optional=True))
 
     @property
     def large(self) -> bool:

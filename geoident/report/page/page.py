@@ -313,12 +313,15 @@ def _backtest(result: Result) -> tuple[Block, ...]:
     if predictions is None or not predictions.steps:
         return ()
     if result.kind != "backtest":
-        words = "The last fitted stage, predicted from the readings of those before it."
+        tested = backtest.tested_words(predictions)
+        words = f"{tested[0].upper()}{tested[1:]}, predicted from the readings of those before."
         return tag("p", words), TitledTable("Predictions", backtest.prediction_table(result))
+    horizons = backtest.horizons_table(predictions)
     ahead = f"{backtest.ERRORS_TITLE}: further ahead, last fitted > predicted stage"
     return (
         TitledTable("Fits of the readings up to each stage", backtest.fits_table(result)),
         TitledTable("Predictions against later readings", backtest.scores_table(predictions)),
+        *([TitledTable(backtest.HORIZONS_TITLE, horizons)] if horizons.rows else []),
         TitledTable(f"{backtest.ERRORS_TITLE}: next stage", backtest.errors_table(result)),
         TitledTable(ahead, backtest.errors_table(result, ahead=False)),
     )

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Floats
+from geoident.model.gauges import DAY
 from geoident.model.results.backtest import Backtest, BacktestStep, bands_of
 from geoident.model.results.bands import next_read
 from geoident.model.results.columns import ROW, column
@@ -42,14 +43,43 @@ def backtest_text(result: Result) -> str:
         return ""
     if result.kind != "backtest":
         return section(
-            f"{TITLE}: the last fitted stage, predicted from those before it",
+            f"{TITLE}: {tested_words(backtest)}, predicted from those before "
+            f"{'it' if backtest.reach is None else 'them'}",
             prediction_table(result).folded(keys=3),
         )
     return sections(
         section("Fits of the first stages", fits_table(result).folded()),
         section("Scores of the predictions", scores_table(backtest).folded()),
+        section(HORIZONS_TITLE, horizons_table(backtest).folded()),
         section(ERRORS_TITLE, errors_table(result).folded()),
     )
+
+
+HORIZONS_TITLE = "Predictions by how far they look ahead"
+
+
+def tested_words(backtest: Backtest) -> str:
+    """What the backtest of a fit predicts."""
+    if backtest.reach is None:
+        return "the last fitted stage"
+    return f"the last {backtest.reach.stages} fitted stages"
+
+
+def horizons_table(backtest: Backtest) -> TextTable:
+    """How predictions of a series came true by how far they looked ahead; without rows for none."""
+    header = ("stages ahead", "days", "readings", "inside 95 %", "coverage", "rms error (sd)")
+    rows = [
+        [
+            f"{one.first}" if one.first == one.last else f"{one.first} to {one.last}",
+            "-" if math.isnan(one.time) else f"{one.time / DAY:.3g}",
+            str(one.readings),
+            str(one.inside),
+            f"{100 * one.inside / one.readings:.0f} %",
+            decimals(one.rms, 2),
+        ]
+        for one in backtest.horizons
+    ]
+    return TextTable(header, rows, right="rrrrrr")
 
 
 def fits_table(result: Result) -> TextTable:
@@ -297,6 +327,8 @@ def backtest_object(result: Result) -> dict[str, Any]:
         "further": {**asdict(backtest.further), "coverage": backtest.further.coverage},
         "chance_of_so_few_inside": backtest.few,
         "chance_of_so_large_errors": backtest.far,
+        "horizons": [asdict(one) for one in backtest.horizons],
+        "reach": None if backtest.reach is None else asdict(backtest.reach),
         "fits": [
             {
                 "up_to": stages[step.last],

@@ -15,7 +15,6 @@ from geoident.identify.assessment.model_error import SIZES, SizeWeights
 from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.external import ConvergenceLaw
 from geoident.model.gauges import Channel, ReadingTable
 from geoident.model.methods import (
     ComplementarityOptions,
@@ -29,6 +28,7 @@ from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.model_error_covariance import (
     MOST_ENTRIES,
     MOST_MODES,
+    CorrelationTime,
     ReadingSteps,
     family,
     most_modes,
@@ -142,16 +142,6 @@ def _not_asked(case: Case, methods: Sequence[MethodOptions]) -> str | None:
     last = methods[-1]
     if case.fit.model_error.kind == "none":
         return ""
-    if isinstance(case.elsewhere, ConvergenceLaw):
-        return (
-            "A convergence law has no ground, so no model error is estimated: intervals and bands "
-            "are those of a law without error."
-        )
-    if case.elsewhere is not None:
-        return (
-            "The model is external and its readings have no place, so no model error is "
-            "estimated: intervals and bands are those of a model without error."
-        )
     if isinstance(last, ScanOptions):
         return "A scan shows the misfit without model error."
     if isinstance(last, ComplementarityOptions) and last.formulation == "global":
@@ -169,12 +159,13 @@ class FittedModelError:
     Args:
         used: what it is made of at the readings used.
         size: eta.
-        length: over which it is correlated, m.
+        length: over which it is correlated, m; NaN where no gauge has a place.
         weighed: what the residuals say of the size; None where it is given.
         findings: what cannot be told from it.
         factor: by which the readings scatter more than their stated accuracies.
         zero: error of the zero of each channel, in accuracies of a reading as it scatters.
         sd: (g,) standard deviations of the readings used, SI; None while they are searched.
+        time: over which it is correlated; None where the errors are those of steps.
     """
 
     used: ReadingSteps
@@ -185,6 +176,7 @@ class FittedModelError:
     factor: float = 1.0
     zero: float = 0.0
     sd: Floats | None = None
+    time: CorrelationTime | None = None
 
     def of_readings(self, rows: Sequence[ChannelReading]) -> FittedModelError:
         """The same for the readings (g) and their channels with accuracies that were estimated."""
@@ -195,7 +187,10 @@ class FittedModelError:
     def of_nothing_used(self) -> FittedModelError:
         """As large, where nothing that was read tells of it."""
         used = self.used
-        used = replace(used, channels=(), steps=used.steps[:0], floors=used.floors[:0])
+        moments = None if used.moments is None else used.moments[:0]
+        used = replace(
+            used, channels=(), steps=used.steps[:0], floors=used.floors[:0], moments=moments
+        )
         return replace(self, used=used, sd=None)
 
     def with_later(self, structure: ErrorStructure, *later: ReadingSteps) -> ErrorStructure:
@@ -213,6 +208,10 @@ class FittedModelError:
         shape = (len(used), len(self.used.states))
         steps, floors = np.zeros(shape), np.zeros(shape)
         steps[used], floors[used] = self.used.steps, self.used.floors
+        moments = None
+        if self.used.moments is not None:
+            moments = np.full(len(used), np.nan)
+            moments[used] = self.used.moments
         weighed = self.weighed
         return ModelErrorTable(
             kind="given" if weighed is None else "estimated",
@@ -232,6 +231,9 @@ class FittedModelError:
             zero=self.zero,
             zero_lower95=self._zero_quantile(0.025),
             zero_upper95=self._zero_quantile(0.975),
+            time=np.nan if self.time is None else self.time.size,
+            time_unit="" if self.time is None else self.time.unit,
+            moments=moments,
         )
 
     def _factor_quantile(self, part: float) -> float:
@@ -395,8 +397,8 @@ class LaterModelError:
             structure: without it.
             pairs: channel and stage of each later reading.
         """
-        length = self.fitted.length
-        later = reading_steps(self.case, self.model, self.increments, pairs, length)
+        length, time = self.fitted.length, self.fitted.time
+        later = reading_steps(self.case, self.model, self.increments, pairs, length, time)
         return self.fitted.with_later(structure, later)
 
 
@@ -410,5 +412,8 @@ def of_result(
         channels: of the g readings used.
         rows: (k,) which of the readings they are, or (g,) their numbers.
     """
-    used = ReadingSteps(tuple(channels), table.states, table.steps[rows], table.floors[rows])
-    return FittedModelError(used, table.size, table.length, factor=table.factor)
+    moments = None if table.moments is None else table.moments[rows]
+    steps, floors = table.steps[rows], table.floors[rows]
+    used = ReadingSteps(tuple(channels), table.states, steps, floors, moments)
+    time = CorrelationTime(table.time, table.time_unit) if table.time_unit else None
+    return FittedModelError(used, table.size, table.length, factor=table.factor, time=time)

@@ -9,6 +9,12 @@ D_j are the signed steps, so nothing depends on which direction counts as positi
 correlation of relative errors. F_j M F_j is an error that a reading has however little it changes:
 of a field of displacements as large as a tenth of what the gauges feel, at the points of the gauge.
 
+Where readings follow a process in time, an error is rather of the reading itself, and lasts:
+
+    C = eta^2 (D R D + F M F) x K(tau, tau') ,      tau = log(1 + t / T) ,
+
+D and F the sums over all steps since the zero, t the time since then, K Matern's correlation 3/2.
+
 An error is known by its rows: the steps of each reading and where its gauge is. Rows of the
 readings used and of later ones together give the columns of shared errors (theory 7), in which
 both are one.
@@ -16,6 +22,7 @@ both are one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -40,6 +47,26 @@ ALIGNED = 0.5
 FLOOR = 0.1
 """Error of a reading that hardly changes, in parts of that of the others."""
 
+NOWHERE = 0.5
+"""Correlation of the relative errors of two channels of which the case does not say where they are.
+"""
+
+TIMES = 3.0
+"""How often the correlation time goes into the time of the readings, without other word."""
+
+
+@dataclass(frozen=True)
+class CorrelationTime:
+    """Over how long the model error is correlated.
+
+    Args:
+        size: in this unit.
+        unit: ``s``, or ``stages`` where these have no dates.
+    """
+
+    size: float
+    unit: str = "s"
+
 
 @dataclass(frozen=True)
 class ReadingSteps:
@@ -50,12 +77,15 @@ class ReadingSteps:
         states: names of the J states.
         steps: (g, J) what each step adds to each computed reading, SI.
         floors: (g, J) the error at eta = 1 that a reading has of a step in any case, SI.
+        moments: (g,) log(1 + t / T) of the time of each reading since its zero; None where the
+            errors are those of the steps, whatever time they take.
     """
 
     channels: tuple[Channel, ...]
     states: tuple[str, ...]
     steps: Floats
     floors: Floats
+    moments: Floats | None = None
 
     def any(self) -> bool:
         """Whether any reading has a model error."""
@@ -68,6 +98,7 @@ def reading_steps(
     increments: Floats,
     pairs: Sequence[tuple[str, str]],
     length: float,
+    time: CorrelationTime | None = None,
 ) -> ReadingSteps:
     """What the model error of some readings is made of.
 
@@ -77,6 +108,7 @@ def reading_steps(
         increments: (n_states, n_channels) what each step changes in what the channels see, SI.
         pairs: channel and stage of each of the g readings.
         length: over which it is correlated, m.
+        time: over which it is, or None; see `correlation_time`.
     """
     computed = np.where(_prescribed(case), 0.0, increments)
     number = {channel.name: k for k, channel in enumerate(case.channels)}
@@ -88,6 +120,7 @@ def reading_steps(
         case.stage_names,
         (weight * computed[:, rows]).T,
         (weight * floors[:, rows]).T,
+        None if time is None else np.log1p(_elapsed(case, pairs) / time.size),
     )
 
 
@@ -97,6 +130,8 @@ def _prescribed(case: Case) -> Bools:
     The force to which a jack brings a bar; the pressure of water, which is a table.
     """
     prescribed = np.zeros((len(case.stages) + 1, len(case.channels)), dtype=np.bool_)
+    if case.elsewhere is not None:  # all of which is computed
+        return prescribed
     for k, channel in enumerate(case.channels):
         if channel.kind == "piezometer":
             prescribed[:, k] = True
@@ -130,7 +165,7 @@ def _floors(channels: Sequence[Channel], increments: Floats, length: float) -> F
 
 def family(channel: Channel) -> str:
     """Channels whose errors have to do with each other: motions; stresses; forces; ..."""
-    return "motion" if reads_displacements(channel) else channel.dimension
+    return "motion" if channel.second and reads_displacements(channel) else channel.dimension
 
 
 def _families(channels: Sequence[Channel]) -> list[Ints]:
@@ -145,7 +180,9 @@ class _Kernel:
     The kernel is exp(-distance / length) of two points, its mean over the points of two channels,
     normalised; half of it only as far as they move in one direction. M is what a field of
     displacements with that kernel, alike in all directions, makes of the motions of a channel; of
-    other readings the kernel itself. Of n channels only those parts are made that are asked for.
+    other readings the kernel itself. Where the case does not say of all channels where they are,
+    two of them have the same correlation, whichever they are. Of n channels only those parts are
+    made that are asked for.
 
     Args:
         channels: of one family.
@@ -155,6 +192,10 @@ class _Kernel:
     def __init__(self, channels: Sequence[Channel], length: float) -> None:
         self._length = length
         self._motions = family(channels[0]) == "motion"
+        self._somewhere = all(channel.second for channel in channels)
+        if not self._somewhere:
+            self._root = self.size = np.ones(len(channels))
+            return
         if self._motions:
             motions = [(k, *motion) for k, c in enumerate(channels) for motion in c.motions]
             owner = np.array([k for k, _, _ in motions])
@@ -195,6 +236,9 @@ class _Kernel:
 
     def _plain(self, one: Ints, other: Ints) -> tuple[Floats, Floats]:
         """The same, R not normalised."""
+        if not self._somewhere:
+            alike = np.where(one[:, None] == other, 1.0, NOWHERE)
+            return alike, alike
         if not self._motions:
             kernel = self._kernel(self._points[one], self._points[other])
             same = self._kind[one][:, None] == self._kind[other]
@@ -229,16 +273,19 @@ _TOGETHER = 256
 
 
 def correlation_length(case: Case, options: ModelErrorOptions) -> float:
-    """Over how far the model error is correlated, m.
+    """Over how far the model error is correlated, m; NaN where no gauge has a place.
 
     Without other word the root mean square distance of the points of the gauges from their middle,
     which is about the size of what is excavated between them.
     """
+    channels = [channel for channel in case.channels if channel.second]
+    if not channels:
+        return math.nan
     if options.length is not None:
         return options.length
     places = [
         place
-        for channel in case.channels
+        for channel in channels
         for place in (
             [point for point, _ in channel.motions]
             if reads_displacements(channel)
@@ -248,6 +295,46 @@ def correlation_length(case: Case, options: ModelErrorOptions) -> float:
     points = np.array(places, dtype=np.float64)
     spread = float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
     return max(spread, 1e-6)
+
+
+def correlation_time(
+    case: Case, options: ModelErrorOptions, pairs: Sequence[tuple[str, str]]
+) -> CorrelationTime | None:
+    """Over how long the model error is correlated; None where steps have errors of their own.
+
+    Without other word the latter holds for the steps of construction that a model of the ground
+    analyses. Other models say what is read from time to time, each as a whole: then it is a third
+    of the time of the readings.
+
+    Args:
+        case: of the model.
+        options: what it says of the model error.
+        pairs: channel and stage of each reading that is used.
+    """
+    if options.time is not None:
+        return CorrelationTime(options.time)
+    if case.elsewhere is None:
+        return None
+    span = float(_elapsed(case, pairs).max(initial=1e-6))
+    return CorrelationTime(span / TIMES, "s" if has_dates(case) else "stages")
+
+
+def _elapsed(case: Case, pairs: Sequence[tuple[str, str]]) -> Floats:
+    """(g,) time from the zero of each reading to its stage: seconds, or stages without dates."""
+    names = case.stage_names
+    clock = np.arange(len(names), dtype=np.float64)
+    if has_dates(case):
+        clock[1:] = [case.dates[name] for name in names[1:]]
+        clock[0] = case.dates.get(names[0], clock[1:].min())
+    zero = {channel.name: clock[case.zero_of(channel)] for channel in case.channels}
+    state = dict(zip(names, clock.tolist(), strict=True))
+    since = [state[stage] - zero[channel] for channel, stage in pairs]
+    return np.maximum(np.array(since, dtype=np.float64), 0.0)
+
+
+def has_dates(case: Case) -> bool:
+    """Whether all stages have dates."""
+    return all(stage.name in case.dates for stage in case.stages)
 
 
 @dataclass
@@ -286,17 +373,22 @@ def shared_columns(
         np.concatenate([_by_state(getattr(part, name), part.states, states) for part in parts])
         for name in ("steps", "floors")
     )
+    in_time = [part.moments for part in parts if part.moments is not None]
+    moments = np.concatenate(in_time) if in_time else None
+    if moments is not None:  # each reading as a whole
+        steps, floors = (each.sum(axis=1, keepdims=True) for each in (steps, floors))
     channels: dict[Channel, int] = {}
     alike: dict[int, int] = {}  # to compare channels takes long where there are many
     every = [c for part in parts for c in part.channels]
     for channel in {id(c): c for c in every}.values():
         alike[id(channel)] = channels.setdefault(channel, len(channels))
     owner = np.array([alike[id(c)] for c in every], dtype=np.int64)
-    table = np.column_stack([owner, steps, floors])
+    table = np.column_stack([owner, steps, floors, *([] if moments is None else [moments])])
     _, first, place = np.unique(table, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(np.argsort(first))  # places in the order in which they come
     first, place = np.sort(first), order[place.ravel()]
     steps, floors, owner = steps[first], floors[first], owner[first]
+    moments = None if moments is None else moments[first]
     known = tuple(channels)
     kernels = list[_Kernel]()
     number, kind = np.zeros((2, len(known)), dtype=np.int64)
@@ -316,10 +408,13 @@ def shared_columns(
             )
             relative, between = kernel.parts(channels_a, channels_b)
             at = np.ix_(at_a, at_b)
-            covariance[np.ix_(rows_a, rows_b)] = (
+            of_rows = (
                 _over_stages(steps[a], steps[b]) * relative[at]
                 + _over_stages(floors[a], floors[b]) * between[at]
             )
+            if moments is not None:
+                of_rows *= _matern(moments[a][:, None] - moments[b])
+            covariance[np.ix_(rows_a, rows_b)] = of_rows
         return covariance
 
     size = np.array([kernels[f].size[n] for f, n in zip(kind, number, strict=True)])
@@ -356,6 +451,12 @@ def _over_stages(steps: Floats, others: Floats) -> Floats:
     """(m, n) of steps (m, J) and others (n, J): errors of one stage, and what is alike in all."""
     alike = np.outer(steps.sum(axis=1), others.sum(axis=1))
     return (1.0 - PERSISTENT) * (steps @ others.T) + PERSISTENT * alike
+
+
+def _matern(distance: Floats) -> Floats:
+    """Matern's correlation 3/2 over distances (m, n): of errors that change smoothly."""
+    x = np.sqrt(3.0) * np.abs(distance)
+    return np.asarray((1.0 + x) * np.exp(-x))
 
 
 MOST_MODES = 800

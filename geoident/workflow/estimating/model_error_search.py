@@ -42,6 +42,7 @@ from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.accuracies import after
 from geoident.workflow.estimating.model_error import NAME, FittedModelError, percent
 from geoident.workflow.estimating.model_error_covariance import (
+    CorrelationTime,
     ErrorModes,
     ReadingSteps,
     shared_columns,
@@ -91,6 +92,7 @@ class ModelErrorSearch:
     Args:
         options: what the case says.
         length: over which it is correlated, m.
+        time: over which it is, or None; see `correlation_time`.
         stated: the errors of the readings without it, as the case states them.
         channels: of the readings.
         steps_at: what it is made of where each step changes what the channels see by increments
@@ -101,6 +103,7 @@ class ModelErrorSearch:
 
     options: ModelErrorOptions
     length: float
+    time: CorrelationTime | None
     stated: ErrorStructure
     channels: tuple[Channel, ...]
     steps_at: Callable[[Floats], ReadingSteps]
@@ -136,7 +139,9 @@ class ModelErrorSearch:
             columns = shared_columns([following], self.length, modes)
             held = size if fixed else None
             weighed = self._weighed(problem, outcome, columns, t, held)
-            known = FittedModelError(used, size, self.length, None if fixed else weighed)
+            known = FittedModelError(
+                used, size, self.length, None if fixed else weighed, time=self.time
+            )
             factor, zero = self._gauges(t)
             known = replace(known, factor=factor, zero=zero)
             # the accuracies of the problem, so that all that is said of it comes from one posterior

@@ -50,6 +50,7 @@ from geoident.workflow.estimating.model_error import (
 )
 from geoident.workflow.estimating.model_error_covariance import (
     correlation_length,
+    correlation_time,
     reading_steps,
 )
 from geoident.workflow.estimating.model_error_search import ModelErrorSearch
@@ -279,13 +280,15 @@ class _Search:
         length = correlation_length(case, case.fit.model_error)
         rows = used_rows(case, readings.used)
         pairs = readings.used_pairs
+        time = correlation_time(case, case.fit.model_error, pairs)
         structure = setup.errors
         search = ModelErrorSearch(
             case.fit.model_error,
             length,
+            time,
             structure,
             tuple(channel for channel, _ in rows),
-            lambda increments: reading_steps(case, setup.model, increments, pairs, length),
+            lambda increments: reading_steps(case, setup.model, increments, pairs, length, time),
             self.descent,
             isinstance(case.fit.loss, SquaredOptions),
         )

@@ -125,7 +125,8 @@ def _score(one: Candidate) -> ModelScore:
     result = one.result
     assert result.evidence is not None
     named = len(result.parameters.named)
-    scores = result.backtest.next if result.backtest is not None else None
+    last = result.backtest  # of a series models may have been tested from different stages on
+    scores = last.next if last is not None and last.reach is None else None
     return ModelScore(
         name=one.name,
         path=one.path,

@@ -19,7 +19,7 @@ from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
 from geoident.model.response import Response
-from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
+from geoident.model.results.backtest import Backtest, BacktestStep, Reach, Skipped
 from geoident.model.results.bands import NORMAL_95, Bands, next_read
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
@@ -41,6 +41,12 @@ from geoident.workflow.running.readings import (
 from geoident.workflow.scoring.extrapolation import (
     extrapolation_findings,
     stress_levels,
+)
+from geoident.workflow.scoring.horizon import (
+    Clock,
+    asked_ahead,
+    begin_of_test,
+    horizons_of,
 )
 from geoident.workflow.scoring.verdict import verdict
 
@@ -195,9 +201,7 @@ def tried(
     measured = np.where(usable.used, usable.measured, np.nan)
     bands = Bands(measured, prediction.mean, prediction.lower95, prediction.upper95)
     ahead = next_read(bands)
-    places = np.flatnonzero(ahead & bands.scored)
-    judged = np.zeros_like(ahead)
-    judged.flat[places[:: -(-len(places) // _MOST_JUDGED) or 1]] = True
+    judged = _thinned(ahead & bands.scored)
     excess = np.full(len(later), np.nan)
     if levels is not None:
         excess = np.fmax(*levels.excess(last + 1))[1:]
@@ -281,7 +285,9 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
     )
     accuracy = setup.as_stated().case.accuracies[:, None]  # whatever was fitted
     kinds = [channel.dimension for channel in setup.case.channels]
-    by_chance = p_value([_innovations(trial) for trial in trials])
+    by_chance = p_value([_innovations(trial, trial.judged, trial.correlation) for trial in trials])
+    stages, clock = read_stages(setup), Clock.of(setup.case)
+    by_last = [(trial.step.last, trial.bands) for trial in of_full_errors(trials)]
     return Backtest(
         steps=tuple(trial.step for trial in trials),
         skipped=tuple(skipped),
@@ -290,7 +296,63 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
         few=by_chance.few,
         far=by_chance.far,
         measured=trials[0].bands.measured,
+        horizons=horizons_of(by_last, stages, clock),
+        reach=_reach(setup, trials),
     )
+
+
+def of_full_errors(trials: Sequence[PartialFit]) -> Sequence[PartialFit]:
+    """Trials without those that had too few readings for a model error, where others had enough.
+
+    Their bands and intervals are those of a model without error.
+    """
+    full = [trial for trial in trials if trial.setup.model_error is not None]
+    return full or trials
+
+
+def _reach(setup: Setup, trials: Sequence[PartialFit]) -> Reach | None:
+    """The test that looks as far ahead as the prediction does; None where no trial does.
+
+    Args:
+        setup: with all usable readings.
+        trials: the fits.
+    """
+    case, stages = setup.case, read_stages(setup)
+    begin = begin_of_test(case, setup.readings, stages)
+    trial = next((one for one in trials if one.step.last == begin), None)
+    if begin is None or trial is None or not trial.bands.scored.any():
+        return None
+    places = _thinned(trial.bands.scored)
+    known = correlations(
+        trial.estimate.survey,
+        trial.estimate.assessment,
+        trial.step.prediction,
+        places,
+        trial.estimate.errors,
+    )
+    by_chance = p_value([_innovations(trial, places, known)])
+    clock, scored = Clock.of(case), trial.bands.scored
+    return Reach(
+        step=begin,
+        stages=sum(stage > begin for stage in stages),
+        far=float(clock.ahead(begin)[stages[-1]]),
+        asked=asked_ahead(case, stages),
+        dated=clock.dated,
+        readings=int(np.count_nonzero(scored)),
+        inside=int(np.count_nonzero(trial.bands.inside)),
+        rms=float(np.sqrt(np.mean(trial.bands.z[scored] ** 2))),
+        few=by_chance.few,
+        large=by_chance.far,
+        independent=len(known) ** 2 / float(np.sum(known**2)),
+    )
+
+
+def _thinned(places: Bools) -> Bools:
+    """Those of (n_channels, n_stages) places by which it is judged what chance would do."""
+    some = np.zeros_like(places)
+    at = np.flatnonzero(places)
+    some.flat[at[:: -(-len(at) // _MOST_JUDGED) or 1]] = True
+    return some
 
 
 def variances(trials: Sequence[PartialFit]) -> Floats:
@@ -315,18 +377,23 @@ def variances(trials: Sequence[PartialFit]) -> Floats:
     return np.array(squares)
 
 
-def _innovations(trial: PartialFit) -> Innovations:
-    """The errors of the predictions of the next stage."""
-    places = trial.judged
+def _innovations(trial: PartialFit, places: Bools, correlation: Floats) -> Innovations:
+    """The errors of some predictions of a fit.
+
+    Args:
+        trial: the fit.
+        places: (n_channels, n_stages) of the l predictions.
+        correlation: (l, l) of their errors.
+    """
     z = trial.bands.z[places]
     estimated = trial.setup.accuracies
     if estimated is None:
-        return Innovations(z, trial.correlation)
+        return Innovations(z, correlation)
     # the bands are those of Student's t already, and that is what is drawn by the freedom
     width = (trial.bands.upper95 - trial.bands.lower95)[places]
     z = z * width / (2.0 * NORMAL_95 * trial.step.prediction.sd[places])
     spare = trial.step.readings - len(trial.step.values)
-    return Innovations(z, trial.correlation, max(spare / len(estimated.names), 1.0))
+    return Innovations(z, correlation, max(spare / len(estimated.names), 1.0))
 
 
 NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10, starts=1)
@@ -370,6 +437,7 @@ def last_stage(
 ) -> LastStage:
     """The readings of the last fitted stage, predicted from those before it.
 
+    Of a series as many of the last stages as the prediction looks ahead (`begin_of_test`).
     Accuracies that the fit has estimated are kept.
 
     Args:
@@ -387,25 +455,29 @@ def last_stage(
     stages = read_stages(setup)
     if len(stages) < 2:
         return LastStage()
-    before, last = (setup.case.stages[n].name for n in stages[-2:])
-    what = f"Backtest of {last} from the readings up to {before}"
+    begin = begin_of_test(setup.case, setup.readings, stages)
+    series = begin is not None
+    until = begin if begin is not None else stages[-2]
+    first, last = (setup.case.stages[n].name for n in (stages[stages.index(until) + 1], stages[-1]))
+    tested = last if first == last else f"{first} to {last}"
+    what = f"Backtest of {tested} from the readings up to {setup.case.stages[until].name}"
     part = FitLog(log, "all but the last stage:")
     readings = setup.readings
     numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
-    earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
+    earlier = np.array(numbers)[readings.used] <= until + 1
     if isinstance(response, CachedResponse):
         known, visited = response.exact_answer(answer), response.visited()
-        carry_over(known, part, answer, earlier, stages[-2] + 2, visited)
+        carry_over(known, part, answer, earlier, until + 2, visited)
     try:
         trial = tried(
             setup,
-            stages[-2],
-            (near_answer(methods[-1]),),
+            until,
+            (nearby(methods[-1]) if series else near_answer(methods[-1]),),
             part,
             control,
             start=answer,
             until=stages[-1],
-            near=True,
+            near=not series,  # of a part of a series the answer may be far
         )
     except (InputError, ModelError) as error:
         return LastStage(notes=(f"{what}: none, {clause(error)}.",))

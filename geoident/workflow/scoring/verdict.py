@@ -14,8 +14,9 @@ from geoident.identify.assessment.scores import changes
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
+from geoident.model.gauges import DAY
 from geoident.model.parameter import Parameter
-from geoident.model.results.backtest import Backtest, BacktestStep, bands_of
+from geoident.model.results.backtest import Backtest, BacktestStep, Reach, bands_of
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
@@ -30,6 +31,9 @@ WORTH_SAYING = 0.85
 ODD = 0.1
 """Chance below which the user should look at it."""
 
+FEWEST = 5
+"""Readings below which it says nothing that they are inside: so are all of four, 41 times in 100,
+of bands that hold 80 %."""
 
 _FAR_MORE = 2.0
 """Length of an interval, by that of a linearisation, from which on the latter does not hold."""
@@ -65,32 +69,95 @@ def verdict(backtest: Backtest, gauges: GaugeTable) -> Verdict:
         backtest: the backtest; some of its predictions are scored.
         gauges: names of channels and stages.
     """
-    ahead = backtest.next
-    if not ahead.readings:
+    ahead, reach = backtest.next, backtest.reach
+    if not ahead.readings and reach is None:
         return Verdict(False, NOTHING, remarkable=True)
+    worst = _worst(backtest, gauges)
+    tests = []
+    if reach is not None:
+        far = f"up to {duration(reach.far, dated=reach.dated)} ahead"
+        numbers = reach.readings, reach.inside, reach.rms, reach.few, reach.large
+        tests.append(_tested(far, *numbers, worst, _limits(reach)))
+    if ahead.readings and (reach is None or len(backtest.steps) > 1):
+        numbers = ahead.readings, ahead.inside, ahead.rms, backtest.few, backtest.far
+        tests.append(_tested("of the next stage", *numbers, worst))
+    failed = [test for test in tests if not test.holds]
+    return (failed or tests)[0]
+
+
+def _tested(
+    which: str,
+    readings: int,
+    inside: int,
+    rms: float,
+    few: float,
+    large: float,
+    worst: str,
+    limits: str = "",
+) -> Verdict:
+    """Whether the bands of some readings hold.
+
+    Args:
+        which: of the readings, in words.
+        readings: how many have a band.
+        inside: how many are inside.
+        rms: root mean square of the standardized errors.
+        few: probability that bands that hold leave so few inside.
+        large: probability that standardized errors are then as large.
+        worst: the reading that is farthest off, a sentence.
+        limits: what the test cannot say, sentences.
+    """
+    coverage = inside / readings
+    what = "reading" if readings == 1 else "readings"
+    verb = "is" if inside == 1 else "are"
     counted = (
-        f"{ahead.inside} of {ahead.readings} readings of the next stage are inside their "
-        f"bands ({100 * ahead.coverage:.0f} %)"
+        f"{inside} of {readings} {what} {which} {verb} inside "
+        f"{'its band' if readings == 1 else 'their bands'} ({100 * coverage:.0f} %)"
     )
-    if backtest.few < ALARM:
-        sentence = (
-            f"The 95 % bands do not hold: {counted}, as few as chance leaves {odds(backtest.few)}."
-        )
-        return Verdict(False, f"{sentence} {_worst(backtest, gauges)}", remarkable=True)
-    if backtest.far < ALARM:
+    more = f"{worst} {limits}".strip()
+    if few < ALARM:
+        sentence = f"The 95 % bands do not hold: {counted}, as few as chance leaves {odds(few)}."
+        return Verdict(False, f"{sentence} {more}", remarkable=True)
+    if large < ALARM:
         sentence = (
             f"The 95 % bands do not hold: {counted}, but the errors of the predictions are "
-            f"{ahead.rms:.1f} times as large as the bands say, which happens {odds(backtest.far)}."
+            f"{rms:.1f} times as large as the bands say, which happens {odds(large)}."
         )
-        return Verdict(False, f"{sentence} {_worst(backtest, gauges)}", remarkable=True)
-    if ahead.coverage < WORTH_SAYING:
-        odd = min(backtest.few, backtest.far) < ODD
+        return Verdict(False, f"{sentence} {more}", remarkable=True)
+    if coverage < WORTH_SAYING:
         sentence = (
             f"{counted}, fewer than 95 %, but with so few readings that happens "
-            f"{odds(backtest.few)} by chance."
+            f"{odds(few)} by chance."
         )
-        return Verdict(True, f"{sentence} {_worst(backtest, gauges)}", remarkable=odd)
-    return Verdict(True, f"The 95 % bands hold: {counted}.", remarkable=False)
+        return Verdict(True, f"{sentence} {more}", remarkable=min(few, large) < ODD)
+    if readings < FEWEST:
+        sentence = f"{counted}. So few say nothing of whether the 95 % bands hold."
+        return Verdict(True, f"{sentence} {limits}".strip(), remarkable=False)
+    return Verdict(True, f"The 95 % bands hold: {counted}. {limits}".strip(), remarkable=False)
+
+
+def _limits(reach: Reach) -> str:
+    """What a test of a series cannot say, sentences."""
+    sentences = []
+    if reach.independent < FEWEST and reach.readings >= FEWEST:
+        sentences.append(
+            f"Their errors go together: they say as much as {reach.independent:.1f} independent "
+            "readings."
+        )
+    if reach.far < reach.asked:
+        asked, far = (duration(x, dated=reach.dated) for x in (reach.asked, reach.far))
+        sentences.append(f"The prediction looks {asked} ahead: nothing tests it beyond {far}.")
+    return " ".join(sentences)
+
+
+def duration(time: float, *, dated: bool) -> str:
+    """A time in words: s, or stages where these have no dates.
+
+    >>> duration(86400.0 * 200, dated=True), duration(1.0, dated=False)
+    ('200 days', '1 stage')
+    """
+    number, unit = (time / DAY, "day") if dated else (time, "stage")
+    return f"{number:.3g} {unit}{'' if number == 1.0 else 's'}"
 
 
 def odds(probability: float) -> str:
@@ -157,14 +224,24 @@ def settling(
         if fdtrc(len(z), max(spare, 1), float(z @ z) / len(z)) < ALARM:
             change = float(np.abs(z).max())
             sentence = (
-                f"{parameter.name} is not constant: {join(values)}. It changes by up to "
+                f"{parameter.name} is not constant: {_some(values)}. It changes by up to "
                 f"{change:.1f} times what its intervals allow{_direction(z)}. The model "
                 "needs another value for every stage."
             )
             restless.append(Finding("not-settled", parameter.name, sentence, {"change": change}))
         else:
-            others.append(f"{parameter.name} is constant within its intervals: {join(values)}.")
+            others.append(f"{parameter.name} is constant within its intervals: {_some(values)}.")
     return tuple(restless), tuple(others)
+
+
+def _some(values: Sequence[str]) -> str:
+    """Values in words; of many the first and the last ones."""
+    if len(values) <= _MOST_VALUES:
+        return join(values)
+    return f"{', '.join(values[:2])}, ..., {join(values[-2:])}"
+
+
+_MOST_VALUES = 8
 
 
 def _honest(variances: Floats, scaling: Scaling, steps: Sequence[BacktestStep], i: int) -> Floats:

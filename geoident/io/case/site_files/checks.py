@@ -8,6 +8,7 @@ from geoident.errors import Fault, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.file import ReadingsFileSection
+from geoident.io.schema.values import CaseNumber
 from geoident.io.text.dates import date_text
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
@@ -114,6 +115,17 @@ class ReadingChecks:
             + listing(map(repr, stages))
             for gauge, stages in notes.items()
         ]
+
+    def lasting(self) -> None:
+        """A time over which the model error is correlated needs the dates of all stages."""
+        given = self.section.fit.model_error
+        if isinstance(given, CaseNumber) or given is None or given.time is None:
+            return
+        missing = [name for name in self.calendar.stages[1:] if name not in self.calendar.dates]
+        if missing:
+            message = f"the stage '{missing[0]}' has no date"
+            hint = f"Add it: dates: {{{missing[0]}: 2024-03-01}}; or leave out 'time'."
+            self.faults.add(("fit", "model_error", "time"), "missing-dates", message, hint)
 
     def bad(self) -> None:
         """The gauges and stages that are said to be bad exist."""

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from geoident.model.gauges import DAY
 from geoident.model.results.model_error import ModelErrorTable
 
 TITLE = "Model error"
 
 
 def model_error_text(error: ModelErrorTable | None) -> str:
-    """Its size in a sentence; empty where there is none."""
+    """Its size in a sentence, and over how far and how long it is alike; empty for none."""
     if error is None:
         return ""
-    length = f"The correlation length of the model error is about {error.length:.2g} m."
-    return f"{error.sentence} {length}"
+    sentences = [error.sentence]
+    if np.isfinite(error.length):
+        sentences.append(
+            f"The correlation length of the model error is about {error.length:.2g} m."
+        )
+    if error.time_unit:
+        days = error.time_unit == "s"
+        time = f"{error.time / DAY:.2g} days" if days else f"{error.time:.2g} stages"
+        sentences.append(f"Its correlation time is about {time}.")
+    return " ".join(sentences)
