@@ -125,7 +125,6 @@ NEAR = (
         ("mm", ""),
         ("cm", "millimetres read as centimetres"),  # 10 times too large
         ("um", "metres read as millimetres"),  # 1000 times too small
-        ("m", "millimetres read as metres"),
     ],
 )
 def test_readings_in_another_unit_are_suspected(tmp_path, unit, words):
@@ -136,6 +135,15 @@ def test_readings_in_another_unit_are_suspected(tmp_path, unit, words):
     assert ("have the pattern of the model" in said) == bool(words)
     assert words in said
     assert not words or "readings.csv:2:1" in said
+
+
+def test_a_unit_that_no_parameters_within_their_bounds_meet_is_named(tmp_path):
+    path = write_case(tmp_path)
+    path.write_text(NEAR)
+    (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", ",m\n"))
+    said = " | ".join(check(str(path)).summary.notes)
+    assert "All readings of the file 'readings.csv' are 1000 times too large (mm read as m)" in said
+    assert "channels: {CV: {unit: mm}, S: {unit: mm}, X.a: {unit: mm}}}" in said
 
 
 def test_a_start_value_that_is_off_is_no_unit(tmp_path):

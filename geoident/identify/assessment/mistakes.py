@@ -206,12 +206,14 @@ class _Fitted:
         score: in its favour.
         offset: (m,) of the zeros, SI.
         at: the corrected readings, and the model there.
+        uncertainty: standard deviation of the factor that the other readings tell, in parts of it.
     """
 
     hypothesis: _Hypothesis
     score: float
     offset: Floats
     at: _Linearized
+    uncertainty: float = 0.0
 
 
 class _Linearized:
@@ -344,8 +346,21 @@ class _Search:
                 alike.setdefault(rows.tobytes(), one)
         # of several that nothing tells apart, the one nearest to what was thought before
         best, *others = sorted(alike.values(), key=self._from_start)
+        best = min((best, *self._other_factors(best, as_read)), key=self._from_start)
         rivals = tuple(self._mistake(one, as_read) for one in others)
         return replace(self._mistake(best, as_read), rivals=rivals), best.at.problem
+
+    def _other_factors(self, best: _Fitted, as_read: _Linearized) -> Iterator[_Fitted]:
+        """Other factors that explain as much, where the parameters take up any within bounds."""
+        factor = best.hypothesis.factor
+        if factor is None or best.uncertainty < _UNCERTAIN:
+            return
+        for other in FACTORS:
+            if other != factor and other * factor > 0.0:
+                one = replace(best.hypothesis, factor=other)
+                fit = self._fitted(one, best.at.values, as_read)
+                if fit is not None and fit.score > best.score - _EQUAL:
+                    yield fit
 
     def _from_start(self, one: _Fitted) -> float:
         """How far the parameters are from the start values, in scaled ones."""
@@ -458,7 +473,8 @@ class _Search:
                 score = self._score(one, at, as_read)
                 score += 2.0 * len(rows) * float(np.log(abs(one.factor)))
                 fits = size <= _AGREES * at.scatter and score > CERTAIN
-                return _Fitted(one, score, np.zeros(len(rows)), at) if fits else None
+                none, uncertainty = np.zeros(len(rows)), at.scatter / float(np.sqrt(a))
+                return _Fitted(one, score, none, at, uncertainty) if fits else None
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
             if not wanted:
                 return None
@@ -501,7 +517,9 @@ class _Search:
         return _Fitted(one, score, offset, corrected) if score > CERTAIN else None
 
 
-_SELDOM = 10
+_UNCERTAIN = 0.3
+"""Uncertainty of a factor from which on the readings do not tell one of `FACTORS` from another."""
+_SELDOM = 100
 """Times that a sign or unit is wrong in one reading more often than the reading as a whole."""
 _NEARLY = 0.35
 """Relative difference of a factor that the readings tell from one that can be meant."""
