@@ -262,6 +262,7 @@ class Reading:
         epochs: how many days these are from, if it is a mean of dated ones.
         note: remark of the field sheet; empty for none.
         zone: seconds by which the clock of its date is ahead of UTC, if the file says it.
+        unit: in which the file gives it; empty where it is not of a file, or of a sensor.
     """
 
     channel: str
@@ -277,6 +278,7 @@ class Reading:
     epochs: int = field(default=1, compare=False)
     note: str = field(default="", compare=False)
     zone: float | None = field(default=None, compare=False)
+    unit: str = field(default="", compare=False)
 
 
 def taken_together(channel: Channel, readings: Sequence[Reading]) -> Reading:

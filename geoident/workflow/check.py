@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.errors import ModelError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.external.table import TableModel
 from geoident.forward.gauges.placement import placements
@@ -16,13 +17,15 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.stages import released_by
+from geoident.identify.problem.methods import descend
 from geoident.model.actions import FaceDistance
 from geoident.model.case import Case
 from geoident.model.external import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
-from geoident.model.methods import method_name
+from geoident.model.methods import GaussNewtonOptions, method_name
 from geoident.model.parameter import Scalar
+from geoident.model.results.findings import sentences_of
 from geoident.model.results.summary import (
     CaseSummary,
     CostEstimate,
@@ -33,6 +36,7 @@ from geoident.model.results.summary import (
     StageSummary,
 )
 from geoident.model.results.surface import SurfaceTable
+from geoident.workflow.estimating.mistakes import mistaken_readings
 from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.programs.program import executed
 from geoident.workflow.running.computed import silent_gauges
@@ -40,7 +44,13 @@ from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.plausible import plausible_notes
 from geoident.workflow.running.reading_units import computed_at_start, unit_doubts
-from geoident.workflow.running.readings import bad_notes, require_enough, select_readings
+from geoident.workflow.running.readings import (
+    bad_notes,
+    problem_of_readings,
+    require_enough,
+    select_readings,
+    times_of,
+)
 from geoident.workflow.scoring.ladder import require_sound
 
 
@@ -71,8 +81,10 @@ def check(
 ) -> Checked:
     """Read a case and build its model.
 
-    Of a model that takes less than a second, the stages are computed once, at the start values, to
-    see whether readings may be in another unit; of others none after the virgin state.
+    A model that takes less than a tenth of a second is fitted, to see whether signs, units and
+    zeros of readings are right. Of one that takes less than a second, the stages are computed once,
+    at the start values, to see whether readings may be in another unit; of others none after the
+    virgin state.
 
     Args:
         path: of the case; ``-`` for stdin.
@@ -113,7 +125,9 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
     costs = () if solves is None else (_field_cost(model, *solves),)
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
-    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost), *silent_gauges(model))
+    wrong = _mistakes(model, readings, cost)
+    units = wrong or _unit_notes(model, readings, cost)
+    doubtful = (*plausible_notes(case), *units, *silent_gauges(model))
     kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
     notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
     return CaseSummary(
@@ -167,6 +181,38 @@ def _surface(model: ObservedModel) -> SurfaceTable | None:
 
 _SOON = 1.0
 """Seconds that an evaluation may take for the model to be asked what it reads."""
+
+
+_AT_ONCE = 0.1
+"""Seconds that an evaluation may take for the parameters to be sought."""
+_STEPS = 20
+"""Most steps of that search."""
+
+
+def _mistakes(
+    model: ObservedModel, readings: ReadingTable, cost: CostEstimate | None
+) -> tuple[str, ...]:
+    """Readings with a wrong sign, unit or zero, where the model is fitted in no time.
+
+    A fit says it of any. Programs and functions of others are not run.
+    """
+    case = model.case
+    elsewhere = case.elsewhere is not None and not isinstance(
+        case.elsewhere, ConvergenceLaw | RunTable
+    )
+    slow = elsewhere or (cost is not None and cost.seconds > _AT_ONCE)
+    if slow or not case.parameters or not readings.used.any():
+        return ()
+    response = model.response(readings.used_pairs, times_of(readings, readings.used))
+    problem = problem_of_readings(case, readings, response)
+    steps = GaussNewtonOptions(max_iterations=_STEPS, starts=1)
+    try:
+        values = descend(problem, steps, lambda _: None).values
+    except ModelError:
+        return ()
+    places = [values, problem.start]
+    wrong = mistaken_readings(case, readings, problem, places, model, [steps])
+    return sentences_of(wrong.findings)
 
 
 def _unit_notes(

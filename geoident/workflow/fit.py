@@ -20,6 +20,7 @@ from geoident.workflow.estimating.accuracies import accuracy_findings, freedom_n
 from geoident.workflow.estimating.diagnosis import (
     bound_findings,
     linearity_findings,
+    misfit_findings,
     opened,
     over_all_stages,
     parameter_table,
@@ -35,6 +36,7 @@ from geoident.workflow.estimating.estimate import (
 )
 from geoident.workflow.estimating.fields import field_estimates
 from geoident.workflow.estimating.finished import Finished
+from geoident.workflow.estimating.mistakes import MistakenReadings, mistaken_readings
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
 from geoident.workflow.estimating.predictions import (
     collapse_findings,
@@ -89,7 +91,9 @@ def _fit(job: Job, control: Control) -> Finished:
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         estimate = with_curvature(setup, problem, assess_fit(setup, problem, outcome, fields=True))
         last = _last_stage(job, setup, problem, outcome, log, control)
-        written = _result(job, setup, estimate, last, _unit_findings(setup, estimate, log))
+        wrong = _mistakes(job, setup, problem, outcome)
+        doubts = () if wrong else _unit_findings(setup, estimate, log)
+        written = _result(job, setup, estimate, last, wrong, doubts)
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
@@ -157,8 +161,20 @@ def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[Finding,
     return unit_findings(unit_doubts(setup.case, setup.readings, known["v"], met=met))
 
 
+def _mistakes(job: Job, setup: Setup, problem: Problem, outcome: Outcome) -> MistakenReadings:
+    """Readings with a wrong sign, unit or zero."""
+    case = replace(setup.case, channels=job.inputs.case.channels)  # with accuracies as stated
+    places = [outcome.values, *(one.values for one in outcome.iterations[:1])]
+    return mistaken_readings(case, setup.readings, problem, places, setup.model, job.methods)
+
+
 def _result(
-    job: Job, setup: Setup, estimate: Estimate, last: LastStage, doubts: Sequence[Finding]
+    job: Job,
+    setup: Setup,
+    estimate: Estimate,
+    last: LastStage,
+    wrong: MistakenReadings,
+    doubts: Sequence[Finding],
 ) -> Result:
     case, survey = setup.case, estimate.survey
     gauges = gauge_table(case, estimate.readings, survey.computed)
@@ -172,8 +188,10 @@ def _result(
     scored = left_out_table(case, gauges, prediction)
     stated = replace(gauges, readings=as_stated(job.inputs.case, estimate.readings))
     gross = gross_readings(stated.readings)
-    by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
-    poor = why_poor(estimate.diagnostics, gross, setup.model_error_table)
+    gross = gross[~wrong.explained[gross]]
+    # estimated accuracies are said themselves
+    by_accuracy = not (len(gross) or wrong) and setup.accuracies is None
+    poor = why_poor(estimate.diagnostics, gross, setup.model_error_table, mistaken=wrong.poor)
     status, named = _status(estimate, poor), parameters.named
     few, rests = _freedom(setup, estimate, parameters)
     return Result(
@@ -185,26 +203,31 @@ def _result(
         objective=estimate.outcome.objective,
         findings=(
             *collapse_findings(survey),
-            *opposite_findings(stated),
+            *wrong.findings,
+            *gross_findings(gross, estimate.readings, case),
+            *(() if wrong else opposite_findings(stated)),
             *doubts,
+            *(() if wrong or len(gross) else misfit_findings(estimate.diagnostics)),
+            *(accuracy_residuals(stated) if by_accuracy else ()),
             *rival_findings(estimate.rivals, parameters),
             *estimate.assessment.findings,
             *bound_findings(estimate.outcome.certificate, case.parameters),
-            *gross_findings(gross, estimate.readings, case),
             *remarks(
                 replace(estimate.diagnostics, influence=estimate.diagnostics.influence[..., named]),
                 gauges,
                 parameters.picked(named).names,
-                gross=len(gross) > 0,
             ),
-            *(accuracy_residuals(stated) if by_accuracy else ()),
             *last.findings,
             *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
             *few,
-            *model_error_findings(setup.model_error),
+            *(
+                finding
+                for finding in model_error_findings(setup.model_error)
+                if not (wrong and finding.kind == "model-error-doubt")  # known what it is
+            ),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,

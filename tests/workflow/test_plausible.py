@@ -92,15 +92,14 @@ def findings(tmp_path, readings, case=CASE):
 
 def test_readings_with_the_other_sign_are_found(tmp_path):
     said = findings(tmp_path, READINGS)
-    assert "opposite signs" not in said
+    assert "sign" not in said
     header, *rows = READINGS.splitlines()
     cells = [row.split(",") for row in rows]
     rows = [f"{gauge},{stage},{-float(value)},{unit}" for gauge, stage, value, unit in cells]
     turned = "\n".join([header, *rows]) + "\n"
     said = findings(tmp_path, turned)
-    assert "The readings of CV, S" in said
-    assert "run against the model: measured and computed have opposite signs" in said
-    assert "'sign: -1'" in said
+    assert "All readings of the file 'readings.csv' have the wrong sign" in said
+    assert "channels: {CV: {sign: -1}, S: {sign: -1}, X.a: {sign: -1}}}" in said
 
 
 def test_one_reading_with_the_other_sign_is_found(tmp_path):
@@ -108,8 +107,8 @@ def test_one_reading_with_the_other_sign_is_found(tmp_path):
     case = CASE.replace("stages: [first]", "stages: [first, second]")
     kept = READINGS.replace("CV,first,-0.598,mm\n", "")
     turned = findings(tmp_path, kept.replace("CV,second,-", "CV,second,"), case)
-    assert "The reading of CV runs against the model" in turned
-    assert "against the model" not in findings(tmp_path, kept, case)
+    assert "readings.csv:4:1: 1.077 mm) has the wrong sign: -1.077 mm fits the others" in turned
+    assert "sign" not in findings(tmp_path, kept, case)
 
 
 NEAR = (
@@ -126,7 +125,6 @@ NEAR = (
         ("mm", ""),
         ("cm", "millimetres read as centimetres"),  # 10 times too large
         ("um", "metres read as millimetres"),  # 1000 times too small
-        ("m", "millimetres read as metres"),
     ],
 )
 def test_readings_in_another_unit_are_suspected(tmp_path, unit, words):
@@ -137,6 +135,15 @@ def test_readings_in_another_unit_are_suspected(tmp_path, unit, words):
     assert ("have the pattern of the model" in said) == bool(words)
     assert words in said
     assert not words or "readings.csv:2:1" in said
+
+
+def test_a_unit_that_no_parameters_within_their_bounds_meet_is_named(tmp_path):
+    path = write_case(tmp_path)
+    path.write_text(NEAR)
+    (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", ",m\n"))
+    said = " | ".join(check(str(path)).summary.notes)
+    assert "All readings of the file 'readings.csv' are 1000 times too large (mm read as m)" in said
+    assert "channels: {CV: {unit: mm}, S: {unit: mm}, X.a: {unit: mm}}}" in said
 
 
 def test_a_start_value_that_is_off_is_no_unit(tmp_path):

@@ -104,7 +104,8 @@ class LongRows:
         if len(table.faults) > before:
             value, sd = None, None
         own = None if sd is None or scale is None else scale.accuracy(sd, number)
-        return [table.reading(line, row, channel, value, time, row["gauge"], own)]
+        written = "" if scale is None else scale.unit
+        return [table.reading(line, row, channel, value, time, row["gauge"], own, written)]
 
     def _fits_header(self, line: int, cells: list[Cell]) -> bool:
         """Whether a row has the columns of the header; notes it if not."""

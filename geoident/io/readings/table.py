@@ -69,11 +69,13 @@ class UnitScale:
         factor: size of the unit, with the sign.
         calibration: of the sensor that gives the number; None where it is the reading.
         sign: of the calibrated reading.
+        unit: of the number, where it is the reading.
     """
 
     factor: float = 1.0
     calibration: Calibration | None = None
     sign: int = 1
+    unit: str = ""
 
     def reading(self, number: float, temperature: float | None = None) -> float:
         """The reading, SI.
@@ -323,7 +325,7 @@ class Table:
         known = origin.calibration
         if known is None:
             factor = self.unit(line, cell, self.layout.dimension(channel))
-            return None if factor is None else UnitScale(origin.sign * factor)
+            return None if factor is None else UnitScale(origin.sign * factor, unit=cell.text)
         if cell.text and raw_unit(cell.text) != known.reads:
             message = f"'{cell.text}' is not what the calibration is for, '{known.reads}'"
             hint = "Correct 'reads' of the calibration, or leave it out where readings are given."
@@ -365,6 +367,7 @@ class Table:
         time: float | None,
         at: Cell,
         accuracy: float | None = None,
+        unit: str = "",
     ) -> Reading:
         """A reading of a row.
 
@@ -376,6 +379,7 @@ class Table:
             time: of its date; None where it has a stage.
             at: where the reading is written.
             accuracy: its own, SI; None for none.
+            unit: in which it is written.
         """
         when = row["date"] if "date" in row else row["stage"]
         return Reading(
@@ -389,6 +393,7 @@ class Table:
             when=self.place(line, when),
             bad=flag(row["bad"].text) if "bad" in row else "",
             note=row["remarks"].text if "remarks" in row else "",
+            unit=unit,
         )
 
 

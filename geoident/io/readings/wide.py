@@ -154,5 +154,7 @@ class WideRows:
             cell = cells[column.at]
             value = table.value(line, cells, table.measured(line, cell), column.scale)
             if column.scale is not None and (value is not None or not cell.text):
-                readings.append(table.reading(line, row, column.channel, value, time, cell))
+                unit = column.scale.unit
+                reading = table.reading(line, row, column.channel, value, time, cell, unit=unit)
+                readings.append(reading)
         return readings if "stage" in row or time is not None else []

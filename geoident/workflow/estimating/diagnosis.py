@@ -32,9 +32,6 @@ from geoident.units import in_unit, shown_unit
 FAR_OFF = 3.5
 """Studentized residual from which on a reading is named: one in 2000 by chance."""
 
-AGAINST = 0.6
-"""Share of the clear readings of the opposite sign from which on it is said."""
-
 WORTH_SAYING = 0.1
 """Influence, in standard deviations of a parameter, below which no reading is named for it."""
 
@@ -124,38 +121,20 @@ def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
 
 
 def remarks(
-    diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str], *, gross: bool = False
+    diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str]
 ) -> tuple[Finding, ...]:
-    """Readings that are far off or most influential, and the stated accuracies.
+    """Readings that are far off or most influential.
 
     Args:
         diagnostics: the diagnostics of each reading.
         gauges: the readings.
         parameters: names of the n parameters.
-        gross: some are grossly wrong: then the others may be off because of them.
     """
     diagnostics = diagnostics.wide(gauges)
     return (
-        *_against(gauges),
-        *_most_influential(diagnostics, gauges, parameters),
         *_far_off(diagnostics, gauges),
-        *(() if gross else _scatter(diagnostics)),
+        *_most_influential(diagnostics, gauges, parameters),
     )
-
-
-def _against(gauges: GaugeTable) -> Iterator[Finding]:
-    """Most readings have the opposite sign of the computed: their sign or the stress is wrong."""
-    clear = gauges.used & (np.minimum(np.abs(gauges.measured), np.abs(gauges.computed)) > gauges.sd)
-    against = clear & (gauges.measured * gauges.computed < 0.0)
-    total, count = np.count_nonzero(clear), np.count_nonzero(against)
-    if total >= 3 and count > AGAINST * total:
-        yield Finding(
-            "opposite-sign",
-            "",
-            f"{count} of {total} readings have the opposite sign of the computed ones: check their "
-            "sign (positive: the two points move apart; a settlement: downwards) and that of the "
-            "in-situ stress.",
-        )
 
 
 def _most_influential(
@@ -210,7 +189,8 @@ def _size(t: float) -> str:
     return f"{t:+.1f}" if abs(t) < 1000.0 else f"{t:+.2g}"
 
 
-def _scatter(diagnostics: Diagnostics) -> Iterator[Finding]:
+def misfit_findings(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """Residuals that are larger or smaller than the stated accuracies explain."""
     if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
         yield Finding(
             "misfit",
@@ -269,7 +249,13 @@ def linearity_findings(
     return (Finding("nonlinear", name, sentence, numbers),)
 
 
-def why_poor(diagnostics: Diagnostics, gross: Ints, model_error: ModelErrorTable | None) -> str:
+def why_poor(
+    diagnostics: Diagnostics,
+    gross: Ints,
+    model_error: ModelErrorTable | None,
+    *,
+    mistaken: bool = False,
+) -> str:
     """The sentence that a fit is poor, after a blank; empty for one that is not.
 
     It is where what is left is far more than the errors explain, a model error among them that was
@@ -280,7 +266,13 @@ def why_poor(diagnostics: Diagnostics, gross: Ints, model_error: ModelErrorTable
         diagnostics: the diagnostics of each reading.
         gross: (m,) rows of `gross_readings`.
         model_error: of the fit; None where there is none.
+        mistaken: the estimate is far from what it would be without mistakes in the readings.
     """
+    if mistaken:
+        return (
+            " The model does not fit the readings: a sign, unit or zero of some is wrong and has "
+            "moved the parameters (see the findings)."
+        )
     if diagnostics.above < POOR and diagnostics.misfit >= UNUSABLE:
         times = _times(diagnostics.misfit)
         how = f"the residuals are {times} times as large as the stated accuracies"

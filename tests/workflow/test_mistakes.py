@@ -1,0 +1,190 @@
+"""Readings with a wrong sign, unit, decimal point or zero are named; sound ones are not accused.
+
+The readings are those of the model at parameters that the case does not know, with errors of the
+stated accuracies: mistakes are planted in the file, and the sentence of the command must name them.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.convergence import FIXED
+from support.trench import CASE, write_mesh
+
+from geoident.workflow.running.jobs import build_model, load_inputs
+
+GAUGES = """gauges:
+  C1: {kind: convergence, between: [[2 m, 3.5 m], [4 m, 3.5 m]], accuracy: 0.01 mm}
+  C2: {kind: convergence, between: [[2 m, 3 m], [4 m, 3 m]], accuracy: 0.01 mm}
+  C3: {kind: convergence, between: [[1 m, 4 m], [5 m, 4 m]], accuracy: 0.01 mm}
+  S1: {kind: settlement, point: [1 m, 4 m], accuracy: 0.01 mm}
+  S2: {kind: settlement, point: [5 m, 4 m], accuracy: 0.01 mm}
+  S3: {kind: settlement, point: [2 m, 4 m], accuracy: 0.01 mm}
+  S4: {kind: settlement, point: [0 m, 4 m], accuracy: 0.01 mm}
+  X:  {kind: extensometer, head: [2 m, 3 m], anchors: {a: [1 m, 3 m], b: [0 m, 3 m]},
+       accuracy: 0.01 mm}
+"""
+TRENCH = (
+    CASE[: CASE.index("gauges:")]
+    + GAUGES
+    + "readings: readings.csv\nfit: {method: gauss-newton, mesh_error: false, backtest: false}\n"
+)
+LAW = (
+    FIXED.replace("V: 0.5 $C}", "V: 0.5 $C, D: 0.8 $C}").replace(
+        "gauges:\n", "gauges:\n  D: {kind: reading, accuracy: 0.1 mm, zero: first}\n"
+    )
+    + "readings: readings.csv\nfit: {backtest: false}\n"
+)
+SITES = {
+    "trench": (TRENCH, (5e9, 1.5), 1e-5),
+    "law": (LAW, (40e-3, 12.0, 1.2, 4 * 86400.0), 1e-4),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a file of readings; the value in mm."""
+
+    channel: str
+    stage: str
+    value: float
+
+
+def sound_rows(folder, text, truth, sd, seed):
+    """Rows of a case whose parameters are the truth, with errors of the accuracy."""
+    write_mesh(folder / "trench.inp")
+    path = folder / "case.yaml"
+    path.write_text(text.replace("readings: readings.csv\n", ""))
+    model = build_model(load_inputs(str(path), overrides=()), solver="auto")
+    computed = model.computed(np.array(truth))
+    rng = np.random.default_rng(seed)
+    path.write_text(text)
+    return [
+        Row(channel.name, stage.name, 1e3 * (v + sd * rng.standard_normal()))
+        for channel, line in zip(model.case.channels, computed, strict=True)
+        for stage, v in zip(model.case.stages, line, strict=True)
+        if np.isfinite(v) and channel.zero != stage.name
+    ]
+
+
+def said(folder, rows, command="fit"):
+    """Exit code and result of a command on readings in a file."""
+    lines = [f"{row.channel},{row.stage},{row.value:.4f},mm" for row in rows]
+    (folder / "readings.csv").write_text("\n".join(["gauge,stage,value,unit", *lines, ""]))
+    run = run_command(command, str(folder / "case.yaml"), "--json", "-q", "--force")
+    return run.exit_code, json.loads(run.stdout)
+
+
+def accusations(result):
+    return [f for f in result["findings"] if f["kind"] in ("opposite-sign", "unit", "zero")]
+
+
+FACTORS = (-1.0, -1.0, 10.0, 0.1, 100.0, 0.01, 1000.0, 0.001, 25.4, 1 / 25.4)
+LEVELS = {
+    "trench": ("reading", "reading", "channel", "gauge", "kind"),
+    "law": ("reading", "reading", "channel", "zero"),
+}
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A mistake in a file of readings.
+
+    Args:
+        rows: of the file with the mistake.
+        wrong: names of the channels that it concerns.
+        factor: by which they are too large; 1 where a zero was missed.
+    """
+
+    rows: list[Row]
+    wrong: set[str]
+    factor: float
+
+    def is_named(self, result) -> bool:
+        """One of the sentences names the gauge or channel, and what it would have to be."""
+        for finding in accusations(result):
+            names = set(finding["subject"].split(", "))
+            factors = [v for k, v in finding["numbers"].items() if k.startswith("factor")]
+            right = any(abs(f * self.factor - 1.0) < 1e-6 for f in factors)
+            if self.factor == 1.0:
+                right = finding["kind"] == "zero"
+            if right and all(c in names or c.split(".")[0] in names for c in self.wrong):
+                return True
+        return False
+
+
+def plant(rng, rows, name):
+    """A mistake that changes a reading by more than ten times what the model may be off by.
+
+    That is its accuracy and a tenth of the reading: a tenth of next to nothing nobody can see.
+    """
+    sd = 1e3 * SITES[name][2]
+    while True:
+        level, factor = rng.choice(LEVELS[name]), float(rng.choice(FACTORS))
+        one = rows[rng.integers(len(rows))]
+        of = {
+            "reading": lambda row, one=one: row is one,
+            "channel": lambda row, one=one: row.channel == one.channel,
+            "zero": lambda row, one=one: row.channel == one.channel,
+            "gauge": lambda row, one=one: row.channel.split(".")[0] == one.channel.split(".")[0],
+            "kind": lambda row, one=one: row.channel[0] == one.channel[0],
+        }[level]
+        chosen = [row for row in rows if of(row)]
+        more = 0.0
+        if level == "zero":
+            largest = max(abs(row.value) for row in chosen)
+            factor, more = 1.0, float(rng.choice((-1.0, 1.0)) * rng.uniform(0.4, 2.0) * largest)
+        changed = {id(row): replace(row, value=factor * row.value + more) for row in chosen}
+        seen = max(
+            abs(changed[id(row)].value - row.value)
+            / np.hypot(sd, 0.1 * min(abs(row.value), abs(changed[id(row)].value)))
+            for row in chosen
+        )
+        if seen > 10.0:
+            new = [changed.get(id(row), row) for row in rows]
+            return Planted(new, {row.channel for row in chosen}, factor)
+
+
+def trial(folder, name, seed):
+    """Whether a planted mistake was named, and the result."""
+    rows = sound_rows(folder, *SITES[name], seed)
+    planted = plant(np.random.default_rng(seed), rows, name)
+    _, result = said(folder, planted.rows)
+    return planted.is_named(result), planted, accusations(result)
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_planted_mistakes_are_named(tmp_path, name):
+    for seed in range(5):
+        named, planted, accused = trial(tmp_path, name, seed)
+        assert named, (seed, planted, accused)
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_sound_readings_are_not_accused(tmp_path, name):
+    for seed in range(5):
+        code, result = said(tmp_path, sound_rows(tmp_path, *SITES[name], 1000 + seed))
+        assert (code, accusations(result)) == (0, [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SITES)
+def test_of_200_planted_mistakes_95_per_cent_are_named(tmp_path, name):
+    """100 each by the mesh and by the convergence law."""
+    missed = [seed for seed in range(100, 200) if not trial(tmp_path, name, seed)[0]]
+    assert len(missed) <= 5, missed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SITES)
+def test_of_sound_readings_2_per_cent_are_accused_at_most(tmp_path, name):
+    accused = [
+        seed
+        for seed in range(2000, 2100)
+        if accusations(said(tmp_path, sound_rows(tmp_path, *SITES[name], seed))[1])
+    ]
+    assert len(accused) <= 2, accused
