@@ -40,6 +40,7 @@ from geoident.workflow.estimating.predictions import (
     collapse_findings,
     predicted_stages,
     score,
+    strength_findings,
 )
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
@@ -58,6 +59,7 @@ from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
+from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
@@ -172,6 +174,7 @@ def _result(
     poor = why_poor(estimate.diagnostics, gross, setup.model_error_table)
     status, named = _status(estimate, poor), parameters.named
     few, rests = _freedom(setup, estimate, parameters)
+    alarms = alarm_states(case, gauges, prediction)
     return Result(
         kind="fit",
         status=status,
@@ -181,6 +184,8 @@ def _result(
         objective=estimate.outcome.objective,
         findings=(
             *collapse_findings(survey),
+            *strength_findings(survey.members),
+            *alarm_findings(alarms),
             *opposite_findings(stated),
             *doubts,
             *rival_findings(estimate.rivals, parameters),
@@ -221,6 +226,7 @@ def _result(
         evidence=estimate.evidence,
         varied=field_estimates(setup.model, estimate.outcome.values, estimate.assessment),
         backtest=last.backtest,
+        alarms=alarms,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
             *case.notes,
