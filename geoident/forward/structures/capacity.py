@@ -7,7 +7,7 @@ the depth c in compression and the thickness h, per metre and tension positive,
     N = f_t (h - c) - f_c c ,      M = (f_c + f_t) c (h - c) / 2 .
 
 Without c this is the limit 2 (f_c + f_t) |M| = (f_t h - N)(f_c h + N). Where N and M grow together
-by the factor t until they reach it, u = 1/t is the utilisation (theory 4.6).
+by the factor t until they reach it, u = 1/t is the utilisation (theory 2.5).
 """
 
 from __future__ import annotations
@@ -44,5 +44,6 @@ def utilisation(
     b = 2.0 * total * np.abs(moment) + axial * h * (compressive - tensile)
     root = np.sqrt(b**2 + 4.0 * a * axial**2)
     with np.errstate(divide="ignore", invalid="ignore"):  # the branch that does not cancel
-        u = np.where(b < 0.0, 2.0 * axial**2 / (root - b), (b + root) / (2.0 * a))
+        outside = (b + root) / (2.0 * a) if a > 0.0 else np.where(np.isnan(b), np.nan, np.inf)
+        u = np.where(b < 0.0, 2.0 * axial**2 / (root - b), outside)
     return np.where((axial == 0.0) & (moment == 0.0), 0.0, u)

@@ -129,7 +129,7 @@ class ParameterTable:
     )
     descriptions: tuple[str, ...] = field(
         default=(),
-        metadata=column("parameter", name="description", optional=True, hidden=("diff",)),
+        metadata=column("parameter", name="description", optional=True, hidden=("xarray", "diff")),
     )
 
     @property

@@ -2,7 +2,7 @@
 
 A trough is that of the ground surface of a plane model, as far as that is free and nothing is
 excavated from it, or that of gauges on a line. Its width i is the distance from its middle to its
-steepest place, from the Gauss curve that meets it best (Peck 1969; theory 12.3),
+steepest place, from the Gauss curve that meets it best (Peck 1969; theory 2.10),
 
     s(x) = s_max exp(-(x - x_0)^2 / (2 i^2)) ,      V = sqrt(2 pi) i s_max .
 

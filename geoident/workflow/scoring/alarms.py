@@ -72,7 +72,8 @@ def _state(
 def reached_probability(prediction: Prediction | None, row: int, value: float) -> Floats:
     """(n_stages,) probability that the reading of a channel reaches a value; NaN if not predicted.
 
-    Each side of a band counts as half of a normal distribution, so that 2.5 % lie beyond each end.
+    Each side of a band counts as half of a normal distribution, so that 2.5 % lie beyond each end
+    (theory 6.3).
 
     Args:
         prediction: the bands; None for none.

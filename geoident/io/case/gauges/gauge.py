@@ -51,6 +51,13 @@ LIKE_READINGS = ("offset", "drift_per_stage")
 RATES_OF_READINGS = ("drift",)
 """Keys of all gauges with the dimension of a reading, or of its change in time."""
 AlarmValue = Annotated[CaseNumber, QuantityType(None)]
+_ALARMS = {
+    "length": ("15 mm", "25 mm"),
+    "pressure": ("150 kPa", "200 kPa"),
+    "strain": ("500 microstrain", "800 microstrain"),
+    "angle": ("1 mrad", "2 mrad"),
+}
+"""Dimension to examples of two alarm values."""
 ONE_ALARM = "alarm"
 """Name of the alarm value of a gauge that has one only."""
 
@@ -117,7 +124,6 @@ class GaugeBase(Section):
         description="Reading from which on an alarm is given, or several with their names. A fit "
         "says when it was reached, and when and how probably predicted readings reach it. A "
         "negative value is reached by readings below it.",
-        examples=["{amber: 15 mm, red: 25 mm}", "-30 mm"],
     )
 
     @classmethod
@@ -168,6 +174,8 @@ class GaugeBase(Section):
         like = QuantityType(cls._likes()["offset"].dimension).described()
         named = {"type": "object", "additionalProperties": like}
         keys["alarm"]["anyOf"][0] = {"oneOf": [like, named]}
+        low, high = _ALARMS.get(like["x-quantity"], _ALARMS["length"])
+        keys["alarm"]["examples"] = [f"{{amber: {low}, red: {high}}}", f"-{high}"]
         accuracy, kind = keys["accuracy"], keys["kind"]["const"] if "kind" in keys else ""
         accuracy["examples"] = usual_examples(kind) or accuracy["oneOf"][0]["examples"]
         if cls.measures:
