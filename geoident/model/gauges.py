@@ -8,7 +8,7 @@ kinds have one channel, named as the gauge.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -173,6 +173,7 @@ class Channel:
         towards: (dim,) a point on the side of a beam that counts as its inside, m; None: the side
             without ground.
         fibre: distance of the fibre from the axis of its beam, m; None: half of its thickness.
+        alarm: names of alarm values to readings, SI; a negative one is reached from above.
     """
 
     name: str
@@ -203,6 +204,7 @@ class Channel:
     effective: bool = False
     towards: tuple[float, ...] | None = None
     fibre: float | None = None
+    alarm: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     @property
     def is_zeroed(self) -> bool:

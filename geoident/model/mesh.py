@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
 
 _Row = TypeVar("_Row", bound=Sized)
 
@@ -108,3 +109,9 @@ def nodes_in(blocks: Iterable[ElementBlock], members: Ints | Bools) -> Ints:
     for nodes in node_lists:
         used[nodes] = True
     return np.flatnonzero(used)
+
+
+def element_centres(mesh: Mesh) -> Floats:
+    """(n_elements, dim) means of the corners, m."""
+    corners = [block.nodes[:, : CELLS[block.kind].n_corners] for block in mesh.blocks]
+    return np.concatenate([mesh.points[nodes].mean(axis=1) for nodes in corners])

@@ -125,6 +125,7 @@ class Parameter:
             None for what is no such angle.
         mirror: name of another angle and a half turn of it: with the other sign of this one and the
             other one further by that, the ground is the same (a dip and its direction).
+        describe: what it is, in the words of the case.
     """
 
     name: str
@@ -138,3 +139,4 @@ class Parameter:
     field: str = ""
     period: float | None = None
     mirror: tuple[str, float] | None = None
+    describe: str = ""

@@ -58,6 +58,8 @@ class Beam(_Structure):
         hinges: where its pieces turn against each other: points (dim,), m, or groups of the mesh.
         density: kg/m3, with the thickness.
         weight: of a square metre of it, Pa, where no thickness is given.
+        compressive_strength: of its section, Pa; None: how far it is used is not asked for.
+        tensile_strength: likewise.
     """
 
     group: str
@@ -70,6 +72,8 @@ class Beam(_Structure):
     hinges: tuple[str | tuple[float, ...], ...] = ()
     density: Scalar | None = None
     weight: Scalar | None = None
+    compressive_strength: float | None = None
+    tensile_strength: float = 0.0
 
     @property
     def has_weight(self) -> bool:

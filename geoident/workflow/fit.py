@@ -43,6 +43,7 @@ from geoident.workflow.estimating.predictions import (
     predicted_places,
     predicted_stages,
     score,
+    strength_findings,
 )
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
@@ -61,6 +62,7 @@ from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
+from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
@@ -194,6 +196,7 @@ def _result(
     poor = why_poor(estimate.diagnostics, gross, setup.model_error_table, mistaken=wrong.poor)
     status, named = _status(estimate, poor), parameters.named
     few, rests = _freedom(setup, estimate, parameters)
+    alarms = alarm_states(case, gauges, prediction)
     return Result(
         kind="fit",
         status=status,
@@ -206,6 +209,8 @@ def _result(
             *wrong.findings,
             *gross_findings(gross, estimate.readings, case),
             *(() if wrong else opposite_findings(stated)),
+            *strength_findings(survey.members),
+            *alarm_findings(alarms),
             *doubts,
             *(() if wrong or len(gross) else misfit_findings(estimate.diagnostics)),
             *(accuracy_residuals(stated) if by_accuracy else ()),
@@ -249,6 +254,7 @@ def _result(
         varied=field_estimates(setup.model, estimate.outcome.values, estimate.assessment),
         backtest=last.backtest,
         left_out=scored,
+        alarms=alarms,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
             *case.notes,

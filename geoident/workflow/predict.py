@@ -46,6 +46,7 @@ from geoident.workflow.estimating.predictions import (
     predict_stages,
     predicted_places,
     score,
+    strength_findings,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
 from geoident.workflow.estimating.setup import problem_of_result, setup_of_result
@@ -61,10 +62,14 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.readings import bad_notes, used_rows
+from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""
+
+_OWN = ("collapse", "strength", "alarm")
+"""Kinds of findings of which a prediction has its own, in place of those of the fit."""
 
 LEFT_OUT = (
     "The fit has {} minima beside its answer that are nearly as low, which these bands leave out "
@@ -178,9 +183,10 @@ def predict(task: PredictTask, control: Control) -> Finished:
     places = chosen_stages(gauges, chosen) if chosen else predicted_places(gauges, rows)
     prediction, left_out = _prediction(task, model, case, survey, places)
     scored = left_out_table(case, gauges, prediction)
-    inherited = [one for one in fit.findings if one.kind != "collapse"]  # it has its own
+    inherited = [one for one in fit.findings if one.kind not in _OWN]
     if task.others:  # its gauges may have the same names
         inherited = [replace(one, sentence=f"Of the fit: {one.sentence}") for one in inherited]
+    alarms = alarm_states(case, gauges, prediction)
     by_reduced: tuple[str, ...] = ()
     if isinstance(model, ReducedCaseModel):
         by_reduced = (answer_note(model, task.request.result),)
@@ -193,7 +199,13 @@ def predict(task: PredictTask, control: Control) -> Finished:
             method=fit.method,
             reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
             objective=fit.objective,
-            findings=(*_whose_gauges(task), *collapse_findings(survey), *inherited),
+            findings=(
+                *_whose_gauges(task),
+                *collapse_findings(survey),
+                *strength_findings(survey.members),
+                *alarm_findings(alarms),
+                *inherited,
+            ),
             case_text=task.job.inputs.loaded.text,
             case_resolved=task.job.inputs.loaded.resolved,
             provenance=job_provenance(task.job),
@@ -202,6 +214,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
             counts=model.counts,
             sensitivity=survey.sensitivity,
             prediction=prediction,
+            alarms=alarms,
             **details_of(survey),
             singular_values=fit.singular_values,
             varied=fit.varied if same_case else (),

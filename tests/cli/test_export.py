@@ -21,7 +21,7 @@ def fitted(after):
 
 MISSING = (
     *("accuracies", "left-out", "grid", "structures", "backtest", "backtest-parameters"),
-    *("posterior", "draws", "fields", "yielded"),
+    *("posterior", "draws", "fields", "yielded", "alarms", "troughs"),
     *("opening", "ground-reaction", "opening-stresses", "face", "face-profile"),
 )
 """Tables of which a plain fit has nothing to say."""

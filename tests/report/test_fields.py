@@ -13,6 +13,7 @@ from matplotlib.text import Text
 
 from geoident.model.case import Material, Stage
 from geoident.model.ground import Isotropic
+from geoident.model.mesh import element_centres
 from geoident.model.parameter import Scalar
 from geoident.model.results.result import FieldSeries
 from geoident.model.results.varied import FieldEstimate
@@ -27,7 +28,6 @@ from geoident.report.drawing.fields.strength import (
 )
 from geoident.report.drawing.fields.stress import cross_figure, stress_pictures
 from geoident.report.drawing.scene import Scene, Window
-from geoident.report.drawing.sheets import element_centres
 from geoident.report.drawing.style import drawing_style
 from geoident.report.drawing.varied import varied_figure
 from tests.support.cases import displacement, make_case

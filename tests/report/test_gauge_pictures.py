@@ -14,10 +14,10 @@ from geoident.report.drawing.gauges.course import (
     reading_pictures,
     readings_figure,
 )
-from geoident.report.drawing.gauges.instruments import PLUMB, TROUGH, instruments, lines
 from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_figure
 from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style
+from geoident.report.text.instruments import PLUMB, TROUGH, instruments, lines
 from tests.report import test_figures
 from tests.support.pictures import laid_out
 from tests.support.results import example_result, wide_gauges

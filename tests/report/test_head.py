@@ -110,9 +110,10 @@ def test_contents_and_numbers_agree(plane_page):
         assert len(numbers) > 2
 
 
-def test_case_file_and_provenance_are_closed(plane_page):
-    closed = re.findall(r"<details><summary><h2>.*?</span>([^<]+)</h2>", plane_page)
-    assert {"All readings", "Provenance", "Case file"} <= set(closed)
+def test_appendices_have_letters_and_stand_open_so_that_they_print(plane_page):
+    lettered = re.findall(r'<h2><span class="number">[A-Z] </span>([^<]+)</h2>', plane_page)
+    assert {"All readings", "Provenance", "Case file"} <= set(lettered)
+    assert "<details" not in plane_page
 
 
 def test_the_case_says_its_head_and_its_faults_are_placed():

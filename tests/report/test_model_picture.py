@@ -186,7 +186,8 @@ def test_names_of_gauges_across_a_shaft_stand_in_the_room_beyond_the_axis():
     assert all(at[f"IN-{k}"][1].mean() > -60.0 for k in range(1, 6))  # not at their common foot
 
 
-def test_a_figure_of_a_high_closer_view_is_not_a_tall_one():
+def test_a_figure_of_a_high_closer_view_fits_a_printed_page_as_large_as_it_is_drawn():
     for name in ("shaft", "cavern"):
         width, height = shipped(name)[1].get_size_inches()
-        assert height < width, name
+        assert width <= 7.4, name
+        assert height <= 9.4, name

@@ -25,7 +25,7 @@ from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.results.summary import CaseSummary, GaugeSummary
 from geoident.report.drawing.gauges.course import readings_figure
-from geoident.report.drawing.gauges.instruments import instruments
+from geoident.report.text.instruments import instruments
 from geoident.report.drawing.quality import one_to_one_figure
 from geoident.report.text.case import case_text, gauge_quantity
 from geoident.report.text.csv_tables import csv_tables, csv_text

@@ -27,6 +27,8 @@ TABLES = (
     "sensitivity",
     "structures",
     "reactions",
+    "alarms",
+    "troughs",
     "yielded",
     "opening",
     "ground-reaction",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.stages import ConstructionSequence
+from geoident.forward.structures.capacity import utilisation
 from geoident.forward.structures.members import StructureMembers, Structures, bar_share
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -59,14 +60,15 @@ class MemberRecorder:
             shear=table[3],
             hoop=table[4],
             prestress=table[5],
+            utilisation=table[6] if np.isfinite(table[6]).any() else None,
             per_metre=np.concatenate(
                 [np.full(len(part.members), isinstance(part.structure, Beam)) for part in parts]
             ),
         )
 
     def _of_part(self, part: StructureMembers, forces: Floats) -> Floats:
-        """N, M at the first and second end, Q, N_t, N from a jack: (6, n_members); of a bar N."""
-        table = np.full((6, len(part.members)), np.nan)
+        """N, M at both ends, Q, N_t, N from a jack, utilisation: (7, n_members); of a bar N."""
+        table = np.full((7, len(part.members)), np.nan)
         if isinstance(part.structure, Bars):
             share = bar_share(part.structure, ParameterPoint(self._values, ())).value
             table[0] = forces[part.rows] * share
@@ -75,4 +77,14 @@ class MemberRecorder:
         table[:4] = section.axial, section.first, section.second, section.shear
         if part.members.nu is not None:
             table[4] = section.hoop
+        beam = part.structure
+        if beam.compressive_strength is not None and beam.thickness is not None:
+            strength = {
+                "thickness": beam.thickness.value(self._values),
+                "compressive": beam.compressive_strength,
+                "tensile": beam.tensile_strength,
+            }
+            used = utilisation(table[0], np.abs(table[1:3]).max(axis=0), **strength)
+            around = utilisation(table[4], np.zeros_like(used), **strength)
+            table[6] = np.fmax(used, around)  # NaN is the hoop force of a lining in the plane
         return table

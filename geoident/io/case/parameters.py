@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import Field
 
 from geoident.io.schema.section import Section, SectionFaults
-from geoident.io.schema.values import AnyQuantity, Bounds, CaseNumber
+from geoident.io.schema.values import AnyQuantity, Bounds, CaseNumber, Text
 from geoident.model.case import KeyPath
 from geoident.model.parameter import Parameter, Prior
 from geoident.units import DIMENSIONLESS, DIMENSIONS, UNITS, with_article
@@ -35,6 +35,11 @@ class ParameterSection(Section):
     prior: PriorSection | None = Field(
         None,
         description="Prior knowledge; without it all values within the bounds are equally likely.",
+    )
+    describe: Text = Field(
+        "",
+        description="What it is, in words for readers of results and reports.",
+        examples=["modulus of the clay"],
     )
 
     def check(self, faults: SectionFaults) -> None:

@@ -19,6 +19,8 @@ from geoident.io.schema.values import (
     Coordinates,
     Density,
     FixedSize,
+    FixedStrength,
+    FixedStress,
     Force,
     Line,
     Modulus,
@@ -92,9 +94,33 @@ class BeamSection(Section):
         description="Weight of a square metre of it, in place of the density.",
         examples=["8 kN/m2"],
     )
+    compressive_strength: FixedStrength | None = Field(
+        None,
+        description="Compressive strength of its rectangular section, with the thickness: results "
+        "then say which part of the strength N and M use together. Divide it by the safety factors "
+        "that are to be kept.",
+        examples=["20 MPa"],
+    )
+    tensile_strength: FixedStress | None = Field(
+        None,
+        description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain sprayed concrete; what "
+        "fibres bear in the crack; of steel that in compression.",
+        examples=["0.8 MPa"],
+    )
 
     def check(self, faults: SectionFaults) -> None:
-        """Its weight is given in one way, and is not negative."""
+        """Its weight is given in one way and not negative; its strength has a section."""
+        if self.tensile_strength is not None and self.compressive_strength is None:
+            message = "'tensile_strength' without 'compressive_strength'"
+            hint = "Give both: N and M are held against them together."
+            faults.add(("tensile_strength",), "missing-key", message, hint)
+        elif self.compressive_strength is not None and self.thickness is None:
+            message = "'compressive_strength' without a thickness, which makes the section"
+            hint = "Give E and thickness in place of EA and EI, or leave the strength out."
+            faults.add(("compressive_strength",), "missing-key", message, hint)
+        if self.tensile_strength is not None and self.tensile_strength.factor < 0:
+            message = f"'{self.tensile_strength.text}' is negative"
+            faults.add(("tensile_strength",), "out-of-range", message, "Drop the -.")
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; expected density with a thickness, or weight"

@@ -579,6 +579,8 @@ WallStiffness = Annotated[CaseNumber, QuantityType("line load", tied=True, above
 WallSubgrade = Annotated[CaseNumber, QuantityType("unit weight", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
 Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
+FixedStress = Annotated[CaseNumber, QuantityType("pressure")]
+FixedStrength = Annotated[CaseNumber, QuantityType("pressure", above=0.0)]
 FixedLength = Annotated[CaseNumber, QuantityType("length")]
 FixedMultiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
 FixedCoefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]

@@ -17,7 +17,9 @@ FindingKind = Literal[
     "zero",    "accuracy", "degrees-of-freedom", "mesh-error", "surface-error", "model-error",
     "model-error-doubt",
     # of predictions
-    "bands", "extrapolation", "collapse", "other-case",
+    "bands", "extrapolation", "collapse", "other-case", "alarm",
+    # of structures
+    "strength",
     # of the result itself
     "no-reduced-model", "outdated",
 ]  # fmt: skip

@@ -16,6 +16,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable, weighted_mean
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.alarms import AlarmState
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import column, derived, select
@@ -72,6 +73,7 @@ class ParameterTable:
         correlation: (n, n).
         fields: of each the name of the field of which it is the coefficient of a mode, or nothing;
             empty where there are no fields.
+        descriptions: what each is in the words of the case; empty where the case says nothing.
     """
 
     names: tuple[str, ...] = field(metadata=column("parameter", name="parameter"))
@@ -126,11 +128,23 @@ class ParameterTable:
     fields: tuple[str, ...] = field(
         default=(), metadata=column("parameter", name="field", optional=True, hidden=VIEWS)
     )
+    descriptions: tuple[str, ...] = field(
+        default=(),
+        metadata=column("parameter", name="description", optional=True, hidden=("xarray", "diff")),
+    )
 
     @property
     def known(self) -> Bools:
         """(n,) by readings, or at least by a prior: the value is one for people."""
         return np.asarray(self.determined | np.isfinite(self.sd))
+
+    def described(self, i: int) -> str:
+        """What a parameter is in the words of the case; empty where it says nothing.
+
+        Args:
+            i: its row.
+        """
+        return self.descriptions[i] if self.descriptions else ""
 
     @property
     @derived("parameter", name="name", hidden=VIEWS)
@@ -659,6 +673,9 @@ class MemberForces:
         hoop: (n_members, n_stages) N_t around the axis, N per metre; NaN where there is none.
         prestress: (n_members, n_stages) the axial force of one bar, N, that a jack gives at this
             stage and at which it is locked off; NaN where none does.
+        utilisation: (n_members, n_stages) the part of the strength of a lining that N and M use at
+            its weaker end, about an axis also N_t; 1 at the limit, infinite where no strength
+            could bear them. NaN where no strength is given; None where none of any is.
     """
 
     structures: tuple[str, ...] = field(metadata=column("member", name="structure"))
@@ -717,6 +734,9 @@ class MemberForces:
         metadata=column(
             "member", "stage", sheet="stressed_to", dimension="force", shown="kN", optional=True
         )
+    )
+    utilisation: Floats | None = field(
+        default=None, metadata=column("member", "stage", unit="1", optional=True)
     )
 
     @property
@@ -807,6 +827,7 @@ class Result:
         comparison: of a ladder of models, of which this is the chosen one, or None.
         surface: the response surfaces of a table of runs, or None.
         left_out: how well gauges that the fit left out are predicted, or None.
+        alarms: what is known of each alarm value of each channel.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -895,6 +916,9 @@ class Result:
     )
     left_out: LeftOutTable | None = field(
         default=None, metadata=column(group="left_out", optional=True)
+    )
+    alarms: tuple[AlarmState, ...] = field(
+        default=(), metadata=column("alarm", group="alarms", optional=True)
     )
 
     @property

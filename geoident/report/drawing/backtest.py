@@ -17,6 +17,7 @@ from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
     MEASURED,
+    WIDTH,
     Picture,
     key,
     labelled,
@@ -96,7 +97,7 @@ def _draw_settling(axes: Axes, values: Floats, low: Floats, high: Floats) -> Non
 
 def error_figure(result: Result, backtest: Backtest) -> Figure:
     """Standardized errors over the predicted stages."""
-    figure = Figure(figsize=(7.6, 3.6))
+    figure = Figure(figsize=(WIDTH, 3.6))
     axes = figure.subplots()
     axes.axhspan(-NORMAL_95, NORMAL_95, color=FAINT, alpha=0.15, lw=0)
     axes.axhline(0.0, color=FAINT, lw=0.7)

@@ -20,16 +20,20 @@ from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.results.result import MemberForces, Result
+from geoident.model.structures import Beam
 from geoident.report.drawing.labels import place_labels
+from geoident.report.drawing.scene import case_of
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
     SMALL,
+    WIDTH,
     Picture,
     colour,
     evenly,
     hide_unused,
     key,
+    marker,
     short,
 )
 from geoident.report.text.layout import number
@@ -41,7 +45,7 @@ _MOST_DRAWN = 4
 _MOST_NAMED = 12
 _KILO = 1e3
 _LINE_STYLES: Sequence[Any] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1, 1, 1)))
-_PER_ROW = 4
+_PER_ROW = 3
 _REACH = 0.22
 """Largest force as drawn, by the diagonal of the line."""
 
@@ -81,7 +85,60 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
                     partial(_bars_along_figure, forces),
                 )
             )
-    return tuple(pictures)
+    return (*_strength_pictures(result, forces), *pictures)
+
+
+def _strength_pictures(result: Result, forces: MemberForces) -> tuple[Picture, ...]:
+    """N and M of each lining against what its section bears, where the case gives a strength."""
+    case = None if forces.utilisation is None else case_of(result)
+    if case is None:
+        return ()
+    values = dict(zip(result.parameters.names, result.parameters.values.tolist(), strict=True))
+    shown = [
+        (name, beam, beam.thickness.value(values))
+        for name, beam in case.structures.items()
+        if isinstance(beam, Beam) and beam.thickness is not None and name in forces.structures
+        if beam.compressive_strength is not None
+    ]
+    return tuple(
+        Picture(
+            f"strength-{number}",
+            f"N and M of {name} against its strength",
+            "Line: what the rectangular section bears. Dots: both ends of all pieces; beyond the "
+            f"line the strength is exceeded. {_some_stages(_of(forces, name), _MOST_STAGES)}",
+            partial(_strength_figure, forces, name, beam, thickness),
+        )
+        for number, (name, beam, thickness) in enumerate(shown, start=1)
+    )
+
+
+def _of(forces: MemberForces, name: str) -> Ints:
+    """Stages at which a structure stands."""
+    return _present(forces, np.array(forces.structures) == name)
+
+
+def _strength_figure(forces: MemberForces, name: str, beam: Beam, thickness: float) -> Figure:
+    """The limit of a rectangular section, and N and M of a lining, compression upwards."""
+    compressive, tensile = beam.compressive_strength or 0.0, beam.tensile_strength
+    c = np.linspace(0.0, thickness, 60)  # depth of what is in compression
+    axial = tensile * (thickness - c) - compressive * c
+    moment = 0.5 * (compressive + tensile) * c * (thickness - c)
+    figure = Figure(figsize=(5.0, 3.6))
+    axes = figure.subplots()
+    limit = np.r_[moment, -moment[::-1]] / _KILO, np.r_[axial, axial[::-1]] / _KILO
+    axes.plot(*limit, color="black", lw=1.3)
+    members = np.flatnonzero(np.array(forces.structures) == name)
+    for k, stage in enumerate(_spread(_of(forces, name), _MOST_STAGES)):
+        m = forces.moment[members, :, stage].ravel() / _KILO
+        n = np.repeat(forces.axial[members, stage], 2) / _KILO
+        axes.plot(m, n, ls="", marker=marker(k), ms=3.5, color=colour(k), alpha=0.8,
+                  label=short(forces.stages[stage], 24))  # fmt: skip
+    axes.invert_yaxis()
+    axes.set_xlabel("M (kNm/m)")
+    axes.set_ylabel("N (kN/m, tension positive)")
+    axes.grid(visible=True)
+    figure.legend(loc="outside right upper")
+    return figure
 
 
 def _some_stages(stages: Ints, most: int) -> str:
@@ -196,7 +253,7 @@ def _beam_figure(members: MemberForces, line: _Line) -> Figure:
     stages = _spread(_present(members, line.members), _MOST_STAGES)
     styles = [{"color": colour(k), "ls": _LINE_STYLES[k % 4]} for k in range(len(stages))]
     panels = _quantities(members, line.members)
-    figure = Figure(figsize=(10.0, 3.6))
+    figure = Figure(figsize=(WIDTH, 3.6))
     for axes, (title, forces) in zip(
         np.atleast_1d(figure.subplots(1, len(panels), sharey=True)), panels, strict=True
     ):
@@ -227,7 +284,7 @@ def _along_figure(members: MemberForces, line: _Line) -> Figure:
     low, high = (end(line.ends.reshape(-1, 2), axis=0) for end in (np.min, np.max))
     low, high = low - 1.3 * reach, high + 1.3 * reach
     rows, columns = sorted((len(panels), len(stages)))
-    width = 10.2 / max(columns, 3)
+    width = WIDTH / max(columns, 3)
     aspect = float(np.clip((high - low)[1] / (high - low)[0], 0.25, 2.0))
     figure = Figure(figsize=(width * columns, (width * aspect + 0.25) * rows))
     grid: Any = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -285,7 +342,7 @@ def _bars_along_figure(members: MemberForces) -> Figure:
     margin = 0.12 * max(float(np.ptp(spread, axis=0).max()), 1e-9)
     low, high = spread.min(axis=0) - margin, spread.max(axis=0) + margin
     columns = max(2, len(stages))
-    width = 10.2 / columns
+    width = WIDTH / columns
     aspect = float(np.clip((high - low)[1] / (high - low)[0], 0.35, 2.0))
     figure = Figure(figsize=(width * columns, width * aspect + 0.7))
     panels = list(figure.subplots(1, columns, squeeze=False, sharey=True).ravel())
@@ -357,7 +414,7 @@ def _chain(ends: Floats) -> tuple[Ints, Bools, str, Floats]:
 
 def _bar_figure(forces: MemberForces, names: list[str]) -> Figure:
     rows = -(-len(names) // _PER_ROW)
-    figure = Figure(figsize=(10.0, 1.0 + 2.6 * rows))
+    figure = Figure(figsize=(WIDTH, 1.0 + 2.6 * rows))
     grid = figure.subplots(rows, min(len(names), _PER_ROW), squeeze=False)
     panels = list(grid.ravel())
     every = np.array(forces.structures)

@@ -18,6 +18,7 @@ from geoident.report.drawing.style import (
     MEASURED,
     MM,
     SMALL,
+    WIDTH,
     Picture,
     arrow,
     colour,
@@ -139,7 +140,7 @@ def _draw_gauges(axes: Axes, result: Result, reaction: GroundReaction, yielded: 
 
 def reaction_figure(reaction: GroundReaction) -> Figure:
     """Pressure against the motion of the wall, the plastic radius, stresses against the radius."""
-    figure = Figure(figsize=(10.4, 3.9))
+    figure = Figure(figsize=(WIDTH, 3.6))
     left, middle, right = figure.subplots(1, 3)
     unit, size = _unit(reaction)
     inward, pressure = MM * reaction.displacement, reaction.pressure / size

@@ -16,6 +16,7 @@ from geoident.report.drawing.fields.panels import (
     draw_gauge_lines,
     draw_lines,
     finish,
+    mark_largest,
     shade,
 )
 from geoident.report.drawing.gauges.course import draw_computed, draw_measured
@@ -24,6 +25,7 @@ from geoident.report.drawing.style import (
     COMPUTED,
     LENGTHS,
     MEASURED,
+    WIDTH,
     Picture,
     key,
     short,
@@ -31,8 +33,10 @@ from geoident.report.drawing.style import (
 )
 
 _PANELS = 6
-_WIDTH, _TALLEST = 10.2, 4.2  # of the figure, and of the field in it, inches
-_FIELD = (2.9, 5.4)  # least and largest width of the field with its axis, inches
+_TALLEST = 4.2  # of the field, inches
+_BESIDE = 0.75  # height of the field by its width from which on the gauges stand beside it
+_FIELD = (2.6, 3.5)  # least and largest width of the field with its axis, inches
+_OVER, _UNDER = 2.6, 1.3  # heights of a field over gauges, and of a row of these, inches
 _FEW, _HIGH, _LOW = 2, 1.9, 1.45  # so few rows of gauges are higher than more of them, inches
 _LETTERS, _TICKS = 13, 1.6  # that find room below a field, an inch
 _THREE_ACROSS = 5.6  # width from which on three gauges find room side by side, inches
@@ -54,24 +58,25 @@ def overview_pictures(result: Result, scene: Scene | None) -> tuple[Picture, ...
 
 
 def overview_figure(result: Result, scene: Scene | None) -> Figure:
-    """Displacements after the last fitted stage, and beside them the gauges that say most.
-
-    Wider than high, so that it can be read at the width of a printed page too.
-    """
+    """Displacements after the last fitted stage, and beside or below the gauges that say most."""
     rows = _busiest(result)
     gauge_part: Figure | SubFigure
     if scene is not None and scene.views:
         view, aspect = scene.views[0], scene.views[0].window.aspect
-        left = float(np.clip(_TALLEST / aspect + 0.7, *_FIELD))
-        columns, lines, height = _grid(len(rows), _WIDTH - left)
-        tall = min((left - 0.7) * aspect, _TALLEST)
-        figure = Figure(figsize=(_WIDTH, max(height, tall + 1.25)))
-        parts = figure.subfigures(1, 2, width_ratios=[left, _WIDTH - left], squeeze=False)
-        _draw_field(parts[0, 0].subplots(), view, left)
-        gauge_part = parts[0, 1]
+        beside = aspect > _BESIDE
+        left = float(np.clip(_TALLEST / aspect + 0.7, *_FIELD)) if beside else WIDTH
+        columns, lines, height = _grid(len(rows), WIDTH - left if beside else WIDTH)
+        height = height if beside else 0.7 + _UNDER * lines
+        tall = min((left - 0.7) * aspect, _TALLEST if beside else _OVER) + 1.25
+        size = max(height, tall) if beside else height + tall
+        figure = Figure(figsize=(WIDTH, size))
+        shape = {"ncols": 2, "width_ratios": [left, WIDTH - left]} if beside else {
+            "nrows": 2, "height_ratios": [tall, height]}  # fmt: skip
+        field, gauge_part = figure.subfigures(**shape)
+        _draw_field(field.subplots(), view, left)
     else:
-        columns, lines, height = _grid(len(rows), _WIDTH)
-        gauge_part = figure = Figure(figsize=(_WIDTH, height))
+        columns, lines, height = _grid(len(rows), WIDTH)
+        gauge_part = figure = Figure(figsize=(WIDTH, height))
     panels = gauge_part.subplots(lines, columns, sharex=True, squeeze=False).ravel()
     for axes, row in zip(panels, rows, strict=False):
         _draw_channel(axes, result, row)
@@ -98,7 +103,7 @@ def _since(scene: Scene | None) -> str:
     """What has to be known of the field, if there is one."""
     if scene is None or not scene.views or not 0 < scene.zero_state < scene.last_fitted:
         return ""
-    return f"Left: since {scene.stage(scene.zero_state)}, where most gauges were zeroed. "
+    return f"Field: since {scene.stage(scene.zero_state)}, where most gauges were zeroed. "
 
 
 def _chosen(result: Result) -> str:
@@ -130,6 +135,7 @@ def _draw_field(axes: Axes, view: SheetView, width: float) -> None:
     draw_lines(axes, view, state)
     draw_gauge_lines(axes, view)
     finish(axes, view, state)
+    mark_largest(axes, view, state, size, "mm")
     axes.set_title("")
     figure = axes.get_figure()
     assert figure is not None

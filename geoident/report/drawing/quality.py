@@ -22,6 +22,7 @@ from geoident.report.drawing.style import (
     FAINT,
     MEASURED,
     SMALL,
+    WIDTH,
     Picture,
     colour,
     labelled,
@@ -66,7 +67,7 @@ def one_to_one_figure(result: Result) -> Figure:
     """Computed over measured readings, equal scales, a panel for each unit."""
     shown, rows = result.gauges.shown_units, np.flatnonzero(_both(result).any(axis=1))
     units = list(dict.fromkeys(shown[row] for row in rows))
-    figure = Figure(figsize=(4.8 * len(units), 4.9))
+    figure = Figure(figsize=(min(4.8 * len(units), WIDTH), 4.9))
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         _draw_one_to_one(axes, result, unit)
         axes.legend(loc="upper left")
@@ -134,7 +135,7 @@ def _residual_rows(result: Result) -> list[int]:
 def residual_figure(result: Result) -> Figure:
     """Standardized residuals, a line for each channel, a mark for each stage."""
     rows, table = _residual_rows(result), result.gauges
-    figure = Figure(figsize=(7.6, 0.19 * len(rows) + 1.4))
+    figure = Figure(figsize=(WIDTH, 0.19 * len(rows) + 1.4))
     axes = figure.subplots()
     axes.axvspan(-2, 2, color=FAINT, alpha=0.15, lw=0)
     axes.axvline(0, color=FAINT, lw=0.7)
@@ -182,7 +183,7 @@ def history_figure(result: Result) -> Figure:
     """Objective and parameters over the trials."""
     history = [i for i in result.history if np.isfinite(i.objective)]
     names = np.flatnonzero(result.parameters.determined).tolist()
-    figure = Figure(figsize=(10 if names else 5.5, 3.3))
+    figure = Figure(figsize=(WIDTH if names else 5.5, 3.3))
     panels = figure.subplots(1, 2 if names else 1, squeeze=False)[0]
     _draw_objective(panels[0], history)
     if names:

@@ -14,8 +14,9 @@ from geoident.fem.location import Locator, Site
 from geoident.io.case.file import parse_case
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
+from geoident.model.mesh import element_centres
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
-from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace, element_centres
+from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace
 from geoident.report.drawing.style import MM, short
 from geoident.report.text.case import axis_names
 

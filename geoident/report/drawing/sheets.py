@@ -352,12 +352,6 @@ def group_labels(mesh: Mesh) -> Ints:
     return label
 
 
-def element_centres(mesh: Mesh) -> Floats:
-    """(n_elements, dim) means of the corners, m."""
-    corners = [block.nodes[:, : CELLS[block.kind].n_corners] for block in mesh.blocks]
-    return np.concatenate([mesh.points[nodes].mean(axis=1) for nodes in corners])
-
-
 def _distance(mesh: Mesh, plane: Plane) -> Floats:
     """Signed distance of the nodes from the plane, never 0, so that no corner lies on the cut."""
     return _never_zero(mesh.points[:, plane.axis] - plane.value, mesh, plane)

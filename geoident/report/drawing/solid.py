@@ -21,12 +21,11 @@ from geoident.report.drawing.polygons import Polygons
 from geoident.report.drawing.scene import Scene, box_around
 from geoident.report.drawing.sheets import Plane, Sheet, Trace
 from geoident.report.drawing.space import Box, add_faces, add_lines, frame, hidden, towards
-from geoident.report.drawing.style import GAUGE, LENGTHS, MM, Picture, short
+from geoident.report.drawing.style import GAUGE, LENGTHS, MM, WIDTH, Picture, short
 
 _VIEW = {0: (22.0, -145.0), 1: (22.0, -60.0), 2: (40.0, -55.0)}
 _PLACE, _MOTION, _VALUE = slice(0, 3), slice(3, 6), 6
 """Columns of polygons: m, m, mm."""
-_WIDTH = 7.4
 _MOST_NAMES = 30
 _SHADOW = 0.1  # darkness of what faces along x
 _SIDE = 0.1  # free on both sides of a view, of its width
@@ -78,7 +77,7 @@ def surface_figure(scene: Scene, opened: Sheet | None, factor: float) -> Figure:
         factor: by which the displacement moves it; 0 for none.
     """
     states = scene.key_states
-    figure = Figure(figsize=(_WIDTH if len(states) > 1 else 0.7 * _WIDTH, 4.4))
+    figure = Figure(figsize=(WIDTH if len(states) > 1 else 0.7 * WIDTH, 4.4))
     figure.set_layout_engine("none")
     view = _View(scene, opened)
     drawn = [view.polygons(state) for state in states]

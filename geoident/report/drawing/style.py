@@ -30,6 +30,8 @@ FAINT = "#8c8c8c"
 GAUGE = "#1a1a1a"
 """Gauges in pictures of the ground: dark on light."""
 MM = 1e3  # mm in a metre
+WIDTH = 7.4
+"""Of the widest figures, inches: a printed page shows them nearly as large as they are drawn."""
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 LENGTHS = "YlGnBu"
@@ -230,7 +232,7 @@ def panel_grid(
     """
     columns = min(_COLUMNS, n)
     rows = -(-n // columns)
-    figure = Figure(figsize=(3.4 * columns if columns > 1 else 5.0, height * rows + extra))
+    figure = Figure(figsize=((5.0, 5.9, WIDTH)[columns - 1], height * rows + extra))
     panels = figure.subplots(rows, columns, squeeze=False, sharex=sharex)
     for k in range(n, rows * columns):
         if sharex:

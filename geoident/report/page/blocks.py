@@ -60,14 +60,14 @@ class PagePart:
         title: its heading.
         blocks: what stands in it.
         parts: sections within it.
-        closed: its contents are opened by a click, and not printed unless they are open.
+        appendix: it stands behind the report proper and has a letter in place of a number.
         name: of its place in the page, where the title does not tell it from others.
     """
 
     title: str
     blocks: tuple[Block, ...]
     parts: tuple[PagePart, ...] = ()
-    closed: bool = False
+    appendix: bool = False
     name: str = ""
 
     def __bool__(self) -> bool:
@@ -84,15 +84,15 @@ class PagePart:
         return f"section-{words}"
 
 
-def section(title: str, *blocks: Block, closed: bool = False) -> PagePart:
+def section(title: str, *blocks: Block, appendix: bool = False) -> PagePart:
     """A section of what stands in it; it is nothing if that is nothing.
 
     Args:
         title: its heading.
         blocks: what stands in it, empty ones among it.
-        closed: its contents are opened by a click.
+        appendix: see `PagePart`.
     """
-    return PagePart(title, tuple(block for block in blocks if block), closed=closed)
+    return PagePart(title, tuple(block for block in blocks if block), appendix=appendix)
 
 
 def contents(sections: Sequence[PagePart]) -> Html:
@@ -113,15 +113,15 @@ def contents(sections: Sequence[PagePart]) -> Html:
 
 
 def _listed(sections: Sequence[PagePart]) -> Iterator[tuple[str, PagePart]]:
-    """Sections and, of those that are open, their parts."""
+    """Sections and their parts, without those of appendices."""
     for number, one in numbered(sections):
         yield number, one
-        if not one.closed:
+        if not one.appendix:
             yield from ((f"{number}.{k}", part) for k, part in numbered(one.parts))
 
 
 def numbered(sections: Sequence[PagePart]) -> Iterator[tuple[str, PagePart]]:
-    """Sections that are not empty, with their numbers; those that are closed have letters.
+    """Sections that are not empty, with their numbers; appendices have letters.
 
     Args:
         sections: of the page, or of a section.
@@ -130,7 +130,7 @@ def numbered(sections: Sequence[PagePart]) -> Iterator[tuple[str, PagePart]]:
     numbers = iter(range(1, len(kept) + 1))
     letters = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
     for one in kept:
-        yield (next(letters) if one.closed else str(next(numbers))), one
+        yield (next(letters) if one.appendix else str(next(numbers))), one
 
 
 def body(sections: Sequence[PagePart], draw: Draw) -> Html:
@@ -173,9 +173,6 @@ class _Writer:
         blocks = [self._block(block) for block in one.blocks]
         parts = [self._section(f"{number}.{k}", part, level + 1) for k, part in numbered(one.parts)]
         inner = joined([*blocks, *parts], "\n")
-        if one.closed:
-            inner = tag("details", tag("summary", heading), inner)
-            return tag("section", inner, id=one.place, class_="closed")
         return tag("section", heading, inner, id=one.place)
 
     def _block(self, block: Block) -> Html:

@@ -38,13 +38,14 @@ def joined(parts: Iterable[str], separator: str = "") -> Html:
 
 
 def table(table: TextTable, *, caption: str = "") -> Html:
-    """A table; nothing if it has no rows.
+    """A table without empty columns; nothing if it has no rows.
 
     Args:
         table: its header and cells; what is `Html` among the cells stays so.
         caption: what stands above it.
     """
-    if not table.rows:
+    table = table.filled
+    if not table.header:
         return Html("")
     sides = ["n" if side == "r" else "" for side in table.sides]
     head = [
@@ -104,7 +105,7 @@ STYLE = """
 body { margin: 0; }
 header { padding: 24px 20px 0; }
 main { padding: 0 20px 60px; min-width: 0; }
-h1, h2, h3, h4, summary { line-height: 1.25; overflow-wrap: anywhere; }
+h1, h2, h3, h4 { line-height: 1.25; overflow-wrap: anywhere; }
 h1 { font-size: 1.7em; margin: 0 0 .3em; }
 h2 { font-size: 1.25em; margin: 2em 0 .5em; border-bottom: 1px solid #bbb;
   padding-bottom: .15em; }
@@ -141,8 +142,6 @@ figure { margin: 0; min-width: 0; flex: 1 1 calc(var(--width) - 40px);
 figcaption { font-size: .92em; color: #333; max-width: 90ch; margin-top: .4em; }
 pre { font-size: .8em; line-height: 1.35; white-space: pre-wrap; overflow-wrap: anywhere;
   background: #f6f6f6; padding: 1em; }
-summary { cursor: pointer; border-bottom: 1px solid #bbb; margin-top: 1.4em; }
-summary h2 { display: inline-block; border: 0; margin: 0; }
 nav { padding: 20px 20px 0; }
 nav ol { list-style: none; padding: 0; margin: .5em 0; columns: 3 14em; }
 nav .part { padding-left: 1.2em; }
@@ -169,7 +168,7 @@ a { color: #1f4e79; }
   :root { font-size: 8.5pt; line-height: 1.4; }
   body { display: block; }
   header, main { max-width: none; padding: 0; }
-  nav, .closed:not(:has(details[open])) { display: none; }
+  nav { display: none; }
   .head { flex-wrap: nowrap; }
   p, li, .warn { max-width: none; margin-top: .4em; margin-bottom: .4em; }
   .lead { font-size: 1em; }
@@ -177,17 +176,18 @@ a { color: #1f4e79; }
   h3 { margin-top: .9em; }
   figure, tr, .lead, .warn, .wide:not(:has(tr:nth-child(15))) { break-inside: avoid; }
   h2, h3, h4, caption, p:has(+ .figures) { break-after: avoid; }
-  .figures { gap: .8em 2%; margin: .4em 0 .7em; }
-  figure { flex-basis: calc(.5 * var(--width)); max-width: none; display: flex; flex-wrap: wrap;
-    align-content: flex-start; gap: .3em 2%; }
-  .drawing { flex: 0 1 calc(.6 * var(--width)); overflow: visible; }
+  .figures { display: block; margin: .4em 0 .7em; }
+  figure { max-width: none; display: flex; flex-wrap: wrap; align-content: flex-start;
+    gap: .3em 2%; margin-bottom: 1em; }
+  .drawing { flex: 0 1 var(--width); overflow: visible; }
   .drawing svg { max-height: 225mm; }
-  figcaption { flex: 1 1 150px; margin: 0; }
+  figcaption { flex: 1 1 30mm; margin: 0; max-width: none; }
   thead { display: table-header-group; break-after: avoid; }
   .wide { overflow: visible; margin: .3em 0 .6em; }
   table { font-size: .88em; }
   th { white-space: normal; }
   th, td { padding-top: .1em; padding-bottom: .1em; }
+  pre { columns: 2; padding: 0; background: none; }
   a { color: inherit; text-decoration: none; }
 }
 """

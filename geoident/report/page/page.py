@@ -25,12 +25,14 @@ from geoident.report.page.headed import headed_page
 from geoident.report.page.html import Html, joined, table, tag
 from geoident.report.text import (
     accuracies,
+    alarms,
     backtest,
     extent,
     left_out,
     posterior,
     rivals,
     structures,
+    trough,
     varied,
     yielding,
 )
@@ -96,7 +98,7 @@ def _compared(results: Labelled) -> tuple[PagePart, ...]:
             Figures(comparison(results)),
         ),
         PagePart("Each result", (), tuple(run for run in runs if run)),
-        PagePart("Provenance", (), _provenances(results), closed=True),
+        PagePart("Provenance", (), _provenances(results), appendix=True),
     )
 
 
@@ -157,6 +159,12 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(
             left_out.TITLE, TitledTable(left_out.TITLE, left_out.left_out_table(result.left_out))
         ),
+        section(
+            alarms.NAME,
+            TitledTable(alarms.NAME, alarms.alarm_table(result)),
+            _paragraph(alarms.NOTE if result.alarms else "", class_="note"),
+        ),
+        section(trough.NAME, *_troughs(result)),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),
         section("Displacements and stresses", Figures(pictures.fields)),
         section(
@@ -167,7 +175,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         ),
         section(extent.NAME, TitledTable(extent.UNITS, extent.extent_table(result.yielded))),
         section(yielding.TITLE, *_yield_planes(result)),
-        section(structures.NAME, Figures(pictures.structures)),
+        section(structures.NAME, *_strength(result), Figures(pictures.structures)),
         section(
             backtest.TITLE,
             *(tested if backtested else tested[:1]),
@@ -186,23 +194,23 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             _paragraph(
                 in_sd_note(result, predictions=True) if readings.rows else "", class_="note"
             ),
-            closed=True,
+            appendix=True,
         ),
-        section("Predictions tested", *(() if backtested else tested), closed=True),
-        section("Course of the search", Figures(search), closed=True),
+        section("Predictions tested", *(() if backtested else tested), appendix=True),
+        section("Course of the search", Figures(search), appendix=True),
         section(
             f"All {structures.NAME.lower()}",
             TitledTable(structures.TITLE, structures.force_table(result.members)),
-            closed=True,
+            appendix=True,
         ),
         section(
             "Reactions of supports",
             TitledTable(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions)),
-            closed=True,
+            appendix=True,
         ),
-        section("Notes", joined([tag("p", note) for note in result.notes if note]), closed=True),
-        section("Provenance", _provenance(result), closed=True),
-        section("Case file", *_case(result), closed=True),
+        section("Notes", joined([tag("p", note) for note in result.notes if note]), appendix=True),
+        section("Provenance", _provenance(result), appendix=True),
+        section("Case file", *_case(result), appendix=True),
     )
 
 
@@ -296,6 +304,23 @@ def _influence(result: Result) -> tuple[Block, ...]:
     )
     title = influence_title(result.diagnostics).replace("\n", ". ")
     return TitledTable(title, influence), tag("p", note, class_="note")
+
+
+def _troughs(result: Result) -> tuple[Block, ...]:
+    """Troughs over tunnels, and what the columns of their table mean."""
+    table = trough.trough_table(result)
+    if not table.rows:
+        return ()
+    return TitledTable(trough.NAME, table), tag("p", trough.trough_note(), class_="note")
+
+
+def _strength(result: Result) -> tuple[Block, ...]:
+    """Where the strength of linings is used most, as far as the case gives it."""
+    table = structures.strength_table(result.members)
+    if not table.rows:
+        return ()
+    note = tag("p", structures.STRENGTH_NOTE, class_="note")
+    return TitledTable("Strength of linings, where most of it is used", table), note
 
 
 def _yield_planes(result: Result) -> tuple[Block, ...]:

@@ -24,6 +24,7 @@ from geoident.report.text.parameters import headers, parameters_sheet
 from geoident.report.text.posterior import draws_sheet, posterior_sheet
 from geoident.report.text.residuals import compared_readings, diagnostics_sheet
 from geoident.report.text.rows import CsvCell, CsvRow, CsvTable, sheet
+from geoident.report.text.trough import troughs
 from geoident.units import in_unit, shown_unit
 
 
@@ -214,6 +215,8 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "sensitivity": _sensitivity,
     "structures": _structures,
     "reactions": _reactions,
+    "alarms": lambda result: sheet(result.alarms, ROW),
+    "troughs": lambda result: sheet(troughs(result), ROW),
     "yielded": lambda result: sheet(result.yielded, "state"),
     "opening": _opening,
     "ground-reaction": lambda result: sheet(result.reaction, "pressure"),

@@ -32,6 +32,7 @@ from geoident.report.text.residuals import compared_readings, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.rows import attributes, objects
 from geoident.report.text.structures import structures_list
+from geoident.report.text.trough import troughs
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -105,6 +106,8 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "structures": result.members and structures_list(result.members),
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
+        "alarms": result.alarms and objects(result.alarms, ROW),
+        "troughs": objects(troughs(result), ROW) or None,
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),
         "face": result.advance and face_object(result.advance),

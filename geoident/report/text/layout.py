@@ -33,6 +33,16 @@ class TextTable:
         return self.right.ljust(len(self.header), "l")
 
     @property
+    def filled(self) -> TextTable:
+        """The same without columns in which no row has anything.
+
+        >>> TextTable(["gauge", "mm", "band"], [["EX1", "1.5", "-"], ["CV", "2", ""]]).filled.header
+        ['gauge', 'mm']
+        """
+        cells = zip(*self.rows, strict=True)
+        return self._only([k for k, column in enumerate(cells) if {*column} - {"", "-"}])
+
+    @property
     def text(self) -> str:
         """The table with columns as wide as they need; empty without rows.
 

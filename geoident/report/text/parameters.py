@@ -103,7 +103,8 @@ def _in_units(parameters: ParameterTable, i: int, *columns: np.ndarray) -> list[
 
 
 def _remarks(parameters: ParameterTable, i: int, proof: Certificate | None) -> str:
-    remarks = [text] if (text := least_text(proof, parameters, i)) else []
+    texts = (parameters.described(i), least_text(proof, parameters, i))
+    remarks = [text for text in texts if text]
     if parameters.at_bound[i]:
         remarks.append(f"at {nearer_bound(parameters, i)} bound")
     if parameters.priors[i]:
@@ -128,8 +129,8 @@ def parameter_table(parameters: ParameterTable) -> TextTable:
     for i in range(len(parameters.names)):
         *cells, remark = _row(parameters, i)
         rows.append([*cells, *(more[i] for more in further.values()), remark])
-    header = ("parameter", "unit", "value", "95 % interval", "prior", "start", "bounds")
-    right = "llrrrrr" + "r" * len(further) + "l"
+    header = ("parameter", "meaning", "unit", "value", "95 % interval", "prior", "start", "bounds")
+    right = "lllrrrrr" + "r" * len(further) + "l"
     return TextTable((*header, *further, "remark"), rows, right=right)
 
 
@@ -142,10 +143,11 @@ def _row(parameters: ParameterTable, i: int) -> list[str]:
     prior = parameters.priors[i]
     return [
         parameters.names[i],
+        parameters.described(i),
         shown_unit(*unit) or "-",
         value,
         interval or "-",
-        prior_in_unit(prior, *unit).replace("+-", "±") if prior else "none",
+        prior_in_unit(prior, *unit).replace("+-", "±") if prior else "-",
         start,
         f"{lower} to {upper}",
         f"at its {nearer_bound(parameters, i)} bound" if parameters.at_bound[i] else "",
@@ -175,7 +177,8 @@ def value_sentence(parameters: ParameterTable, i: int) -> str:
     """A parameter with its unit and interval, such as ``E = 12 GPa (95 %: 11 to 13)``."""
     value, interval = value_cells(parameters, i)
     unit = shown_unit(parameters.units[i], parameters.dimensions[i])
-    words = f"{parameters.names[i]} = {value} {unit}".rstrip()
+    meaning = f" ({text})" if (text := parameters.described(i)) else ""
+    words = f"{parameters.names[i]}{meaning} = {value} {unit}".rstrip()
     return f"{words} (95 %: {interval})" if interval else words
 
 

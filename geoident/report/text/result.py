@@ -16,12 +16,14 @@ from geoident.model.results.result import Labelled, Result
 from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,
+    alarms,
     backtest,
     extent,
     left_out,
     posterior,
     rivals,
     structures,
+    trough,
     varied,
     yielding,
 )
@@ -93,6 +95,8 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(influence_title(result.diagnostics), influence_table(result).text),
         section(left_out.TITLE, left_out.left_out_table(result.left_out).text),
         section(prediction_title(result), prediction_table(result).text),
+        section(alarms.NAME, *alarms.alarm_parts(result)),
+        section(trough.NAME, *_troughs(result)),
         section(structures.TITLE, structures.force_table(result.members).text),
         section(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions).text),
         section(extent.TITLE, extent.extent_table(result.yielded).text),
@@ -132,6 +136,12 @@ def _fit_parts(result: Result) -> tuple[str, ...]:
     """The table of the readings of the fit, and what its residuals are divided by."""
     table = fit_table(result).text
     return (table, sentence(in_sd_note(result))) if table else ()
+
+
+def _troughs(result: Result) -> tuple[str, ...]:
+    """The table of troughs, and what its columns mean."""
+    table = trough.trough_table(result)
+    return (table.filled.text, sentence(trough.trough_note())) if table.rows else ()
 
 
 def _parameters_in_words(result: Result) -> str:
@@ -189,6 +199,14 @@ def outcome_sentences(result: Result) -> list[str]:
         *_fit(result),
         *filter(None, [_model_error(result)]),
         *_predicted(result),
+        *filter(
+            None,
+            [
+                trough.trough_sentence(result),
+                structures.strength_sentence(result.members),
+                alarms.alarm_sentence(result),
+            ],
+        ),
     ]
 
 

@@ -201,7 +201,8 @@ class _Table:
             if view not in one.hidden
             and (along := {*one.axes} - labels.keys())
             and along <= {*self.axes}
-            and self._read(name) is not None
+            and (value := self._read(name)) is not None
+            and (not isinstance(value, tuple) or len(value))  # what this result does not have
         ]
 
     def values(self, one: Column) -> Any:

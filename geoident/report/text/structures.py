@@ -42,20 +42,70 @@ def _force(force: float) -> str:
 def force_table(forces: MemberForces | None) -> TextTable:
     """The extremes of the forces of each structure at each stage at which it stands.
 
-    Hoop forces are shown if there are shells, and the force to which bars were stressed at a stage
-    if any were.
+    Hoop forces are shown if there are shells, the force to which bars were stressed at a stage if
+    any were, and the part of the strength of linings that is used if the case gives it.
     """
     header = ["structure", "stage", "N from", "N to", "|M| up to", "|Q| up to"]
     rows: list[list[str]] = []
     if forces is not None:
         shells, stressed = (np.isfinite(x).any() for x in (forces.hoop, forces.prestress))
+        used = forces.utilisation
         header += ["hoop N from", "hoop N to"] * bool(shells) + ["stressed to"] * bool(stressed)
+        header += ["strength used"] * (used is not None)
         for name, members, stage in _present(forces):
             row = _row(forces, name, members, stage)
             row += _range(forces.hoop[members, stage]) if shells else []
             row += _range(forces.prestress[members, stage])[:1] if stressed else []
+            row += [] if used is None else [percent_used(used[members, stage])]
             rows.append(row)
     return TextTable(tuple(header), rows, right="ll" + "r" * (len(header) - 2))
+
+
+STRENGTH_NOTE = (
+    "Used is the part of N and M that grows to the limit of the rectangular section, both by the "
+    "same factor: a block of compressive strength on one side, of tensile strength (none if the "
+    "case gives none) on the other. Strengths as the case gives them, without further factors."
+)
+
+
+def strength_table(forces: MemberForces | None) -> TextTable:
+    """For each lining with a strength and each stage: where most of it is used, and by what."""
+    header = ("structure", "stage", "used", "N (kN/m)", "M (kNm/m)", "at (m)")
+    used = None if forces is None else forces.utilisation
+    if forces is None or used is None:
+        return TextTable(header, [])
+    rows = []
+    for name, members, stage in _present(forces):
+        if not np.isfinite(used[members, stage]).any() and not np.isinf(used[members, stage]).any():
+            continue
+        k = int(members[np.argmax(np.nan_to_num(used[members, stage], nan=-1.0))])
+        end = int(np.argmax(np.abs(forces.moment[k, :, stage])))
+        place = ", ".join(number(float(x), 3) for x in forces.ends[k, end])
+        numbers = (forces.axial[k, stage], forces.moment[k, end, stage])
+        cells = [number(float(force) / _KILO) for force in numbers]
+        rows.append([name, forces.stages[stage], percent_used(used[members, stage]), *cells, place])
+    return TextTable(header, rows, right="llrrrr")
+
+
+def strength_sentence(forces: MemberForces | None) -> str:
+    """How much of the strength of linings is used; empty where no strength is given."""
+    used = None if forces is None else forces.utilisation
+    if forces is None or used is None:
+        return ""
+    k, stage = np.unravel_index(int(np.argmax(np.nan_to_num(used, nan=-1.0))), used.shape)
+    if np.isinf(used[k, stage]):
+        return ""  # a finding says it
+    share = percent_used(used[[k], stage])
+    where = f"{forces.structures[k]}, {forces.stages[stage]}"
+    return f"N and M use at most {share} of the strength of the linings ({where})."
+
+
+def percent_used(utilisation: Floats) -> str:
+    """The largest utilisation (n,) of pieces of a lining in words; a dash where none is known."""
+    largest = float(np.fmax.reduce(utilisation))
+    if np.isinf(largest):
+        return "no capacity"
+    return "-" if np.isnan(largest) else f"{100.0 * largest:.0f} %"
 
 
 def _range(forces: Floats) -> list[str]:

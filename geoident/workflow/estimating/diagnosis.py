@@ -387,4 +387,7 @@ def bare_parameter_table(parameters: Sequence[Parameter], values: Floats) -> Par
         covariance=np.full((n, n), np.nan),
         correlation=np.full((n, n), np.nan),
         fields=tuple(q.field for q in parameters) if any(q.field for q in parameters) else (),
+        descriptions=tuple(q.describe for q in parameters)
+        if any(q.describe for q in parameters)
+        else (),
     )

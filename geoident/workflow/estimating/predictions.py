@@ -21,7 +21,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
-from geoident.model.results.result import GaugeTable
+from geoident.model.results.result import GaugeTable, MemberForces
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
@@ -289,6 +289,32 @@ def collapse_findings(survey: Survey) -> tuple[Finding, ...]:
         )
         for text, stage in survey.collapses.items()
     )
+
+
+def strength_findings(members: MemberForces | None) -> tuple[Finding, ...]:
+    """One for every lining whose section does not bear N and M at the estimate."""
+    used = None if members is None else members.utilisation
+    if members is None or used is None:
+        return ()
+    findings = []
+    for name in dict.fromkeys(members.structures):
+        own = np.array(members.structures) == name
+        largest = np.fmax.reduce(used[own], axis=0)
+        beyond = np.flatnonzero(np.nan_to_num(largest, posinf=np.inf) > 1.0)
+        if beyond.size:
+            most, stages = float(largest[beyond].max()), [members.stages[j] for j in beyond]
+            share = f"{100.0 * most:.0f} % of it" if np.isfinite(most) else "more than any part"
+            findings.append(
+                Finding(
+                    "strength",
+                    name,
+                    f"The strength of {name} is exceeded: N and M need {share} "
+                    f"(stage{'s' * (len(stages) > 1)} {', '.join(stages)}). The analysis takes it "
+                    "as elastic.",
+                    {"utilisation": most} if np.isfinite(most) else {},
+                )
+            )
+    return tuple(findings)
 
 
 # Where a bound truncates a parameter and the model is not linear there (theory 6.3)

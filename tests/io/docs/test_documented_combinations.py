@@ -161,6 +161,7 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
         ("Load", kind): {"on": "top"}
         for kind in ("pressure", "traction", "water", "force", "line_force")
     },
+    ("Beam", "tensile_strength"): {"compressive_strength": "20 MPa"},
     ("Strain", "fibre"): {"structure": "wall"},
     ("Load cell", "point"): {"structure": "wall"},
     ("Load cell", "quantity"): {"structure": "wall", "point": lambda dim: at(dim, 1, 0)},

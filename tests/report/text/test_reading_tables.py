@@ -186,10 +186,10 @@ def test_influence_names_the_parameter_that_changes_most():
 
 
 def test_parameters_of_the_page():
-    assert rows(parameter_table(RESULT.parameters)) == [
+    assert rows(parameter_table(RESULT.parameters).filled) == [
         ["E_rock", "GPa", "12.3", "11.6 to 13.1", "14 ± 2.5 (lognormal)", "20", "2 to 80", ""],
         ["sigma_v", "MPa", "as its prior", "-", "8 ± 0.8", "8", "2 to 20", ""],
-        ["K0", "-", "3.00", "2.80 to 3.00", "none", "1", "0.3 to 3", "at its upper bound"],
+        ["K0", "-", "3.00", "2.80 to 3.00", "-", "1", "0.3 to 3", "at its upper bound"],
     ]
 
 

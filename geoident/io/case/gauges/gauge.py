@@ -50,6 +50,16 @@ LikeReading = Annotated[CaseNumber, QuantityType(None, tied=True)]
 LIKE_READINGS = ("offset", "drift_per_stage")
 RATES_OF_READINGS = ("drift",)
 """Keys of all gauges with the dimension of a reading, or of its change in time."""
+AlarmValue = Annotated[CaseNumber, QuantityType(None)]
+_ALARMS = {
+    "length": ("15 mm", "25 mm"),
+    "pressure": ("150 kPa", "200 kPa"),
+    "strain": ("500 microstrain", "800 microstrain"),
+    "angle": ("1 mrad", "2 mrad"),
+}
+"""Dimension to examples of two alarm values."""
+ONE_ALARM = "alarm"
+"""Name of the alarm value of a gauge that has one only."""
 
 
 class Motion(NamedTuple):
@@ -109,6 +119,12 @@ class GaugeBase(Section):
     drift_per_stage: LikeReading | None = Field(
         None, description="Drift of the gauge per stage since its zero."
     )
+    alarm: dict[Name, AlarmValue] | None = Field(
+        None,
+        description="Reading from which on an alarm is given, or several with their names. A fit "
+        "says when it was reached, and when and how probably predicted readings reach it. A "
+        "negative value is reached by readings below it.",
+    )
 
     @classmethod
     @cache
@@ -136,6 +152,15 @@ class GaugeBase(Section):
         left = shape_of(value) == "mapping" if name == "accuracy" else value is None
         return value if left else cls._likes()[name].parse(value)
 
+    @field_validator("alarm", mode="before")
+    @classmethod
+    def _alarm_like_a_reading(cls, value: Any) -> Any:
+        """Read alarm values in the dimension of what the kind of gauge reads; one has a name."""
+        like = QuantityType(cls._likes()["offset"].dimension)
+        if shape_of(value) != "mapping":
+            return None if value is None else {ONE_ALARM: like.parse(value)}
+        return {name: like.parse(one) for name, one in value.items()}
+
     @classmethod
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -146,6 +171,11 @@ class GaugeBase(Section):
         for name, like in cls._likes().items():
             ways = keys[name].get("anyOf") or keys[name]["oneOf"]
             ways[0] = like.described()
+        like = QuantityType(cls._likes()["offset"].dimension).described()
+        named = {"type": "object", "additionalProperties": like}
+        keys["alarm"]["anyOf"][0] = {"oneOf": [like, named]}
+        low, high = _ALARMS.get(like["x-quantity"], _ALARMS["length"])
+        keys["alarm"]["examples"] = [f"{{amber: {low}, red: {high}}}", f"-{high}"]
         accuracy, kind = keys["accuracy"], keys["kind"]["const"] if "kind" in keys else ""
         accuracy["examples"] = usual_examples(kind) or accuracy["oneOf"][0]["examples"]
         if cls.measures:
@@ -170,6 +200,15 @@ class GaugeBase(Section):
             if like.dimension:
                 hint = f"Its units: {unit_list(like.dimension)}."
             faults.add((key,), "unit", message, hint)
+        for name, given in (self.alarm or {}).items():
+            if given.dimension != read:
+                message = f"'{given.text}' is {with_article(given.dimension)}; by its accuracy the "
+                message += f"gauge reads {with_article(read)}"
+                faults.add(("alarm", name), "unit", message, f"Its units: {unit_list(read)}.")
+            elif given.factor == 0.0:
+                message = f"'{given.text}' is reached by every reading"
+                hint = "Give it a sign: a negative value is reached by readings below it."
+                faults.add(("alarm", name), "out-of-range", message, hint)
 
     @model_serializer(mode="wrap")
     def _as_written(self, dump: SerializerFunctionWrapHandler) -> Any:

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import element_centres
 from geoident.model.results.yielded import Mechanism
-from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
+from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker
 from geoident.report.drawing.style import COMPUTED, Picture, short
 
 _MOVES = 0.05

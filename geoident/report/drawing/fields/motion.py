@@ -48,8 +48,8 @@ def displacement_pictures(view: SheetView) -> tuple[Picture, ...]:
         view: what is drawn.
     """
     scene = view.scene
-    total = ColouredField("displacement (mm)", SheetView.displacement_size, LENGTHS)
-    words = f"Size of the displacement {scene.since}."
+    total = ColouredField("displacement (mm)", SheetView.displacement_size, LENGTHS, "mm")
+    words = f"Size of the displacement {scene.since}; a cross marks the largest."
     every = contours(view, "displacement", "Displacement", words, total)
     if scene.n_states <= 2:
         return (every,)

@@ -22,14 +22,15 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Bools, Floats
+from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.scene import SheetView, Window
-from geoident.report.drawing.style import DIVERGING, GAUGE, Picture, hide_unused
+from geoident.report.drawing.style import ACCENT, DIVERGING, GAUGE, WIDTH, Picture, hide_unused
+from geoident.report.text.layout import number
 
 _SIDE = 0.15
 _NEGATIVE: Any = (0, (0.6, 2.2))
 """Lines between bands on the negative side, where signs differ: dots."""
-_WIDTH = 7.4
 _BANDS = 12
 _TOP = (0.5, 1.0)
 """Where a panel stands in its room over a scale of colours: under the title, which else is cut."""
@@ -50,11 +51,13 @@ class ColouredField:
         label: what it is, with its unit.
         at: its values (n,) at the points of a sheet in a state.
         colours: map from light for 0 to dark for large sizes.
+        unit: of the largest value, which is printed at its place; empty for not to be printed.
     """
 
     label: str
     at: Callable[[SheetView, int], Floats]
     colours: str
+    unit: str = ""
 
 
 def contours(
@@ -88,9 +91,9 @@ def table_figure(view: SheetView, columns: Sequence[ColouredField]) -> Figure:
     aspect, states = view.window.aspect, view.scene.key_states
     across = 2 if aspect < 0.45 else len(columns)
     down = len(columns) // across
-    width = _WIDTH / across
+    width = WIDTH / across
     height = down * (len(states) * ((width - 0.35) * aspect + 0.36) + 0.95)
-    figure = Figure(figsize=(_WIDTH, height))
+    figure = Figure(figsize=(WIDTH, height))
     grid = figure.subplots(down * len(states), across, squeeze=False)
     for k, quantity in enumerate(columns):
         first = k // across * len(states)
@@ -140,7 +143,28 @@ def _draw_all(
         shade(axes, view, state, value, scale)
         draw_lines(axes, view, state)
         finish(axes, view, state)
+        if quantity.unit:
+            mark_largest(axes, view, state, value, quantity.unit)
     return ScalarMappable(scale["norm"], scale["cmap"])
+
+
+def mark_largest(axes: Axes, view: SheetView, state: int, value: Floats, unit: str) -> None:
+    """A cross at the largest value in the window, with its number.
+
+    Args:
+        axes: where to draw.
+        view: what is drawn.
+        state: number of the state.
+        value: (n,) at the points of the sheet, in the unit.
+        unit: of it.
+    """
+    points = np.unique(view.areas(state)[0])
+    points = points[np.isfinite(value[points])]
+    if not len(points) or not value[points].max() > 0.0:
+        return
+    place = view.sheet.xy[points[np.argmax(value[points])]]
+    axes.plot(*place, "x", color=ACCENT, ms=4.0, mew=1.2, zorder=4, clip_on=False)
+    place_labels(axes, [place], [f"max {number(float(value[points].max()), 3)} {unit}"])
 
 
 def common_bands(
@@ -172,9 +196,9 @@ def panel_figure(
     aspect = aspect or view.window.aspect
     longest = max((len(view.scene.title(state)) for state in view.scene.states), default=0)
     few = aspect < 0.8 or n in (3, 5, 6) or longest > _NARROW
-    columns = min(n, 2 if aspect < 0.45 else 3 if few else 4)
+    columns = min(n, 2 if aspect < 0.45 or (n == 4 and few) else 3 if few else 4)
     rows = -(-n // columns)
-    width = min(_WIDTH / columns, 6.0)
+    width = min(WIDTH / columns, 6.0)
     height = rows * ((width - 0.45) * aspect + 0.32) + extra
     figure = Figure(figsize=(max(width * columns, 4.5), height), layout="compressed")
     panels = list(figure.subplots(rows, columns, squeeze=False).ravel())

@@ -15,9 +15,9 @@ from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.result import Result
-from geoident.report.drawing.gauges.instruments import Instrument
 from geoident.report.drawing.style import FAINT, SMALL, stage_ticks
 from geoident.report.text.case import stage_dates
+from geoident.report.text.instruments import Instrument
 
 _DAY = 86400.0  # s
 _CLOSE = 0.035

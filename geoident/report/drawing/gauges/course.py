@@ -27,13 +27,6 @@ from geoident.report.drawing.gauges.axis import (
     unknown,
     value_limits,
 )
-from geoident.report.drawing.gauges.instruments import (
-    CASING,
-    FIBRE,
-    Instrument,
-    instruments,
-    lines,
-)
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
@@ -50,6 +43,13 @@ from geoident.report.drawing.style import (
     stage_ticks,
 )
 from geoident.report.text.case import gauge_quantity
+from geoident.report.text.instruments import (
+    CASING,
+    FIBRE,
+    Instrument,
+    instruments,
+    lines,
+)
 
 _MOST_CHANNELS = 8
 """Channels of one instrument that a panel over time shows."""

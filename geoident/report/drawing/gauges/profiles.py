@@ -25,15 +25,6 @@ from geoident.report.drawing.gauges.axis import (
     last_fitted,
     value_limits,
 )
-from geoident.report.drawing.gauges.instruments import (
-    CASING,
-    EXTENSOMETER,
-    FIBRE,
-    PLUMB,
-    TROUGH,
-    Instrument,
-    lines,
-)
 from geoident.report.drawing.style import (
     FAINT,
     SMALL,
@@ -44,6 +35,15 @@ from geoident.report.drawing.style import (
     paged,
     panel_grid,
     short,
+)
+from geoident.report.text.instruments import (
+    CASING,
+    EXTENSOMETER,
+    FIBRE,
+    PLUMB,
+    TROUGH,
+    Instrument,
+    lines,
 )
 
 _MOST_STAGES = 7

@@ -14,10 +14,9 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.cells import CELLS
 from geoident.model.empirical.rock_mass import RockMassModulus
-from geoident.model.mesh import Mesh, spans
+from geoident.model.mesh import Mesh, element_centres, spans
 from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.results.result import ParameterTable
-from geoident.report.drawing.sheets import element_centres
 from geoident.report.text.layout import number, with_interval
 from geoident.units import in_unit, shown_unit
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Analysis, Case
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, element_centres
 from geoident.model.parameter import Values
 from geoident.model.results.result import ParameterTable
 from geoident.report.drawing.model.actions import ShownLoad, shown_loads
@@ -22,7 +22,7 @@ from geoident.report.drawing.model.construction import (
     material_label,
     values_of,
 )
-from geoident.report.drawing.sheets import SheetMaker, element_centres
+from geoident.report.drawing.sheets import SheetMaker
 from geoident.report.drawing.space import Box
 from geoident.report.drawing.structures import structure_lines
 from geoident.report.drawing.style import key, short

@@ -34,8 +34,7 @@ _EDGE = (0.25, 0.25, 0.25)
 _MESH = (0.2, 0.2, 0.2, 0.3)
 _LEAST_ELEMENT = 4.0  # size from which on elements are drawn, points
 _TALLEST = 6.2
-_HIGH = 0.75  # of its width: a closer view that is higher has the whole model beside it
-_BESIDE = 4.2  # width for the whole model and the legend there, inches
+_TALLEST_CLOSER, _TALLEST_WHOLE = 5.4, 2.8  # of a closer view, and of the whole over it, inches
 _MOVES: dict[str, Any] = {"marker": "o", "ms": 3.0}
 _GAUGE_MARKS: dict[str, dict[str, Any]] = {
     "stress": {"marker": "P", "ms": 5.0},
@@ -86,28 +85,20 @@ def _two_views(
 ) -> tuple[Axes, Axes, Axes, tuple[float, float]]:
     """Axes of the whole model, of its closer part and of the legend; widths of the first two.
 
-    A closer part that is high has the others beside it, a wide one has them above it, so that the
-    figure never becomes a tall one, of which nothing could be read on a printed page.
+    The closer part stands below the others, not so high that its letters become small where the
+    figure must fit a printed page.
 
     Args:
         figure: gets its size.
         whole: what is shown of the model.
         closer: the part with the gauges.
     """
-    main = _panel_size(closer, WIDTH - 0.6, _TALLEST)
-    if main[1] > _HIGH * main[0]:
-        first = _panel_size(whole, _BESIDE - 0.7, 0.5 * _TALLEST)
-        figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 1.2)
-        ratios = [main[0] + 0.7, _BESIDE]
-        left, right = figure.subfigures(1, 2, width_ratios=ratios, squeeze=False).ravel()
-        beside = right.add_gridspec(2, 1, height_ratios=[first[1] + 0.5, main[1] - first[1]])
-        axes = [right.add_subplot(beside[0]), left.subplots(), right.add_subplot(beside[1])]
-    else:
-        first = _panel_size(whole, 0.48 * WIDTH, 3.4)
-        figure.set_size_inches(WIDTH, first[1] + main[1] + 1.1)
-        grid = figure.add_gridspec(2, 2, height_ratios=[first[1], main[1]])
-        places = grid[0, 0], grid[1, :], grid[0, 1]
-        axes = [figure.add_subplot(place) for place in places]
+    main = _panel_size(closer, WIDTH - 0.6, _TALLEST_CLOSER)
+    first = _panel_size(whole, 0.48 * WIDTH, _TALLEST_WHOLE)
+    figure.set_size_inches(WIDTH, first[1] + main[1] + 1.1)
+    grid = figure.add_gridspec(2, 2, height_ratios=[first[1], main[1]])
+    places = grid[0, 0], grid[1, :], grid[0, 1]
+    axes = [figure.add_subplot(place) for place in places]
     return axes[0], axes[1], axes[2], (first[0], main[0])
 
 

@@ -12,7 +12,7 @@ from geoident.fem.faces import patches
 from geoident.forward.actions.supports import all_supports, support_nodes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
-from geoident.model.mesh import spans
+from geoident.model.mesh import element_centres, spans
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.model.actions import LOAD, WATER
 from geoident.report.drawing.model.construction import marked_places
@@ -27,7 +27,7 @@ from geoident.report.drawing.model.plane import (
 )
 from geoident.report.drawing.polygons import Polygons
 from geoident.report.drawing.scene import planes_through
-from geoident.report.drawing.sheets import Sheet, element_centres
+from geoident.report.drawing.sheets import Sheet
 from geoident.report.drawing.space import Box, add_faces, add_lines, frame, hidden, towards
 from geoident.report.drawing.structures import draw_structures
 from geoident.report.drawing.style import short

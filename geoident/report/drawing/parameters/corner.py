@@ -28,7 +28,7 @@ from geoident.report.drawing.parameters.scale import (
     with_unit,
 )
 from geoident.report.drawing.parameters.scan import SHARES
-from geoident.report.drawing.style import ACCENT, FAINT, Picture, colour, key
+from geoident.report.drawing.style import ACCENT, FAINT, WIDTH, Picture, colour, key
 from geoident.report.text.parameters import Unit, unit_of
 from geoident.units import in_unit
 
@@ -341,7 +341,7 @@ def _corner(
         handles: of the legend.
     """
     n = len(axes)
-    size = max(4.0, min(8.5, 2.1 * n))
+    size = max(4.0, min(WIDTH, 2.1 * n))
     figure = Figure(figsize=(size, size))
     panels: Any = figure.subplots(n, n, squeeze=False, sharex="col")
     for i, j in np.ndindex(n, n):

@@ -20,7 +20,7 @@ from geoident.report.drawing.parameters.scale import (
     unscaled,
     with_unit,
 )
-from geoident.report.drawing.style import FAINT, SMALL, Picture, colour, key, marker, short
+from geoident.report.drawing.style import FAINT, SMALL, WIDTH, Picture, colour, key, marker, short
 from geoident.report.text.parameters import (
     AS_PRIOR,
     NOT_DETERMINED,
@@ -76,7 +76,7 @@ def parameter_figure(
     """
     names = list(dict.fromkeys(name for _, table in tables for name in table.names))
     step = 0.62 + 0.16 * (len(tables) - 1)
-    figure = Figure(figsize=(8.5, step * len(names) + 0.8))
+    figure = Figure(figsize=(WIDTH, step * len(names) + 0.8))
     panels = figure.subplots(len(names), 1, squeeze=False)[:, 0]
     for axes, name in zip(panels, names, strict=True):
         _draw_parameter(axes, name, tables, log=name in logs)

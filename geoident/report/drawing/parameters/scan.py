@@ -33,7 +33,16 @@ from geoident.report.drawing.parameters.scale import (
     unscaled,
     with_unit,
 )
-from geoident.report.drawing.style import ACCENT, COMPUTED, FAINT, LENGTHS, SMALL, Picture, key
+from geoident.report.drawing.style import (
+    ACCENT,
+    COMPUTED,
+    FAINT,
+    LENGTHS,
+    SMALL,
+    WIDTH,
+    Picture,
+    key,
+)
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import unit_of
 from geoident.units import in_unit
@@ -285,7 +294,7 @@ def scan_figure(parameters: ParameterTable, grid: Grid, logs: Set[str] = frozens
 
 def _line_figure(parameters: ParameterTable, grid: Grid, logs: Set[str]) -> Figure:
     """The whole scan on a logarithmic axis, and what is around its lowest place."""
-    figure = Figure(figsize=(10.0, 3.8))
+    figure = Figure(figsize=(WIDTH, 3.6))
     whole, near = figure.subplots(1, 2)
     (name,), (axis,) = grid.names, grid.axes
     unit, log = unit_of(parameters, name), name in logs
@@ -341,7 +350,7 @@ def _region_keys() -> list[Line2D]:
 
 def _plane_figure(parameters: ParameterTable, grid: Grid, logs: Set[str]) -> Figure:
     """The whole scan, and the regions with the profiles of both parameters."""
-    figure = Figure(figsize=(10.4, 5.0))
+    figure = Figure(figsize=(WIDTH, 4.2))
     parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.15])
     whole, part = parts
     units = [unit_of(parameters, name) for name in grid.names]

@@ -1,0 +1,47 @@
+"""Alarm values of gauges: when they were reached, and when they are to be expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from geoident.model.results.columns import ROW, column
+
+_LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
+
+
+@dataclass(frozen=True)
+class AlarmState:
+    """What is known of one alarm value of one channel; SI, NaN where there is none.
+
+    A positive value is reached by readings that are at least as large, a negative one by those that
+    are at most as large.
+
+    Args:
+        gauge: name of the channel.
+        level: what the case calls the value, such as ``red``.
+        value: the alarm value.
+        largest: the reading that came nearest to it, or went farthest beyond.
+        reached: name of the first stage with a reading that has reached it; empty for none.
+        reached_on: when that was read, seconds since 1970.
+        expected: name of the first predicted stage in which it is more probably reached than not;
+            empty for none.
+        expected_on: when that stage is complete, seconds since 1970.
+        likeliest: name of the predicted stage in which it is most probably reached; empty where
+            nothing is predicted.
+        probability: of being reached in that stage, 0 to 1.
+        unit: in which people see the readings.
+        dimension: key of `geoident.units.DIMENSIONS`.
+    """
+
+    gauge: str
+    level: str
+    value: float = field(metadata=_LIKE_READING)
+    largest: float = field(metadata=_LIKE_READING)
+    reached: str
+    reached_on: float = field(metadata=column(unit="s since 1970-01-01"))
+    expected: str
+    expected_on: float = field(metadata=column(unit="s since 1970-01-01"))
+    likeliest: str
+    probability: float
+    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))

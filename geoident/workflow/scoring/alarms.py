@@ -1,0 +1,117 @@
+"""Whether readings have reached the alarm values of their gauges, and predicted ones will."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import ndtr
+
+from geoident.model.arrays import Floats
+from geoident.model.case import Case
+from geoident.model.gauges import named_channels
+from geoident.model.results.alarms import AlarmState
+from geoident.model.results.bands import NORMAL_95, Prediction
+from geoident.model.results.findings import Finding
+from geoident.model.results.result import GaugeTable
+
+_LIKELY = 0.5
+"""Probability from which on an alarm value is expected to be reached."""
+
+
+def alarm_states(
+    case: Case, gauges: GaugeTable, prediction: Prediction | None
+) -> tuple[AlarmState, ...]:
+    """Every alarm value of every channel.
+
+    Args:
+        case: with the alarm values and the dates of the stages.
+        gauges: what was read.
+        prediction: of stages; None for none.
+    """
+    return tuple(
+        _state(case, gauges, prediction, row, level, value)
+        for row, channel in enumerate(case.channels)
+        for level, value in channel.alarm.items()
+    )
+
+
+def _state(
+    case: Case, gauges: GaugeTable, prediction: Prediction | None,
+    row: int, level: str, value: float,
+) -> AlarmState:  # fmt: skip
+    channel, table = case.channels[row], gauges.readings
+    sign = math.copysign(1.0, value)
+    own = [k for k, name in enumerate(table.channel) if name == channel.name and not table.bad[k]]
+    read = [k for k in own if math.isfinite(table.value[k])]
+    order = {name: j for j, name in enumerate(gauges.stages)}
+    beyond = [k for k in read if sign * table.value[k] >= sign * value]
+    first = min(beyond, key=lambda k: (order[table.stage[k]], table.time[k]), default=None)
+    later = reached_probability(prediction, row, value)
+    known = np.flatnonzero(np.isfinite(later))
+    likely = known[later[known] >= _LIKELY]
+    expected = gauges.stages[likely[0]] if likely.size else ""
+    most = int(known[np.argmax(later[known])]) if known.size else None
+    return AlarmState(
+        gauge=channel.name,
+        level=level,
+        value=value,
+        largest=sign * max((sign * float(table.value[k]) for k in read), default=math.nan),
+        reached="" if first is None else table.stage[first],
+        reached_on=math.nan if first is None else float(table.time[first]),
+        expected=expected,
+        expected_on=case.dates.get(expected, math.nan),
+        likeliest="" if most is None else gauges.stages[most],
+        probability=math.nan if most is None else float(later[most]),
+        unit=channel.unit,
+        dimension=channel.dimension,
+    )
+
+
+def reached_probability(prediction: Prediction | None, row: int, value: float) -> Floats:
+    """(n_stages,) probability that the reading of a channel reaches a value; NaN if not predicted.
+
+    Each side of a band counts as half of a normal distribution, so that 2.5 % lie beyond each end
+    (theory 6.3).
+
+    Args:
+        prediction: the bands; None for none.
+        row: of the channel.
+        value: SI; a negative one is reached from above.
+    """
+    if prediction is None:
+        return np.zeros(0)
+    mean, low, high = (
+        table[row] for table in (prediction.mean, prediction.lower95, prediction.upper95)
+    )
+    beyond = value - mean
+    with np.errstate(invalid="ignore", divide="ignore"):
+        side = np.where(beyond > 0.0, high - mean, mean - low) / NORMAL_95
+        below = ndtr(beyond / side)
+    known = np.isfinite(prediction.sd[row]) & np.isfinite(below)
+    return np.where(known, below if value < 0.0 else 1.0 - below, np.nan)
+
+
+def alarm_findings(states: Sequence[AlarmState]) -> tuple[Finding, ...]:
+    """What was reached, and what is to be expected: a sentence each for each level of alarm.
+
+    Args:
+        states: of all channels.
+    """
+    findings = []
+    for level in dict.fromkeys(one.level for one in states):
+        own = [one for one in states if one.level == level]
+        for words, stages in (
+            ("was reached by", {one.gauge: one.reached for one in own}),
+            (
+                "is expected to be reached, with a probability above 50 %, by",
+                {one.gauge: one.expected for one in own if not one.reached},
+            ),
+        ):
+            names = [gauge for gauge, stage in stages.items() if stage]
+            if names:
+                listed = named_channels([f"{name} ({stages[name]})" for name in names])
+                sentence = f"Alarm value '{level}' {words} {listed}."
+                findings.append(Finding("alarm", ", ".join(names), sentence))
+    return tuple(findings)
