@@ -22,7 +22,8 @@ def fitted(after):
 MISSING = (
     *("accuracies", "left-out", "grid", "structures", "backtest", "backtest-parameters"),
     *("posterior", "draws", "fields", "yielded", "alarms", "troughs"),
-    *("opening", "ground-reaction", "opening-stresses", "face", "face-profile"),
+    *("opening", "ground-reaction", "opening-stresses", "opening-supports"),
+    *("face", "face-profile"),
 )
 """Tables of which a plain fit has nothing to say."""
 

@@ -33,6 +33,7 @@ TABLES = (
     "opening",
     "ground-reaction",
     "opening-stresses",
+    "opening-supports",
     "face",
     "face-profile",
     "grid",
