@@ -25,6 +25,7 @@ from geoident.workflow.estimating.diagnosis import (
     parameter_table,
     remarks,
     why_poor,
+    with_effect_of,
 )
 from geoident.workflow.estimating.estimate import (
     Estimate,
@@ -175,6 +176,8 @@ def _result(
     by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
     poor = why_poor(estimate.diagnostics, gross, setup.model_error_table)
     status, named = _status(estimate, poor), parameters.named
+    from_readings = (estimate.assessment.determined & ~estimate.assessment.from_prior)[named]
+    judged = named[from_readings]  # of others no reading changes what is known
     few, rests = _freedom(setup, estimate, parameters)
     return Result(
         kind="fit",
@@ -188,13 +191,15 @@ def _result(
             *opposite_findings(stated),
             *doubts,
             *rival_findings(estimate.rivals, parameters),
-            *estimate.assessment.findings,
+            *with_effect_of(
+                estimate.assessment.findings, survey.sensitivity, case, parameters.names
+            ),
             *bound_findings(estimate.outcome.certificate, case.parameters),
             *gross_findings(gross, estimate.readings, case),
             *remarks(
-                replace(estimate.diagnostics, influence=estimate.diagnostics.influence[..., named]),
+                replace(estimate.diagnostics, influence=estimate.diagnostics.influence[..., judged]),
                 gauges,
-                parameters.picked(named).names,
+                parameters.picked(judged).names,
                 gross=len(gross) > 0,
             ),
             *(accuracy_residuals(stated) if by_accuracy else ()),

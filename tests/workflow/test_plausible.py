@@ -152,3 +152,15 @@ def test_a_fit_says_of_which_readings_the_unit_is_suspected(tmp_path):
     (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", ",cm\n"))
     done = run_command("fit", str(path), "--json")
     assert "millimetres read as centimetres? Check their unit" in done.stdout
+
+
+def test_a_parameter_of_a_material_without_a_group_is_said_to_have_no_effect(tmp_path):
+    """And no reading is called influential for it, even where a prior gives it a number."""
+    fault = "  fault: {elastic: isotropic, E: $E_fault, nu: 0.3}\n"
+    for prior in ("", ", prior: {mean: 1 GPa, sd: 0.5 GPa}"):
+        sought = f"  E_fault: {{start: 1 GPa, bounds: [0.1 GPa, 9 GPa], scale: log{prior}}}\n"
+        case = CASE.replace("materials:\n", f"materials:\n{fault}")
+        said = findings(tmp_path, READINGS, case.replace("  K0:", f"{sought}  K0:"))
+        assert "do not determine E_fault" in said
+        assert "no reading depends on it: no group is of the material 'fault'" in said
+        assert "without it E_fault" not in said
