@@ -58,6 +58,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
+from geoident.workflow.running.plausible import plausible_notes
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
@@ -197,7 +198,9 @@ def _result(
             *bound_findings(estimate.outcome.certificate, case.parameters),
             *gross_findings(gross, estimate.readings, case),
             *remarks(
-                replace(estimate.diagnostics, influence=estimate.diagnostics.influence[..., judged]),
+                replace(
+                    estimate.diagnostics, influence=estimate.diagnostics.influence[..., judged]
+                ),
                 gauges,
                 parameters.picked(judged).names,
                 gross=len(gross) > 0,
@@ -233,6 +236,7 @@ def _result(
         left_out=scored,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
+            *plausible_notes(case),
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *estimate.survey.notes, *estimate.outcome.remarks)),
             *model_error_notes(setup.model_error, case, estimate.readings, job.methods),

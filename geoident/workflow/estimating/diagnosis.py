@@ -15,6 +15,7 @@ from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
 from geoident.model.parameter import Parameter
