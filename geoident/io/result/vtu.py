@@ -53,8 +53,8 @@ def write_vtu(
     """Writes what is present at a state.
 
     Point data: ``displacement`` (m). Cell data: ``stress`` (Pa; xx yy zz xy yz xz, tension
-    positive), the `principal_cells` of it, ``yielded``, ``group`` (position among the element groups) and ``number``, that of
-    the element in the mesh file.
+    positive), its `principal_cells`, ``yielded``, ``group`` (position among the element groups) and
+    ``number``, that of the element in the mesh file.
 
     Args:
         fields: all states.
