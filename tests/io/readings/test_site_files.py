@@ -548,11 +548,11 @@ def test_coordinates_of_a_point_are_no_motion_against_another(refused):
 
 
 def test_many_decimal_commas_are_one_fault_with_the_key_that_declares_them(read, refused):
-    rows = ["bench 1;1,25", "bench 2;-2,5", "heading;0,75"]
-    files = {"r.csv": "\n".join(["stage;CV1 (mm)", *rows])}
-    described = 'readings: {file: r.csv, layout: wide, delimiter: ";"%s}'
+    rows = ["CV1;bench 1;1,25;mm", "EX1.a5;bench 1;-2,5;mm", "EX1.a5;heading;0,75;mm"]
+    files = {"r.csv": "\n".join(["gauge;stage;value;unit", *rows])}
+    described = 'readings: {file: r.csv, delimiter: ";"%s}'
     (fault,) = refused(described % "", files=files)
-    assert (fault.location.line, fault.location.column) == (2, 9)
+    assert (fault.location.line, fault.location.column) == (2, 13)
     assert "'1,25' and 2 more numbers of the file have a comma" in fault.message
     assert 'declare it: readings: {file: ..., decimal: ","}' in fault.hint
     assert len(read(described % ', decimal: ","', files=files).readings) == 3
