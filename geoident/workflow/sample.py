@@ -27,7 +27,6 @@ from geoident.identify.posterior.sampling import sample_posterior
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import Result
-from geoident.report.text.campaign.tables import seconds_text
 from geoident.workflow.drawn import DrawnPosterior
 from geoident.workflow.estimating.estimate import possible_problems
 from geoident.workflow.estimating.fields import require_same_modes
@@ -215,11 +214,22 @@ def _tell_duration(
     if least * each < _WORTH_TELLING:
         return
     control.monitor.inform(
-        f"An evaluation takes {seconds_text(each)}: a sample worth {wanted:.0f} independent draws "
-        f"takes {seconds_text(least * each)} to {seconds_text(most * each)} ({least:.0f} to "
-        f"{most:.0f} evaluations), and {seconds_text(request.evaluations * each)} at most "
+        f"An evaluation takes {_duration(each)}: a sample worth {wanted:.0f} independent draws "
+        f"takes {_duration(least * each)} to {_duration(most * each)} ({least:.0f} to "
+        f"{most:.0f} evaluations), and {_duration(request.evaluations * each)} at most "
         f"({request.evaluations} evaluations). A limit of time ends it with what there is then."
     )
+
+
+def _duration(seconds: float) -> str:
+    """A time for people.
+
+    >>> _duration(0.214), _duration(75), _duration(7300), _duration(20000)
+    ('0.21 s', '75 s', '122 min', '5.6 h')
+    """
+    if seconds < 600.0:
+        return f"{seconds:.2f} s" if seconds < 10.0 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 10000.0 else f"{seconds / 3600:.1f} h"
 
 
 def _draws(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:

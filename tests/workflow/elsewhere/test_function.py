@@ -159,3 +159,13 @@ def test_how_long_a_sample_takes_is_said_before(tmp_path):
     assert "An evaluation takes 0.0" in said
     assert "a sample worth 400 independent draws takes 2" in said
     assert "(400 to 2000 evaluations)" in said
+
+
+def test_the_next_command_after_a_check_has_the_flag_that_it_needs(tmp_path):
+    """Until it is remembered that the function may run."""
+    case = python_case(tmp_path)
+    checked = run_command("check", case)
+    assert checked.exit_code == 0, checked.output
+    assert f"geoident fit {case} --trust" in checked.output
+    assert run_command("fit", case, "--trust").exit_code == 0
+    assert f"geoident fit {case}\n" in f"{run_command('check', case).output}\n"
