@@ -120,10 +120,25 @@ def _parts(
             _corner(mesh, nodes_of(members), np.min),
             _corner(mesh, nodes_of(members), np.max),
             None if volumes is None else float(volumes[members].sum()),
+            _both_sides(mesh, nodes_of(members)),
         )
         for name, members in groups.items()
         if len(members)
     )
+
+
+def _both_sides(mesh: Mesh, nodes: Ints) -> int | None:
+    """The axis along which nodes stand at both ends of the mesh and nowhere between."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    near = _AT_END * (high - low).max()
+    points = mesh.points[nodes]
+    at_low, at_high = np.abs(points - low) <= near, np.abs(points - high) <= near
+    both = (at_low | at_high).all(axis=0) & at_low.any(axis=0) & at_high.any(axis=0)
+    return int(np.argmax(both)) if both.any() else None
+
+
+_AT_END = 1e-6
+"""Distance of nodes from the end of the mesh, in parts of its size, that is rounding."""
 
 
 def _corner(mesh: Mesh, nodes: Ints, pick: Callable[..., Floats]) -> tuple[float, ...]:

@@ -8,7 +8,12 @@ from geoident.errors import Fault, InputError
 from geoident.fem.solvers import Solver
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.fields import MeshRecorder
-from geoident.forward.analysis.virgin import contradictions, overburden_notes, surface_gaps
+from geoident.forward.analysis.virgin import (
+    contradictions,
+    overburden_notes,
+    surface_gaps,
+    water_notes,
+)
 from geoident.forward.checks import check_on_mesh, imbalance_notes, notes_on_mesh
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
@@ -89,7 +94,8 @@ class StagedModel(StagedKernel):
                 self.actions.n_outside,
                 *(growth.n_outside for growth in self.on_mesh.growths),
             ),
-            in_tension=self.analysis.virgin_tension(start),
+            in_tension=self.analysis.virgin_tension(start)
+            and not water_notes(self.analysis, start),
         )
         varied = field_notes(self.on_mesh.case, self.on_mesh.fields)
         growing = growth_notes(self.on_mesh.growths, self.case.start)
@@ -106,6 +112,7 @@ class StagedModel(StagedKernel):
         return (
             *self._equivalent_notes(stress[..., 0]),
             *overburden_notes(self.analysis, start),
+            *water_notes(self.analysis, start),
             *imbalance_notes(float(imbalance[0])),
             *(self.contradiction_notes(start) if self.case.imbalance_accepted else ()),
         )

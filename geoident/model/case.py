@@ -21,7 +21,7 @@ from geoident.model.actions import (
 from geoident.model.arrays import Floats
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
-from geoident.model.ground import Elastic, Growth, RandomField
+from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -30,7 +30,7 @@ from geoident.model.methods import (
     ModelErrorOptions,
     SquaredOptions,
 )
-from geoident.model.parameter import Parameter, Scalar
+from geoident.model.parameter import Parameter, Scalar, scalars_of
 from geoident.model.structures import Structure
 from geoident.model.yielding import YieldSurface
 
@@ -107,6 +107,18 @@ class Material:
     yields: tuple[YieldSurface, ...] = ()
     fields: tuple[RandomField, ...] = ()
     growths: tuple[Growth, ...] = ()
+
+    @property
+    def scalars(self) -> tuple[Scalar, ...]:
+        """All its numbers."""
+        return (
+            *elastic_scalars(self.elastic).values(),
+            self.density,
+            self.expansion,
+            *(number for surface in self.yields for number in surface.numbers),
+            *(field.mean for field in self.fields),
+            *(number for g in self.growths for number in (g.base, *scalars_of(g.law).values())),
+        )
 
 
 @dataclass(frozen=True)
@@ -330,6 +342,18 @@ class Case:
     def fields(self) -> tuple[RandomField, ...]:
         """The constants of all materials that vary from place to place."""
         return tuple(each for material in self.materials.values() for each in material.fields)
+
+    def unused_materials(self, parameter: str) -> tuple[str, ...]:
+        """Materials that depend on a parameter and of which no ground ever is."""
+        used = {*self.groups.values()}
+        for stage in self.stages:
+            used |= {*stage.install.values(), *stage.change.values()}
+        return tuple(
+            name
+            for name, material in self.materials.items()
+            if name not in used
+            and any(parameter in scalar.parameters for scalar in material.scalars)
+        )
 
     @property
     def growths(self) -> tuple[Growth, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.fem.solvers.threads import one_thread
+from geoident.forward.external.program import ProgramModel
 from geoident.forward.external.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
@@ -38,6 +39,7 @@ from geoident.model.results.summary import (
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.mistakes import mistaken_readings
 from geoident.workflow.estimating.setup import require_possible
+from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.programs.program import executed
 from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
@@ -63,12 +65,14 @@ class Checked:
         mesh: its mesh, or None if it has none.
         summary: what it amounts to.
         files_read: paths of all that it consists of, which no output may replace.
+        untrusted: it runs what nobody has permitted yet.
     """
 
     case: Case
     mesh: Mesh | None
     summary: CaseSummary
     files_read: tuple[str, ...]
+    untrusted: bool = False
 
 
 @one_thread()
@@ -107,7 +111,9 @@ def check(
     if isinstance(model, StagedModel) and model.yields:
         next(model.at(start_values(model.case, model)).states())
     mesh = model.mesh if isinstance(model, StagedModel) else None
-    return Checked(inputs.case, mesh, summarize(inputs, model, readings), inputs.files)
+    runs = model.runs if isinstance(model, ProgramModel) else None
+    untrusted = isinstance(runs, LoggedRuns) and not runs.is_trusted
+    return Checked(inputs.case, mesh, summarize(inputs, model, readings), inputs.files, untrusted)
 
 
 def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> CaseSummary:

@@ -26,6 +26,7 @@ from geoident.workflow.estimating.diagnosis import (
     parameter_table,
     remarks,
     why_poor,
+    with_effect_of,
 )
 from geoident.workflow.estimating.estimate import (
     Estimate,
@@ -60,6 +61,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
+from geoident.workflow.running.plausible import plausible_notes
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
@@ -195,6 +197,8 @@ def _result(
     by_accuracy = not (len(gross) or wrong) and setup.accuracies is None
     poor = why_poor(estimate.diagnostics, gross, setup.model_error_table, mistaken=wrong.poor)
     status, named = _status(estimate, poor), parameters.named
+    from_readings = (estimate.assessment.determined & ~estimate.assessment.from_prior)[named]
+    judged = named[from_readings]  # of others no reading changes what is known
     few, rests = _freedom(setup, estimate, parameters)
     alarms = alarm_states(case, gauges, prediction)
     return Result(
@@ -215,12 +219,16 @@ def _result(
             *(() if wrong or len(gross) else misfit_findings(estimate.diagnostics)),
             *(accuracy_residuals(stated) if by_accuracy else ()),
             *rival_findings(estimate.rivals, parameters),
-            *estimate.assessment.findings,
+            *with_effect_of(
+                estimate.assessment.findings, survey.sensitivity, case, parameters.names
+            ),
             *bound_findings(estimate.outcome.certificate, case.parameters),
             *remarks(
-                replace(estimate.diagnostics, influence=estimate.diagnostics.influence[..., named]),
+                replace(
+                    estimate.diagnostics, influence=estimate.diagnostics.influence[..., judged]
+                ),
                 gauges,
-                parameters.picked(named).names,
+                parameters.picked(judged).names,
             ),
             *last.findings,
             *_extrapolation(setup, estimate, gauges),
@@ -257,6 +265,7 @@ def _result(
         alarms=alarms,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
+            *plausible_notes(case),
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *estimate.survey.notes, *estimate.outcome.remarks)),
             *model_error_notes(setup.model_error, case, estimate.readings, job.methods),

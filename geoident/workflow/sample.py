@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -21,10 +22,11 @@ from geoident.identify.posterior.draws import (
     Stopped,
     library,
 )
-from geoident.identify.posterior.importance import ADAPTING
+from geoident.identify.posterior.importance import ADAPTING, WORTH_ADAPTING
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.gauges import ReadingTable
+from geoident.model.results.result import Result
 from geoident.workflow.drawn import DrawnPosterior
 from geoident.workflow.estimating.estimate import possible_problems
 from geoident.workflow.estimating.fields import require_same_modes
@@ -61,6 +63,12 @@ EFFECTIVE = 1000
 
 EVALUATIONS = 50_000
 """Evaluations of the model at most, unless another number is given."""
+
+_LONG = 5.0
+"""Seconds of an evaluation beside which the start of a process does not count."""
+
+_WORTH_TELLING = 10.0
+"""Seconds from which on it is said before how long a sample will take."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +161,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
     with evaluation_log(job, control, model) as log:
         problem = problem_of_result(fit, case, problem_of(setup, log, control).response)
         with _answers(task, asked, log, control) as (answers, led):
+            _tell_duration(request, fit, answers, control)
             others = possible_problems(setup, problem)[1:]
             flat = [] if fit.accuracies is None else fit.accuracies.flat.tolist()
             possible = list(zip(others, flat, strict=True)) if others else []
@@ -171,6 +180,56 @@ def sample(task: SampleTask, control: Control) -> Finished:
             )
             result = drawn.result()
         return task.write(result)
+
+
+def _tell_duration(
+    request: SampleRequest, fit: Result, answers: KeptAnswers, control: Control
+) -> None:
+    """Say how long the draws will take, by the time of an evaluation for each process.
+
+    Where nobody would wait for it, nothing is said.
+
+    Args:
+        request: what to draw.
+        fit: is sampled.
+        answers: of the model, with the reduced model that helps it.
+        control: says how many processes there are.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    table, at_once = fit.parameters, max(control.jobs or 1, 1)
+    sd = np.where(np.isfinite(table.sd), table.sd, 0.0)
+    each = np.inf
+    for k in range(2):  # the first of all also starts a process, or fills a cache
+        parts = 0.1 * k + np.linspace(-0.5, 0.5, at_once + 1)[:-1, None]  # near the fit, all apart
+        begun = time.monotonic()
+        with suppress(Stopped):  # out of time: the sampler says so
+            answers.at(np.clip(table.values + parts * sd, table.lower, table.upper))
+        each = min(each, (time.monotonic() - begun) / at_once)
+        if each > _LONG:
+            break
+    wanted = request.of_sampler.effective
+    least, most = (min(n, request.evaluations) for n in (wanted, wanted / WORTH_ADAPTING))
+    if least * each < _WORTH_TELLING:
+        return
+    control.monitor.inform(
+        f"An evaluation takes {_duration(each)}: a sample worth {wanted:.0f} independent draws "
+        f"takes {_duration(least * each)} to {_duration(most * each)} ({least:.0f} to "
+        f"{most:.0f} evaluations), and {_duration(request.evaluations * each)} at most "
+        f"({request.evaluations} evaluations). A limit of time ends it with what there is then."
+    )
+
+
+def _duration(seconds: float) -> str:
+    """A time for people.
+
+    >>> _duration(0.214), _duration(75), _duration(7300), _duration(20000)
+    ('0.21 s', '75 s', '122 min', '5.6 h')
+    """
+    if seconds < 600.0:
+        return f"{seconds:.2f} s" if seconds < 10.0 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 10000.0 else f"{seconds / 3600:.1f} h"
 
 
 def _draws(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:

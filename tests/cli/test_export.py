@@ -216,6 +216,10 @@ def test_states_for_paraview(fitted, run):
         one, other = copy["VTKHDF"], result["VTKHDF"]
         assert dict(one.attrs).keys() == dict(other.attrs).keys()
         np.testing.assert_array_equal(one["CellData/stress"], other["CellData/stress"])
+        principal, stress = one["CellData/principal_stress"][()], one["CellData/stress"][()]
+        np.testing.assert_allclose(principal.sum(axis=1), stress[:, :3].sum(axis=1), atol=1e-3)
+        steps = one["Steps/CellDataOffsets"]
+        np.testing.assert_array_equal(steps["principal_stress"], steps["stress"])
 
 
 def test_beside_the_result_the_sidecar_stays_one_and_comes_back_when_lost(fitted, run):

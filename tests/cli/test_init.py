@@ -1,17 +1,23 @@
 """A newcomer gets a case that works, or one for their own mesh that says what is missing."""
 
 import re
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
+from support.meshes import box
 
+from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator
+from geoident.fem.measure import summarize_mesh
 from geoident.io.case.file import read_case
-from geoident.io.docs.skeleton import name_text
+from geoident.io.docs.skeleton import name_text, skeleton
 from geoident.io.docs.templates import TEMPLATES
 from geoident.io.mesh.file import read_mesh
 from geoident.io.text.yaml_reader import parse_yaml
+from geoident.model.case import Analysis
 from geoident.model.in_situ import GeostaticStress
 from tests.support.trench import CASE, READINGS, write_mesh
 
@@ -210,6 +216,16 @@ def test_a_solid_mesh_makes_a_solid_analysis(here, run):
     assert "analysis: solid" in text
     assert "# symmetry: x   # 456 surfaces, x = 0, y -18 .. 36, z -35 .. 35 m" in text
     assert "# top   # 57 surfaces" in text
+
+
+def test_both_sides_in_one_group_are_proposed_to_be_held_across():
+    mesh = box("quad4", (3, 2), size=(6.0, 4.0))
+    sides = np.concatenate([mesh.facet_groups["x0"], mesh.facet_groups["x1"]])
+    mesh = replace(mesh, facet_groups={"sides": sides, "base": mesh.facet_groups["y0"]})
+    summary = summarize_mesh(mesh, kinematics_of(Analysis.PLANE_STRAIN))
+    text = skeleton(summary, mesh_file="m.msh", title="soil")
+    assert "# sides: x   # 4 edges, x 0 .. 6, y 0 .. 4 m: both sides of the model" in text
+    assert "# base: y   # 3 edges, x 0 .. 6, y = 0 m: an edge of the model" in text
 
 
 @pytest.mark.parametrize("name", ["no", "12", "a: b", "#a", "x y", "on", "[a", "é", "a/b.msh", "-"])

@@ -159,3 +159,39 @@ def test_a_fit_says_of_which_readings_the_unit_is_suspected(tmp_path):
     (tmp_path / "readings.csv").write_text(READINGS.replace(",mm\n", ",cm\n"))
     done = run_command("fit", str(path), "--json")
     assert "millimetres read as centimetres? Check their unit" in done.stdout
+
+
+def test_a_parameter_of_a_material_without_a_group_is_said_to_have_no_effect(tmp_path):
+    """And no reading is called influential for it, even where a prior gives it a number."""
+    fault = "  fault: {elastic: isotropic, E: $E_fault, nu: 0.3}\n"
+    for prior in ("", ", prior: {mean: 1 GPa, sd: 0.5 GPa}"):
+        sought = f"  E_fault: {{start: 1 GPa, bounds: [0.1 GPa, 9 GPa], scale: log{prior}}}\n"
+        case = CASE.replace("materials:\n", f"materials:\n{fault}")
+        said = findings(tmp_path, READINGS, case.replace("  K0:", f"{sought}  K0:"))
+        assert "do not determine E_fault" in said
+        assert "no reading depends on it: no group is of the material 'fault'" in said
+        assert "without it E_fault" not in said
+
+
+WET = [
+    ("nu: 0.25}", "nu: 0.25, density: 1900 kg/m3}"),
+    ("in_situ: {model: heim, vertical: 1 MPa, K0: $K0}",
+     "gravity: 9.81 m/s2\nwater: {table: 4 m}\nin_situ: {model: geostatic, K0: $K0}"),
+]  # fmt: skip
+
+
+def test_a_water_table_that_lifts_the_ground_is_noted(notes):
+    """The ground ends at 4 m; of the table at 7 m the weight of 3 m of water is missing."""
+    assert "the water lifts the ground" not in notes(*WET)
+    said = notes(*WET, ("table: 4 m", "table: 7 m"))
+    assert "the water lifts the ground: at the start values the vertical effective in-situ" in said
+    assert "If the table is above the ground, its weight on the ground is missing" in said
+    assert "Heim" not in said
+    # 3.106 m below the table near the top: 9.81 (3 m + z) - (19 - 9.81) z
+    assert "up to 27.6 kPa" in said
+    weight = "in_situ: {model: geostatic, K0: $K0, surcharge: 29.43 kPa}"
+    lake = [
+        (WET[0]),
+        (WET[1][0], WET[1][1].replace("in_situ: {model: geostatic, K0: $K0}", weight)),
+    ]
+    assert "the water lifts" not in notes(*lake, ("table: 4 m", "table: 7 m"))

@@ -36,17 +36,21 @@ _SUFFIXES = (".svg", ".png", ".pdf")
 _UNREAD = "geoident.cases without readings"
 """Of the context of a command: the cases of which there is nothing to fit yet."""
 
+_UNTRUSTED = "geoident.cases that run what is not trusted yet"
+"""Of the context of a command: the cases that the next command asks about."""
+
 
 def _next(arguments: Arguments, options: Options) -> Steps:
     """A fit; where there are no readings yet, what tells whether the gauges will do."""
     changes = overrides(options)
-    unread = click.get_current_context().meta.get(_UNREAD, ())
+    meta = click.get_current_context().meta
+    unread, untrusted = meta.get(_UNREAD, ()), meta.get(_UNTRUSTED, ())
 
     def steps(case: str) -> Steps:
         if arguments["mesh_error"] and case.endswith(".h5"):
             return on_result(case)
         if case not in unread:
-            return (line("fit", case, *changes),)
+            return (line("fit", case, *changes, *(["--trust"] if case in untrusted else [])),)
         if arguments["identifiability"]:
             return line("simulate", case, *changes), "put readings into the case, and fit it"
         return line("check", case, *changes, "--identifiability"), line("simulate", case, *changes)
@@ -54,10 +58,10 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     return for_one(arguments["cases"], steps)
 
 
-def _note_unread(case: str) -> None:
-    """Keep that a case has no readings, for what is said at the end."""
+def _note(case: str, kind: str) -> None:
+    """Keep that a case is one of `_UNREAD` or `_UNTRUSTED`, for what is said at the end."""
     meta = click.get_current_context().meta
-    meta[_UNREAD] = (*meta.get(_UNREAD, ()), case)
+    meta[kind] = (*meta.get(kind, ()), case)
 
 
 @click.command(epilog=EPILOG)
@@ -133,7 +137,7 @@ def _identifiability(case: str, options: Options) -> int:
     with failures_as_json(case, options):
         plan = identifiability(case, overrides=options.overrides, solver=options.solver)
     if not plan.read:
-        _note_unread(case)
+        _note(case, _UNREAD)
     if options.as_json:
         click.echo(dumps(plan_object(case, plan)))
     elif not options.quiet:
@@ -173,7 +177,9 @@ def _check(case: str, picture: str | None, options: Options) -> int:
             message = f"--picture {picture}: the case has no mesh, so nothing to draw."
             raise click.UsageError(message)
     if not checked.case.readings:
-        _note_unread(case)
+        _note(case, _UNREAD)
+    if checked.untrusted:
+        _note(case, _UNTRUSTED)
     if options.as_json:
         click.echo(dumps(summary_object(checked.summary)))
     elif not options.quiet:

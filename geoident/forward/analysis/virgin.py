@@ -34,7 +34,7 @@ from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import CoverAndSurcharge, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
-from geoident.forward.in_situ.water import is_wet
+from geoident.forward.in_situ.water import PorePressure, is_wet
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case, KeyPath
 from geoident.model.cells import CELLS
@@ -55,6 +55,8 @@ _NOTHING = 1e-9
 _GRAVITY = 9.81  # m/s^2
 
 _SHOWN = 8  # groups in a note
+
+_LIFTED = 1e-6  # of the largest pressure: a tension below it is rounding
 
 ACCEPT = "or accept it: in_situ: {equilibrium: accept}"
 
@@ -410,6 +412,38 @@ def overburden_notes(analysis: StagedAnalysis, values: Values) -> list[str]:
     return [
         f"vertical {effective}in-situ stress by the weight above, at the start values, in "
         f"compression: {', '.join(ranges)}{more}"
+    ]
+
+
+def water_notes(analysis: StagedAnalysis, values: Values) -> list[str]:
+    """Ground below the water table that its pressure would lift, a sentence.
+
+    Args:
+        analysis: of the case.
+        values: parameters by name, SI.
+    """
+    sequence, points = analysis.sequence, analysis.systems.discretization.points
+    water, present = sequence.states[0].water, analysis.systems[0].present
+    if water is None:
+        return []
+    point = ParameterPoint(values, ())
+    pressure = PorePressure(water, analysis.on_mesh.mesh, points.position).at(point).value
+    wet = is_wet(water, sequence.group_of[points.element], sequence.groups) & present
+    wet &= pressure > 0.0
+    up = analysis.case.analysis.dim - 1
+    vertical = analysis.virgin(point)[0][up, :, 0]
+    lifted = wet & (vertical > _LIFTED * pressure.max(initial=0.0)) & (vertical < pressure)
+    if not lifted.any():
+        return []
+    worst = int(np.argmax(np.where(lifted, vertical, -np.inf)))
+    part = np.count_nonzero(lifted) / np.count_nonzero(wet)
+    kPa = 1e-3 * float(vertical[worst]), 1e-3 * float(pressure[worst])
+    return [
+        f"the water lifts the ground: at the start values the vertical effective in-situ stress is "
+        f"tension in {max(100.0 * part, 1.0):.0f} % of the ground below the water table, up to "
+        f"{kPa[0]:.3g} kPa near {format_point(points.position[worst])}, where the water has "
+        f"{kPa[1]:.3g} kPa. If the table is above the ground, its weight on the ground is missing "
+        "(a surcharge); else check the level of the table, its unit and the densities"
     ]
 
 

@@ -117,7 +117,10 @@ def _supports(mesh: MeshSummary) -> str:
     ]
     lines += [f"supports: {BLANK}"]
     lines += [f"  # {_suggestion(part, mesh)}" for part in mesh.facet_groups]
-    lines += [f"  # {name_text(p.name)}: x   # {p.count} nodes" for p in mesh.node_groups]
+    lines += [
+        f"  # {name_text(p.name)}: {_AXES[p.plane or p.sides or 0]}   # {p.count} nodes"
+        for p in mesh.node_groups
+    ]
     if not mesh.facet_groups and not mesh.node_groups:
         lines.append(f"  # the mesh names no {_FACETS[mesh.dim]} and no nodes: name them there")
     return "\n".join(lines) + "\n"
@@ -126,6 +129,8 @@ def _supports(mesh: MeshSummary) -> str:
 def _suggestion(part: PartSummary, mesh: MeshSummary) -> str:
     axis, kind = part.plane, _FACETS[mesh.dim]
     where = f"{part.count} {kind}, {_extent(part.low, part.high)}"
+    if part.sides is not None and part.sides < mesh.dim - 1:
+        return f"{name_text(part.name)}: {_AXES[part.sides]}   # {where}: both sides of the model"
     if axis is None:
         return f"{name_text(part.name)}   # {where}"
     reach = max(high - low for low, high in zip(mesh.low, mesh.high, strict=True))

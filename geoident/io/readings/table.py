@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 from geoident.errors import Fault, InputError, Location
@@ -113,6 +113,8 @@ class Table:
     sheet: str = ""
     faults: list[Fault] = field(default_factory=list)
     temperatures: dict[str, int] = field(default_factory=dict)
+    _commas: list[str] = field(default_factory=list)
+    _first_comma: int = 0
 
     def refuse(self, line: int, at: Cell | int, code: str, message: str, hint: str = "") -> None:
         """Note a fault in a line (0 for none), at a cell or column.
@@ -218,14 +220,37 @@ class Table:
         except UnitError as error:
             hint = (_if_blank(text) if "finite" not in error.message else "") or error.hint
             if "," in text and not comma and self.layout.delimiter != ",":
-                hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
-            self.refuse(line, cell, "bad-number", error.message, hint)
+                self._decimal_comma(line, cell, error.message, hint)
+            else:
+                self.refuse(line, cell, "bad-number", error.message, hint)
             return None
         if quantity.unit:
             message = f"'{shorten(cell.text)}' has a unit; expected a number"
             self.refuse(line, cell, "bad-number", message, "Units stand in the column 'unit'.")
             return None
         return quantity.value
+
+    def _decimal_comma(self, line: int, cell: Cell, message: str, hint: str) -> None:
+        """Note a number with a comma; of several in a file there is one fault, at the first.
+
+        Args:
+            line: its number.
+            cell: the cell.
+            message: what is wrong with this one.
+            hint: how it would be right.
+        """
+        declared = 'readings: {file: ..., decimal: ","}'
+        if not self._commas:
+            self._first_comma = len(self.faults)
+            self.refuse(line, cell, "bad-number", message, f"{hint} Or declare it: {declared}.")
+        self._commas.append(cell.text)
+        if len(self._commas) > 1:
+            first, more = self._commas[0], len(self._commas) - 1
+            message = f"'{shorten(first)}' and {more} more number{'s' * (more > 1)} of the file "
+            message += "have a comma, which can be read in two ways"
+            hint = f"If it is the decimal mark, declare it: {declared}; else leave commas out."
+            fault = self.faults[self._first_comma]
+            self.faults[self._first_comma] = replace(fault, message=message, hint=hint)
 
     def _refused_of_a_sheet(self, line: int, cell: Cell) -> bool:
         """Note a cell of a sheet that holds no number, but a date, an error or a formula."""

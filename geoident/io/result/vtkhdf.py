@@ -56,6 +56,8 @@ def write_sidecar(path: str, result_name: str) -> None:
 def copy_fields(result_path: str | Path, path: str) -> None:
     """Writes a file with a copy of the fields of a result, which ParaView opens without the result.
 
+    It also has the principal stresses (`principal_cells`), which the result leaves to its stresses.
+
     Raises:
         InputError: the result has no fields, or is none.
     """
@@ -63,6 +65,9 @@ def copy_fields(result_path: str | Path, path: str) -> None:
         if GROUP not in source:
             raise refusal(result_path, "no-fields", "holds no displacements and stresses", REFIT)
         source.copy(GROUP, file)
+        data, offsets = file[f"{GROUP}/CellData"], file[f"{GROUP}/Steps/CellDataOffsets"]
+        for name, array in principal_cells(data["stress"][()]).items():
+            data[name], offsets[name] = array, offsets["stress"][()]
 
 
 def sidecar_target(path: str | Path) -> str | None:
@@ -186,6 +191,29 @@ def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, 
             array[estimate.elements] = values
             cells[f"{estimate.name}{suffix}"] = array
     return cells
+
+
+def principal_cells(stress: Floats) -> dict[str, Floats]:
+    """Principal stresses as cell data: what a viewer of tensors needs no filter for.
+
+    Args:
+        stress: (n, 6) xx, yy, zz, xy, yz, xz, tension positive, Pa.
+
+    Returns:
+        ``principal_stress`` (n, 3), the largest (of tension) first, and the unit vectors
+        ``principal_direction_1`` and ``principal_direction_3`` (n, 3) of the first and the last.
+    """
+    xx, yy, zz, xy, yz, xz = stress.T
+    tensors = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+    known = np.isfinite(stress).all(axis=1)
+    values, vectors = np.linalg.eigh(np.where(known[:, None, None], tensors, 0.0))
+    largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=1)[:, None], axis=1)
+    vectors *= np.where(largest < 0.0, -1.0, 1.0)  # of two opposite vectors always the same one
+    return {
+        "principal_stress": np.where(known[:, None], values[:, ::-1], np.nan),
+        "principal_direction_1": np.ascontiguousarray(vectors[:, :, 2]),
+        "principal_direction_3": np.ascontiguousarray(vectors[:, :, 0]),
+    }
 
 
 BALANCED = "equilibrium"

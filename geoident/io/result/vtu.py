@@ -23,6 +23,7 @@ from geoident.io.result.vtkhdf import (
     element_groups,
     element_numbers,
     mechanism_arrays,
+    principal_cells,
     varied_cells,
     with_z,
 )
@@ -52,8 +53,8 @@ def write_vtu(
     """Writes what is present at a state.
 
     Point data: ``displacement`` (m). Cell data: ``stress`` (Pa; xx yy zz xy yz xz, tension
-    positive), ``yielded``, ``group`` (position among the element groups) and ``number``, that of
-    the element in the mesh file.
+    positive), its `principal_cells`, ``yielded``, ``group`` (position among the element groups) and
+    ``number``, that of the element in the mesh file.
 
     Args:
         fields: all states.
@@ -69,6 +70,7 @@ def write_vtu(
     kept, connectivity = np.unique(nodes, return_inverse=True)
     cells: Arrays = {
         "stress": fields.stress[state, present],
+        **principal_cells(fields.stress[state, present]),
         "yielded": fields.yielded[state, present].astype(np.int8),
         "group": element_groups(mesh)[present],
         "number": element_numbers(mesh)[present],

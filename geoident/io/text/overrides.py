@@ -144,4 +144,20 @@ def _require(holder: Node, path: KeyPath, *, new: bool) -> None:
     else:
         kinds = {"dict": "a mapping", "list": "a list"}
         kind = kinds.get(type(holder).__name__, "no mapping and no list")
-        raise Refusal("bad-override", f"{outer} is {kind}, '{key}' cannot be set in it")
+        message = f"{outer} is {kind}, '{key}' cannot be set in it"
+        raise Refusal("bad-override", message, _remedy(holder, path))
+
+
+def _remedy(holder: Node, path: KeyPath) -> str:
+    """How the key of a list, of a mapping or of a single value is written."""
+    key, outer = path[-1], path[:-1]
+    if isinstance(holder, list):
+        names = [entry.get("name") if isinstance(entry, dict) else None for entry in holder]
+        number = names.index(key) if key in names else 0
+        if isinstance(key, str) and key.isdecimal() and int(key) < len(holder):
+            number = int(key)
+        text = f"Write {format_path((*outer, number))}: entries of a list are counted from 0"
+        return f"{text}, in brackets."
+    if isinstance(holder, dict):
+        return did_you_mean(str(key), holder)
+    return f"Set it as a whole: {format_path(outer)}=VALUE."

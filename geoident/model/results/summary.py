@@ -219,6 +219,8 @@ class PartSummary:
         low: (dim,) smallest coordinates, m.
         high: (dim,) largest coordinates, m.
         volume: of a group of elements, m3 (of a unit thickness in plane strain); else None.
+        sides: the axis along which it has nodes at both ends of the mesh and none between; None
+            where there is none.
     """
 
     name: str
@@ -226,6 +228,7 @@ class PartSummary:
     low: tuple[float, ...]
     high: tuple[float, ...]
     volume: float | None = None
+    sides: int | None = None
 
     @property
     def plane(self) -> int | None:

@@ -15,6 +15,7 @@ from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
 from geoident.model.parameter import Parameter
@@ -112,6 +113,33 @@ def diagnostics_table(
         below=left.below,
         **{name: of_all(getattr(diagnostics, name)) for name in DIAGNOSTIC_COLUMNS},
     )
+
+
+def with_effect_of(
+    findings: Sequence[Finding], sensitivity: Floats | None, case: Case, names: Sequence[str]
+) -> tuple[Finding, ...]:
+    """Findings that also say of a parameter without effect that nothing depends on it, and why.
+
+    Args:
+        findings: of the parameters.
+        sensitivity: (n_channels, n_stages, n) derivatives of all that is computed, or None.
+        case: its materials and groups.
+        names: of the n parameters.
+    """
+    if sensitivity is None:
+        return tuple(findings)
+    moved = np.nan_to_num(sensitivity).reshape(-1, len(names)).any(axis=0)
+    idle = {name for name, moves in zip(names, moved, strict=True) if not moves}
+
+    def told(finding: Finding) -> Finding:
+        if finding.kind not in ("not-determined", "only-prior") or finding.subject not in idle:
+            return finding
+        unused = case.unused_materials(finding.subject)
+        why = f": no group is of the material {' or '.join(map(repr, unused))}" if unused else ""
+        more = f" At these values no reading depends on it{why}."
+        return replace(finding, sentence=finding.sentence + more)
+
+    return tuple(map(told, findings))
 
 
 def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:

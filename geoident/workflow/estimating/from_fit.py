@@ -8,6 +8,7 @@ from geoident.errors import Fault, InputError, Location
 from geoident.io.result.file import read_result
 from geoident.model.results.result import Result
 from geoident.workflow.estimating.finished import Finished, write
+from geoident.workflow.programs.program import executed
 from geoident.workflow.running.jobs import (
     Inputs,
     Job,
@@ -95,7 +96,7 @@ def read_fit(path: str, made: str) -> tuple[Result, Inputs]:
 
 
 def require_same_mesh(fit: Result, inputs: Inputs, hint: str) -> None:
-    """Refuse a case whose mesh has changed since the fit.
+    """Refuse a case whose mesh, or whose model elsewhere, has changed since the fit.
 
     Args:
         fit: the result of the fit.
@@ -103,9 +104,16 @@ def require_same_mesh(fit: Result, inputs: Inputs, hint: str) -> None:
         hint: what to do.
 
     Raises:
-        InputError: the mesh has changed.
+        InputError: it has changed.
     """
     if inputs.mesh_sha256 != fit.provenance.mesh_sha256:
+        model = inputs.case.elsewhere
         message = "The mesh is not the one that the fit was made with."
+        if model is not None:
+            message = (
+                f"The model is not the one that the fit was made with: {executed(model)} has "
+                "changed since, or another file has this name here."
+            )
+            hint = f"Put the file of the fit beside the result, or do this: {hint}"
         place = Location(inputs.loaded.mesh_path or inputs.path)
         raise InputError([Fault("changed-mesh", message, hint, place)])

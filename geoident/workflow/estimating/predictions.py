@@ -28,6 +28,9 @@ from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.running.computed import with_computed
 from geoident.workflow.running.readings import ChannelReading, error_structure
 
+_MOST_STAGES = 4
+"""Predicted stages of which each has its sentence; of more there is one for all."""
+
 
 def predicted_stages(gauges: GaugeTable) -> Bools:
     """(n_stages,) the stages of which no reading was used."""
@@ -254,14 +257,15 @@ class KnownErrors:
 
 
 def score(gauges: GaugeTable, prediction: Prediction, left_out: Bools) -> tuple[str, ...]:
-    """One sentence for every predicted stage that was read: how well the prediction came true.
+    """How well predictions came true: a sentence for each stage that was read, of many one for all.
 
     Args:
         gauges: what was read.
         prediction: of all that is predicted.
         left_out: (n_channels,) channels that the fit left out; they have scores of their own.
     """
-    sentences = []
+    sentences, parts = [], list[tuple[str, int, int]]()
+    total = 0.0
     measured = np.where(gauges.bad, np.nan, gauges.measured)  # without those known to be wrong
     within = (measured >= prediction.lower95) & (measured <= prediction.upper95)
     for column, stage in enumerate(gauges.stages):
@@ -270,13 +274,23 @@ def score(gauges: GaugeTable, prediction: Prediction, left_out: Bools) -> tuple[
         read = np.isfinite(error) & np.isfinite(sd) & ~left_out
         if np.any(read):
             inside = within[read, column]
-            rms = float(np.sqrt(np.mean((error[read] / sd[read]) ** 2)))
+            squares = float(np.sum((error[read] / sd[read]) ** 2))
+            rms, total = float(np.sqrt(squares / inside.size)), total + squares
+            parts.append((stage, int(np.count_nonzero(inside)), inside.size))
             sentences.append(
                 f"Predicted stage {stage!r}: {np.count_nonzero(inside)} of {inside.size} readings"
                 f" inside the 95 % band ({100 * np.mean(inside):.0f} %),"
                 f" RMS of the standardized residuals {rms:.2f}."
             )
-    return tuple(sentences)
+    if len(sentences) <= _MOST_STAGES:
+        return tuple(sentences)
+    held, count = sum(part[1] for part in parts), sum(part[2] for part in parts)
+    worst = min(parts, key=lambda part: part[1] / part[2])
+    return (
+        f"Predicted stages: {len(parts)} were read, {held} of {count} readings inside the 95 % band"
+        f" ({100 * held / count:.0f} %), RMS of the standardized residuals"
+        f" {np.sqrt(total / count):.2f}; fewest at {worst[0]!r}, {worst[1]} of {worst[2]}.",
+    )
 
 
 def collapse_findings(survey: Survey) -> tuple[Finding, ...]:

@@ -110,6 +110,11 @@ class LoggedRuns(ABC):
         self._begin: Callable[[Callable[[], None]], BegunExecutor[RunItem, RemoteRun]] | None = None
         self._there: BegunExecutor[RunItem, RemoteRun] | None = None
 
+    @property
+    def is_trusted(self) -> bool:
+        """Whether it is known or remembered that it may run; nobody is asked."""
+        return self._permission.is_given
+
     @abstractmethod
     def compute(self, item: RunItem) -> Floats | FailedRun:
         """Make a run, in any thread: readings (n_stages, n_channels), or derivatives (..., n)."""

@@ -545,3 +545,14 @@ def test_coordinates_of_a_point_are_no_motion_against_another(refused):
     (fault,) = refused(SURVEY, files={"p.csv": POINTS}, changes=[("gauges:\n", gauges)])
     assert fault.path == "gauges.T.relative_to"
     assert fault.message == "'T' is read relative to a point; coordinates are of its own point"
+
+
+def test_many_decimal_commas_are_one_fault_with_the_key_that_declares_them(read, refused):
+    rows = ["CV1;bench 1;1,25;mm", "EX1.a5;bench 1;-2,5;mm", "EX1.a5;heading;0,75;mm"]
+    files = {"r.csv": "\n".join(["gauge;stage;value;unit", *rows])}
+    described = 'readings: {file: r.csv, delimiter: ";"%s}'
+    (fault,) = refused(described % "", files=files)
+    assert (fault.location.line, fault.location.column) == (2, 13)
+    assert "'1,25' and 2 more numbers of the file have a comma" in fault.message
+    assert 'declare it: readings: {file: ..., decimal: ","}' in fault.hint
+    assert len(read(described % ', decimal: ","', files=files).readings) == 3

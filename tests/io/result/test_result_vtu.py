@@ -52,6 +52,17 @@ def test_each_state_has_its_elements_with_their_values(tmp_path, result_maker, d
         np.testing.assert_array_equal(stress, fields.stress[state, there])
         yielded = vtk_to_numpy(grid.GetCellData().GetArray("yielded"))
         np.testing.assert_array_equal(yielded, fields.yielded[state, there])
+        # sigma n = sigma_k n, the trace, and the order, without an eigenvalue solver
+        xx, yy, zz, xy, yz, xz = stress.T
+        tensors = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+        principal = vtk_to_numpy(grid.GetCellData().GetArray("principal_stress"))
+        np.testing.assert_allclose(principal.sum(axis=1), xx + yy + zz, atol=1e-8)
+        assert np.all(np.diff(principal, axis=1) <= 0.0)
+        for name, k in (("principal_direction_1", 0), ("principal_direction_3", 2)):
+            n = vtk_to_numpy(grid.GetCellData().GetArray(name))
+            np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0)
+            pulled = np.einsum("qij,qj->qi", tensors, n)
+            np.testing.assert_allclose(pulled, principal[:, k : k + 1] * n, atol=1e-8)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from support.commands import run_command
 from support.external import PYTHON, SCRIPT, trusted, write_case
 
 import geoident
@@ -132,3 +133,39 @@ def test_an_array_of_one_number_a_gauge_serves_one_stage(tmp_path):
     assert computed(case).tolist() == [[1.0], [2.0], [6e9]]
     entry = json.loads((tmp_path / "case.runs" / "runs.jsonl").read_text())
     assert entry["parameters"] == {"E": 6e9, "K0": 1.1}
+
+
+def test_a_result_beside_another_model_of_that_name_says_so(tmp_path):
+    """There is no mesh to speak of."""
+    case = python_case(tmp_path)
+    fitted = run_command("fit", case, "--trust")
+    assert fitted.exit_code == 0, fitted.output
+    (tmp_path / "opening.py").write_text(SCRIPT.replace("a=2.0", "a=2.5"))
+    done = run_command("predict", tmp_path / "case.fit.h5", "--trust")
+    said = " ".join(done.output.split())
+    assert done.exit_code == 3
+    assert "The model is not the one that the fit was made with: the function 'readings' of" in said
+    assert "mesh" not in said
+
+
+def test_how_long_a_sample_takes_is_said_before(tmp_path):
+    """400 draws of a model that takes a twentieth of a second take 20 s at least."""
+    slow = "import time\n" + SCRIPT.replace("    E, K =", "    time.sleep(0.05)\n    E, K =")
+    case = python_case(tmp_path, slow)
+    assert run_command("fit", case, "--trust").exit_code == 0
+    flags = ("--effective", "400", "--max-time", "3s", "-j", "1")
+    done = run_command("sample", tmp_path / "case.fit.h5", *flags, "--trust")
+    said = " ".join(done.output.split())
+    assert "An evaluation takes 0.0" in said
+    assert "a sample worth 400 independent draws takes 2" in said
+    assert "(400 to 2000 evaluations)" in said
+
+
+def test_the_next_command_after_a_check_has_the_flag_that_it_needs(tmp_path):
+    """Until it is remembered that the function may run."""
+    case = python_case(tmp_path)
+    checked = run_command("check", case)
+    assert checked.exit_code == 0, checked.output
+    assert f"geoident fit {case} --trust" in checked.output
+    assert run_command("fit", case, "--trust").exit_code == 0
+    assert f"geoident fit {case}\n" in f"{run_command('check', case).output}\n"

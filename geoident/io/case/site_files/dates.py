@@ -18,6 +18,9 @@ from geoident.model.case import VIRGIN
 from geoident.model.gauges import DAY, Reading, StageReadings
 from geoident.units import DIMENSIONS, in_unit
 
+_MOST_NOTES = 3
+"""Stages of which each has its note on late readings; of more there is one for all."""
+
 STRONG = 4.0
 """A change inside a stage is strong from this many standard deviations of a difference of two
 readings on; errors alone exceed it once in 16 000 channels and stages."""
@@ -113,7 +116,7 @@ def _without_readings(
 
 def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str]:
     """Readings that count for a stage, but were taken shortly before the next one was complete."""
-    notes = []
+    notes, counts = list[str](), dict[str, int]()
     for stage in calendar.stages:
         times = [
             reading.time
@@ -124,6 +127,7 @@ def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str
         after = _next(stage, calendar) if late else None
         if after is None:
             continue
+        counts[stage] = len(late)
         days = (calendar.dates[after] - max(late)) / DAY
         one = len(late) == 1
         counted = "1 reading counts" if one else f"{len(late)} readings count"
@@ -136,7 +140,14 @@ def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str
             f"complete ({date_text(calendar.dates[after])}). If {contain} "
             f"motion of '{after}', the date of '{after}' is too late."
         )
-    return notes
+    if len(notes) <= _MOST_NOTES:
+        return notes
+    shown = ", ".join(f"'{stage}' ({count})" for stage, count in [*counts.items()][:_MOST_NOTES])
+    return [
+        f"{sum(counts.values())} readings of {len(counts)} stages were taken nearer to the end of "
+        f"the next stage than to that of their own: {shown} and {len(counts) - _MOST_NOTES} more. "
+        "If they contain motion of the next stage, its date is too late."
+    ]
 
 
 def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[str]:
