@@ -1,8 +1,8 @@
 """``geoident backtest``: fit the stages up to each one that was read, and predict the later ones.
 
 The model is built once. Every fit does all that ``fit`` does (it estimates accuracies and model
-error too), analyses no farther than its last stage, and begins where the one before ended; one more
-analysis of all stages gives its predictions.
+error too), analyses no farther than its last stage, and begins where the one before ended, but for
+the last, which is that of ``fit``; one more analysis of all stages gives its predictions.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def run_trials(
 
     Args:
         setup: model and all usable readings.
-        methods: of the first fit; the others begin at its answer.
+        methods: of the first fit and the last; the others begin at the answer before.
         log: of the evaluations of all.
         control: progress, budget and stops.
 
@@ -143,12 +143,14 @@ def run_trials(
     for last in stages:
         control.stop.check()
         name = setup.case.stages[last].name
-        start = trials[-1].estimate.outcome.values if trials else None
-        chain = methods if start is None else (nearby(methods[-1]),)
+        # the last is what `fit` finds in the same readings: near another answer may be another one
+        alone = not trials or last == stages[-1]
+        start = None if alone else trials[-1].estimate.outcome.values
+        chain = methods if alone else (nearby(methods[-1]),)
         try:
             until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
             part = FitLog(log, f"to {last}:")
-            if trials:
+            if not alone:
                 hand_on(trials[-1], setup, last, part)
             trial = tried(setup, last, chain, part, control, start=start, until=until)
         except TimeIsUp:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -289,3 +290,35 @@ def test_how_odd_the_errors_are_is_that_of_predictions_with_one_error_in_common(
     drawn = (drawn + np.sqrt(own) * random.standard_normal((200_000, 3))) / np.sqrt(common + own)
     far = np.mean((drawn**2).sum(axis=1) >= (z**2).sum())
     assert found["backtest"]["chance_of_so_large_errors"] == pytest.approx(far, abs=0.008)
+
+
+def test_the_last_fit_is_that_of_the_command_fit(tmp_path, run, run_json, monkeypatch):
+    """The readings of the first stage have two minima, of which the later ones choose the other.
+
+    A search that begins where the first stage led stays there.
+    """
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{k},{k / 5},{(k / 5 - 3.0) ** 2:.6f},{k / 5}" for k in range(31)]
+    Path("runs.csv").write_text("\n".join(["run,a,g @ one [mm],h @ two [mm]", *rows, ""]))
+    Path("case.yaml").write_text(TWO_MINIMA)
+    fitted, tested = (
+        run_json(command, "case.yaml")[0]["parameters"]["a"] for command in ("fit", "backtest")
+    )
+    assert fitted["value"] == pytest.approx(4.0, abs=0.01)
+    assert tested["value"] == pytest.approx(fitted["value"], rel=1e-6)
+    assert tested["upper95"] == pytest.approx(fitted["upper95"], rel=1e-6)
+
+
+TWO_MINIMA = """\
+format: geoident-case/1
+model: {kind: table, file: runs.csv}
+parameters: {a: {start: 1, bounds: [0, 6]}}
+stages: [{name: one}, {name: two}]
+gauges:
+  g: {kind: reading, accuracy: 0.1 mm}
+  h: {kind: reading, accuracy: 0.5 mm}
+readings:
+  - {gauge: g, stage: one, value: 1 mm}
+  - {gauge: h, stage: two, value: 4 mm}
+fit: {method: gauss-newton, gauss-newton: {starts: 6}}
+"""

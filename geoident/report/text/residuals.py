@@ -62,7 +62,7 @@ def compared_with(result: Result) -> Floats:
     if prediction is None:
         return computed
     mean = np.where(prediction.known, prediction.mean, np.nan)
-    return np.where(beside_prediction(result), mean, computed)
+    return np.asarray(np.where(beside_prediction(result), mean, computed), dtype=np.float64)
 
 
 def residual_in_sd(result: Result) -> Floats:

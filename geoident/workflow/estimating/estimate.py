@@ -15,7 +15,7 @@ from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.outcome import Outcome
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
@@ -119,6 +119,7 @@ def assess_fit(
     survey, readings, counts = surveyed(setup, problem, outcome, fields=fields, last=last)
     counts = counts + setup.spent
     computed, jacobian = at_used(readings)
+    outcome = as_computed(problem, outcome, computed)
     over = over_accuracies(setup, problem, outcome.values, computed, jacobian)
     assessment = assess_robustly(problem, outcome.values, computed, jacobian, over)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
@@ -148,6 +149,33 @@ def assess_fit(
     for other in others:  # each counts the search, too
         counts = counts.joined(other.counts.since(problem.response.counts + setup.spent))
     return replace(estimate, rivals=rivals, others=others, evidence=evidence, counts=counts)
+
+
+def as_computed(problem: Problem, outcome: Outcome, computed: Floats) -> Outcome:
+    """The outcome of a search with the misfit of the readings that stand in the result.
+
+    A model that gives other readings at the end than while it was searched, as ground that flows
+    may whose stages have several solutions, has not met what the search has met.
+
+    Args:
+        problem: of the search.
+        outcome: of it.
+        computed: (g,) what the model says of the used readings at the end, SI.
+    """
+    phi = Discrepancy(problem).objective_of(outcome.values, computed)
+    noticed = max(_SAME_MISFIT, _SAME_PART * outcome.objective)
+    if not np.isfinite(phi) or abs(phi - outcome.objective) <= noticed:
+        return outcome
+    reason = (
+        f"At these parameters the model gave a misfit of {outcome.objective:.3g} while they were "
+        f"searched and {phi:.3g} at the end, for which the table of readings stands: it does not "
+        "always give the same. Fit again from these values, in stages that release less at once."
+    )
+    return replace(outcome, objective=phi, status="not-converged", reason=reason, certificate=None)
+
+
+_SAME_MISFIT, _SAME_PART = 0.1, 0.01
+"""Difference of misfits that no interval notices, and as a part of the misfit: noise of a model."""
 
 
 def known_errors(

@@ -213,8 +213,8 @@ def tried(
     step = BacktestStep(
         last=last,
         readings=int(np.count_nonzero(part.readings.used)),
-        status=outcome.status,
-        reason=outcome.reason,
+        status=estimate.outcome.status,
+        reason=estimate.outcome.reason,
         values=outcome.values,
         sd=table.sd,
         lower95=table.lower95,

@@ -1,6 +1,7 @@
 """A table of runs as the model: its fits are those of the formula behind it, its bands hold."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,6 +209,22 @@ def test_draws_identifiability_and_backtest_work_on_it(coarse):
     run("backtest", case, "-q")
     run("simulate", case, "-o", case.parent / "simulated.csv")
     assert "H,open" in (case.parent / "simulated.csv").read_text()
+
+
+def test_a_search_that_met_other_readings_than_the_model_gives_has_not_converged(coarse):
+    """The misfit of a result is that of its readings, whatever the search has seen."""
+    case, kept = coarse
+    job = plan_fit(Request(str(case)))
+    with evaluation_log(job, Control()) as log:
+        setup, problem, outcome = estimated(prepare(job), job.methods, log, Control())
+        met = assess_fit(setup, problem, outcome, fields=False)
+        other = replace(outcome, objective=7.7e-28)
+        assert kept.objective > 1.0
+        contradicting = assess_fit(setup, problem, other, fields=False)
+    assert (met.outcome.status, met.outcome.objective) == ("converged", outcome.objective)
+    assert contradicting.outcome.status == "not-converged"
+    assert contradicting.outcome.objective == pytest.approx(kept.objective)
+    assert "gave a misfit of 7.7e-28 while they were searched and" in contradicting.outcome.reason
 
 
 def test_beyond_the_runs_nothing_is_said(dense):
