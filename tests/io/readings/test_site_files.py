@@ -545,3 +545,8 @@ def test_coordinates_of_a_point_are_no_motion_against_another(refused):
     (fault,) = refused(SURVEY, files={"p.csv": POINTS}, changes=[("gauges:\n", gauges)])
     assert fault.path == "gauges.T.relative_to"
     assert fault.message == "'T' is read relative to a point; coordinates are of its own point"
+
+
+def test_a_date_format_of_another_language_is_said_in_the_one_of_a_case(refused):
+    (fault,) = refused("readings: {file: r.csv, date_format: '%d.%m.%Y'}", files={"r.csv": ""})
+    assert (fault.code, fault.hint) == ("bad-date-format", "Here it is written DD.MM.YYYY.")
