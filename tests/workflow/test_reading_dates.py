@@ -4,6 +4,7 @@ import openpyxl
 import pytest
 
 from geoident import fit
+from geoident.errors import InputError
 from geoident.io.result.file import read_result
 from geoident.report.text.case import case_text
 from geoident.report.text.csv_tables import csv_tables
@@ -77,3 +78,63 @@ def test_remarks_go_with_the_readings_into_the_result(case, tmp_path):
     at = table.header.index("note")
     assert [row[at] for row in table.rows] == list(kept.gauges.readings.notes)
     assert each_reading(kept.gauges)[1].note == "after rain"
+
+
+def dated(tmp_path, pattern, rows, fitted="first, second"):
+    """The notes of a case with a file of dated readings; the stages end in March and April."""
+    path = write_case(tmp_path)
+    text = path.read_text().replace(
+        "readings: readings.csv",
+        "dates: {first: 2024-03-01, second: 2024-04-10}\n"
+        f"readings: {{file: r.csv, layout: wide, date_format: {pattern}}}",
+    )
+    path.write_text(text.replace("stages: [first]", f"stages: [{fitted}]"))
+    lines = ["date,CV (mm),S (mm),X.a (mm)", *rows]
+    (tmp_path / "r.csv").write_text("\n".join([*lines, ""]))
+    return " ".join(check(str(path)).summary.notes)
+
+
+SPRING = ("03.02.2024,-0.598,-0.1226,0.0627", "04.11.2024,-1.077,0.0376,0.282")
+"""Of 2 March and 11 April, the month first."""
+
+
+def test_days_and_months_in_each_others_place_are_seen(tmp_path):
+    notes = dated(tmp_path, "DD.MM.YYYY", SPRING)
+    assert "The dates of 'r.csv', read as DD.MM.YYYY, lie outside those of the stages" in notes
+    assert "2024-03-01 to 2024-04-10 (3 of them are" in notes
+    assert "r.csv:3:1). Read as MM.DD.YYYY they are in order and within" in notes
+    assert "check 'date_format'" not in dated(tmp_path, "MM.DD.YYYY", SPRING)
+
+
+def test_dates_that_leave_too_few_readings_are_said_in_the_refusal(tmp_path):
+    with pytest.raises(InputError, match=r"too few|cannot determine") as caught:
+        dated(tmp_path, "DD.MM.YYYY", SPRING, fitted="first")
+    assert "Read as MM.DD.YYYY they are in order" in caught.value.faults[0].hint
+
+
+def test_dates_that_go_back_are_seen(tmp_path):
+    rows = [SPRING[0], "04.01.2024,-0.9,0.01,0.2"]  # 2 March, 1 April; as days first January
+    notes = dated(tmp_path, "DD.MM.YYYY", rows)
+    assert "go back (from 2024-02-03 to 2024-01-04 in" in notes
+    assert "check 'date_format'" not in dated(tmp_path, "MM.DD.YYYY", rows)
+
+
+def test_a_late_reading_alone_says_nothing_of_the_format(tmp_path):
+    """The other way round it would lie outside, too, or is none: 25 is no month."""
+    rows = ["02.03.2024,-0.598,-0.1226,0.0627", "25.12.2024,-1.077,0.0376,0.282"]
+    assert "check 'date_format'" not in dated(tmp_path, "DD.MM.YYYY", rows)
+
+
+@pytest.mark.parametrize(("zero", "counts"), [("virgin", True), ("first", False)])
+def test_a_series_that_begins_with_0_was_perhaps_zeroed_there(tmp_path, zero, counts):
+    path = write_case(tmp_path)
+    path.write_text(path.read_text().replace("[1 m, 4 m],", f"[1 m, 4 m], zero: {zero},"))
+    readings = path.with_name("readings.csv")
+    readings.write_text(readings.read_text().replace("S,first,-0.1226", "S,first,0.00"))
+    said = (
+        "The first reading of S, at 'first', is 0, and counts as a motion of 0 since 'virgin'. If "
+        "it was zeroed then, write 'zero: first' at the gauge."
+    )
+    summary = check(str(path)).summary
+    assert (said in summary.notes) == counts
+    assert summary.used == (3 if counts else 2)

@@ -138,16 +138,16 @@ Refit = Callable[[Problem], Floats | None]
 """Parameters (n,) of least misfit, from the start of a problem; None where there are none."""
 
 
-Accuracy = Callable[[Floats, Floats], Floats]
-"""Standard deviations (g,) of what each reading has by itself, with what the model is off by, SI.
+Errors = Callable[[Floats, Floats], tuple[Floats, SharedErrors]]
+"""The errors of readings (g,), of which the model says (g,), SI, and those of the model itself.
 
-Of readings (g,) and what the model says of them (g,).
+Standard deviations (g,) of what each has by itself, and what they share.
 """
 
 
 def find_mistakes(
     problem: Problem,
-    accuracy: Accuracy,
+    errors: Errors,
     places: Sequence[Floats],
     suspects: Sequence[Suspects],
     refit: Refit,
@@ -157,8 +157,8 @@ def find_mistakes(
     Sound readings cost no evaluation of the model beside those at the first of the places.
 
     Args:
-        problem: the readings and what they share of their errors; its loss does not matter.
-        accuracy: of what each has by itself; known again once readings are corrected.
+        problem: the readings; neither its loss nor its errors matter.
+        errors: of the readings; known again once these are corrected.
         places: parameters (n,), SI, at which the model is linearised: the estimate first, then
             others for a fit that has ended far from all.
         suspects: the readings that may be wrong together.
@@ -167,8 +167,9 @@ def find_mistakes(
     problem = replace(problem, loss=SquaredOptions())
     found: dict[bytes, Mistake] = {}
     for _ in range(_MOST):
-        sd = accuracy(problem.measured, problem.response.evaluate(places[0])[0])
-        step = _Search(replace(problem, sd=sd), accuracy, tuple(suspects), refit).best(places)
+        sd, shared = errors(problem.measured, problem.response.evaluate(places[0])[0])
+        weighed = replace(problem, sd=sd, shared=shared)
+        step = _Search(weighed, errors, tuple(suspects), refit).best(places)
         if step is None:
             break
         mistake, problem = step
@@ -301,13 +302,13 @@ class _Search:
 
     Args:
         problem: with what was corrected before.
-        accuracy: of readings.
+        errors: of readings.
         suspects: what may be wrong.
         refit: finds parameters.
     """
 
     problem: Problem
-    accuracy: Accuracy
+    errors: Errors
     suspects: tuple[Suspects, ...]
     refit: Refit
 
@@ -416,8 +417,8 @@ class _Search:
         U = sp.csc_array((read[rows], rows, ends), shape=shape)
         a, b = at.curvature(U), np.asarray(U.T @ at.force)
         t = np.array(FACTORS)[:, None] - 1.0
-        as_read = np.log(self.accuracy(read, read))
-        changed = [np.log(self.accuracy(f * read, f * read) / abs(f)) for f in FACTORS]
+        as_read = np.log(self.errors(read, read)[0])
+        changed = [np.log(self.errors(f * read, f * read)[0] / abs(f)) for f in FACTORS]
         narrower = np.maximum(0.0, np.array(changed) - as_read)
         gains = -(2.0 * t * b + t**2 * a) - 2.0 * np.add.reduceat(narrower[:, rows], ends[:-1], 1)
         likeliest = np.argmax(gains, axis=0)
@@ -472,8 +473,10 @@ class _Search:
                 size = float(np.sqrt(np.mean(at.residuals(rows) ** 2)))
                 score = self._score(one, at, as_read)
                 score += 2.0 * len(rows) * float(np.log(abs(one.factor)))
-                fits = size <= _AGREES * at.scatter and score > CERTAIN
                 none, uncertainty = np.zeros(len(rows)), at.scatter / float(np.sqrt(a))
+                fits = size <= _AGREES * at.scatter and score > CERTAIN
+                if uncertainty > _UNCERTAIN and one.factor > 0.0:  # parameters could follow
+                    fits = fits and self._bounded(as_read) > self._bounded(at)
                 return _Fitted(one, score, none, at, uncertainty) if fits else None
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
             if not wanted:
@@ -485,10 +488,16 @@ class _Search:
         spread = as_read.covariance.log_determinant() - at.covariance.log_determinant()
         return (as_read.objective - at.least) / at.scatter**2 + spread - self._penalty(one)
 
+    def _bounded(self, at: _Linearized) -> int:
+        """How many parameters are at a bound."""
+        scaling = Scaling(self.problem.parameters)
+        x = scaling.to_scaled(at.values)
+        return int(np.count_nonzero((x <= scaling.lower + _AT) | (x >= scaling.upper - _AT)))
+
     def _weighed(self, at: _Linearized) -> _Linearized | None:
         """The same with the accuracies that belong to these readings."""
-        sd = self.accuracy(at.problem.measured, at.readings)
-        return self._linearized(replace(at.problem, sd=sd), at.values)
+        sd, shared = self.errors(at.problem.measured, at.readings)
+        return self._linearized(replace(at.problem, sd=sd, shared=shared), at.values)
 
     def _fitted_zero(self, one: _Hypothesis, start: Floats, as_read: _Linearized) -> _Fitted | None:
         rows, columns = one.suspects.rows, one.suspects.channels
@@ -517,6 +526,8 @@ class _Search:
         return _Fitted(one, score, offset, corrected) if score > CERTAIN else None
 
 
+_AT = 1e-3
+"""Distance from a bound in scaled parameters that is none."""
 _UNCERTAIN = 0.3
 """Uncertainty of a factor from which on the readings do not tell one of `FACTORS` from another."""
 _SELDOM = 100

@@ -19,7 +19,7 @@ from geoident.io.case.case import CaseSection
 from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.calendar import Calendar, calendar_of
 from geoident.io.case.site_files.checks import ReadingChecks
-from geoident.io.case.site_files.dates import gaps, when_read
+from geoident.io.case.site_files.dates import exchanged, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import read_readings
@@ -95,6 +95,7 @@ def read_all(
         read.readings += readings
     checks.bad()
     checks.lasting()
+    read.notes += checks.begun_with_zero(read.readings)
     read.notes += checks.drifts(read.readings)
     read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
@@ -171,6 +172,8 @@ def _of_file(
     if described.several:
         note = "the key 'several' of the readings is called 'repeated_readings' now"
         read.notes += [note] if note not in read.notes else []
+    if sound:
+        read.notes += exchanged(rows, described.date_format, calendar)
     repeated = described.repeated_readings or described.several or ("last" if dated else "")
     read.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))

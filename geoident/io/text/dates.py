@@ -92,6 +92,36 @@ def date_hint(text: str, pattern: str) -> str:
     return f"Declare how it is written: readings: {{file: ..., date_format: {forms}}}."
 
 
+_STRFTIME = {"%Y": "YYYY", "%m": "MM", "%d": "DD", "%H": "hh", "%M": "mm", "%S": "ss"}
+
+
+def from_strftime(text: str) -> str:
+    """A date format of C, Python or R as it is written here; empty where it is none.
+
+    >>> from_strftime("%d.%m.%Y %H:%M"), from_strftime("%b %y")
+    ('DD.MM.YYYY hh:mm', '')
+    """
+    written = text.strip().strip("'\"")
+    for code, token in _STRFTIME.items():
+        written = written.replace(code, token)
+    return "" if format_problem(written) else written
+
+
+def day_and_month_exchanged(seconds: float) -> float | None:
+    """A date whose day and month were mistaken for each other; None where that cannot be."""
+    date = datetime.fromtimestamp(seconds, tz=UTC)
+    return date.replace(month=date.day, day=date.month).timestamp() if date.day <= 12 else None
+
+
+def exchanged_format(pattern: str) -> str:
+    """A date format with day and month in each other's place.
+
+    >>> exchanged_format("DD.MM.YYYY")
+    'MM.DD.YYYY'
+    """
+    return pattern.replace("DD", "_").replace("MM", "DD").replace("_", "MM")
+
+
 def _is_date(text: str, pattern: str) -> bool:
     try:
         read_date(text, pattern)

@@ -16,6 +16,7 @@ from typing import TypeAlias
 import yaml
 
 from geoident.errors import Fault, InputError, Location, Term
+from geoident.io.text.dates import from_strftime
 from geoident.io.text.wording import shorten
 from geoident.model.case import KeyPath, format_path
 
@@ -35,7 +36,8 @@ _NULLS = {"", "~", "null", "Null", "NULL"}
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _KEY_AND_VALUE = re.compile(r"([ ]*)([^\s#:]+): +(\{\}|\[\]|\w+)(?:\s*|\s+#.*)")
-
+_UNQUOTED = re.compile(r"([\w-]+):\s+([%@][^,}\]#]*)")
+"""A key and its value that begins as no plain text of YAML may."""
 _HINTS = {
     "tab character": "Indent with spaces, not tabs.",
     "cannot start any token": "Indent with spaces, not tabs; quote texts that begin with @ or %.",
@@ -108,11 +110,23 @@ def _syntax_fault(error: yaml.MarkedYAMLError, file: str, text: str) -> Fault:
     if "maximum nesting depth" in problem:  # libyaml refuses it before its events show it
         return Fault("too-deep", _TOO_DEEP, location=location)
     hint = next((hint for part, hint in _HINTS.items() if part in problem), "")
+    if mark and "cannot start any token" in problem:
+        hint = _unquoted(text.splitlines()[mark.line]) or hint
     key = _filled_twice(text, mark.line) if mark else None
     if key:
         name, value = key
         hint = f"Delete '{value}' after '{name}:': what belongs to it stands in the lines below."
     return Fault("yaml-syntax", f"this is not YAML: {problem}", hint, location)
+
+
+def _unquoted(line: str) -> str:
+    """The remedy for a line with a value that begins with % or @; empty for another one."""
+    match = _UNQUOTED.search(line)
+    if match is None:
+        return ""
+    key, value = match[1], match[2].strip()
+    written = from_strftime(value)
+    return f"Write '{key}: {written}'." if written else f'Quote it: {key}: "{value}".'
 
 
 def _filled_twice(text: str, at: int) -> tuple[str, str] | None:

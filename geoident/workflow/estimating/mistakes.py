@@ -16,12 +16,14 @@ from math import isclose
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import InputError, ModelError, TimeIsUp
 from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.mistakes import Mistake, Suspects, find_mistakes
 from geoident.identify.problem.methods import descend
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.text.wording import listing
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -36,6 +38,8 @@ from geoident.workflow.running.readings import errors_of_used
 
 _MODEL = 0.1
 """Part of a reading by which any model is off, beside the accuracy of the gauge."""
+_OF_CHANNEL = 0.2
+"""The same of all readings of a channel alike."""
 _SMALL = 0.05
 """Part of the usual reading of its kind by which a model is off where it says next to nothing."""
 _STEPS = 15
@@ -97,10 +101,9 @@ def mistaken_readings(
 
     mistakes: tuple[Mistake, ...] = ()
     with suppress(TimeIsUp, ModelError), substituting(problem.response, _CLOSE):
-        shared = errors_of_used(case, readings.used).stated[1]
         mistakes = find_mistakes(
-            replace(problem, shared=shared, parameters=case.parameters),
-            partial(_accuracy, case, readings),
+            replace(problem, parameters=case.parameters),
+            partial(_errors, case, readings),
             places,
             suspects(case, readings),
             refit,
@@ -118,17 +121,27 @@ def mistaken_readings(
     )
 
 
-def _accuracy(case: Case, readings: ReadingTable, measured: Floats, computed: Floats) -> Floats:
-    """The accuracies (g,) as stated, with what any model is off by, SI.
+def _errors(
+    case: Case, readings: ReadingTable, measured: Floats, computed: Floats
+) -> tuple[Floats, SharedErrors]:
+    """The errors of the used readings as stated, with what any model is off by.
 
-    An estimated accuracy or model error has grown with the mistake that is looked for.
+    Estimated accuracies and model errors have grown with the mistake that is looked for.
     """
     both = np.minimum(np.abs(measured), np.abs(computed))
     usual = np.zeros_like(both)
     for rows in _groups(_kinds(case, readings)).values():
         usual[rows] = float(np.median(both[rows]))
-    sd, _ = errors_of_used(case, readings.used).stated
-    return np.hypot(sd, np.maximum(_MODEL * both, _SMALL * usual))
+    sd, shared = errors_of_used(case, readings.used).stated
+    sd = np.hypot(sd, np.maximum(_MODEL * both, _SMALL * usual))
+    channels = _groups([readings.channel[k] for k in np.flatnonzero(readings.used)])
+    column = np.zeros(len(both), dtype=np.int64)
+    for n, rows in enumerate(channels.values()):
+        column[rows] = n
+    size = _OF_CHANNEL * np.copysign(both, computed)
+    model = sp.csr_array((size, (np.arange(len(both)), column)), (len(both), len(channels)))
+    columns = model if shared is None else sp.csr_array(sp.hstack([shared.columns, model]))
+    return sd, SharedErrors(columns)
 
 
 # What may be wrong together ---------------------------------------------------------------------

@@ -172,6 +172,8 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
     hint = "Add readings, give priors, or make some parameters given numbers."
     if reasons := sorted({readings.reason[k] for k in readings.unused}):
         hint += f" {_not_used(len(readings.unused))}: {'; '.join(reasons)}."
+    if case.when_read and case.notes:  # why dated readings are not where they should be
+        hint += f" {' '.join(case.notes)}"
     fault = case.source.fault(
         ("readings",),
         code="too-few-readings",

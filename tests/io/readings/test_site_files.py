@@ -556,3 +556,8 @@ def test_many_decimal_commas_are_one_fault_with_the_key_that_declares_them(read,
     assert "'1,25' and 2 more numbers of the file have a comma" in fault.message
     assert 'declare it: readings: {file: ..., decimal: ","}' in fault.hint
     assert len(read(described % ', decimal: ","', files=files).readings) == 3
+
+
+def test_a_date_format_of_another_language_is_said_in_the_one_of_a_case(refused):
+    (fault,) = refused("readings: {file: r.csv, date_format: '%d.%m.%Y'}", files={"r.csv": ""})
+    assert (fault.code, fault.hint) == ("bad-date-format", "Here it is written DD.MM.YYYY.")

@@ -107,3 +107,17 @@ def test_alias_bombs_are_refused():
 
 def test_duplicate_keys_are_all_found():
     assert [fault.location.line for fault in refused("a: 1\na: 1\nb: 1\nb: 1\n")] == [2, 4]
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("a: 1\nreadings:\n  date_format: %d.%m.%Y\n", "Write 'date_format: DD.MM.YYYY'."),
+        ("readings: {date_format: %d/%m/%Y %H:%M}", "Write 'date_format: DD/MM/YYYY hh:mm'."),
+        ("title: @home\n", 'Quote it: title: "@home".'),
+        ("title: %5 sure # text\n", 'Quote it: title: "%5 sure".'),
+    ],
+)
+def test_a_text_that_begins_with_a_sign_of_yaml_has_its_remedy(text, remedy):
+    (fault,) = refused(text)
+    assert (fault.code, fault.hint) == ("yaml-syntax", remedy)

@@ -13,7 +13,7 @@ from geoident.io.text.dates import date_text
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading
+from geoident.model.gauges import Reading, named_channels
 from geoident.units import with_article
 
 
@@ -78,6 +78,28 @@ class ReadingChecks:
             message = f"'{reading.channel}' was not read at its zero, '{zero}'{since}"
             hint = "Correct the gauge's 'zero' or the dates, or leave out 'rezero'."
             self._refuse(reading, "no-zero-reading", message, hint)
+
+    def begun_with_zero(self, readings: Sequence[Reading]) -> list[str]:
+        """A sentence on channels whose first reading is 0 at a stage that is not their zero."""
+        first: dict[str, Reading] = {}
+        for reading in readings:
+            if reading.value is None or reading.bad or reading.stage not in self.order:
+                continue
+            known = first.get(reading.channel)
+            if known is None or self.order[reading.stage] < self.order[known.stage]:
+                first[reading.channel] = reading
+        later = {r.channel for r in readings if r.value}
+        begun: dict[tuple[str, str], list[str]] = {}
+        for name, reading in first.items():
+            zero = self.calendar.zeroed.get(name)
+            if reading.value == 0.0 and name in later and zero not in (None, reading.stage):
+                begun.setdefault((reading.stage, str(zero)), []).append(name)
+        return [
+            f"The first reading of {named_channels(names)}, at '{stage}', is 0, and counts as a "
+            f"motion of 0 since '{zero}'. If {'it was' if len(names) == 1 else 'they were'} zeroed "
+            f"then, write 'zero: {stage}' at the gauge."
+            for (stage, zero), names in begun.items()
+        ]
 
     def drifts(self, readings: Sequence[Reading]) -> list[str]:
         """What is to be known of gauges that drift in time at stages without a date.

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 from geoident.io.case.site_files.calendar import Calendar
-from geoident.io.text.dates import date_text
+from geoident.io.text.dates import date_text, day_and_month_exchanged, exchanged_format
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import DAY, Reading, StageReadings
 from geoident.units import DIMENSIONS, in_unit
@@ -54,6 +56,77 @@ def when_read(dated: Sequence[Reading], calendar: Calendar) -> tuple[StageReadin
         for rows in (together.get(stage, []),)
         if rows or stage != VIRGIN
     )
+
+
+def exchanged(rows: Sequence[Reading], pattern: str, calendar: Calendar) -> list[str]:
+    """A sentence on dates in which day and month seem to be in each other's place.
+
+    It is so where the dates of the channels go back, or lie outside those of the stages, as they
+    are read, and neither of it the other way round.
+
+    Args:
+        rows: of files of one layout, in their order.
+        pattern: how their dates are written.
+        calendar: stages and dates.
+    """
+    dated = [row for row in rows if row.time is not None]
+    other = [day_and_month_exchanged(_time(row)) for row in dated]
+    turned = [
+        replace(row, time=time) for row, time in zip(dated, other, strict=True) if time is not None
+    ]
+    if not dated or len(turned) < len(dated) or not calendar.dates:
+        return []
+    back, outside = _going_back(dated), _outside(dated, calendar)
+    if not (back or outside) or _going_back(turned) or _outside(turned, calendar):
+        return []
+    file = Path(dated[0].location.file).name
+    seen = []
+    if back:
+        before, after = back[0]
+        seen.append(
+            f"go back (from {date_text(_time(before))} to {date_text(_time(after))} in "
+            f"{after.when})"
+        )
+    if outside:
+        first, last = (date_text(date) for date in _span(calendar))
+        number = "one of them is" if len(outside) == 1 else f"{len(outside)} of them are"
+        seen.append(
+            f"lie outside those of the stages, {first} to {last} ({number}, the first in "
+            f"{outside[0].when})"
+        )
+    return [
+        f"The dates of '{file}', read as {pattern}, {' and '.join(seen)}. Read as "
+        f"{exchanged_format(pattern)} they are in order and within: check 'date_format', day and "
+        "month."
+    ]
+
+
+def _going_back(rows: Sequence[Reading]) -> list[tuple[Reading, Reading]]:
+    """Readings of a channel that are earlier than the one before them in the file, with that."""
+    last: dict[str, Reading] = {}
+    back = []
+    for row in rows:
+        before = last.get(row.channel)
+        if before is not None and _time(row) < _time(before):
+            back.append((before, row))
+        last[row.channel] = row
+    return back
+
+
+def _span(calendar: Calendar) -> tuple[float, float]:
+    """The first and the last date of the stages."""
+    return min(calendar.dates.values()), max(calendar.dates.values())
+
+
+def _outside(rows: Sequence[Reading], calendar: Calendar) -> list[Reading]:
+    """Readings before the first date of a stage, or after the last one and as long as it took."""
+    first, last = _span(calendar)
+    margin = max(last - first, _MONTH)
+    return [row for row in rows if not first - _MONTH <= _time(row) <= last + margin]
+
+
+_MONTH = 31 * DAY
+"""Seconds before the first stage, or after the last, in which readings are usual."""
 
 
 def gaps(

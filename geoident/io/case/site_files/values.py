@@ -10,7 +10,7 @@ from geoident.io.case.gauges.kinds import GaugeSection
 from geoident.io.readings.layout import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
 from geoident.io.schema.values import require_text
-from geoident.io.text.dates import format_problem
+from geoident.io.text.dates import format_problem, from_strftime
 from geoident.io.text.text_file import encoding_problem
 from geoident.io.text.wording import Refusal, listing, shorten
 from geoident.units import UnitError, normal_unit, size_in, units_of
@@ -21,7 +21,10 @@ def _date_format(value: object) -> str:
     problem = format_problem(text)
     if problem:
         message = f"'{shorten(text)}' is not a date format: {problem}"
-        raise Refusal("bad-date-format", message, "Write it like DD.MM.YYYY or DD/MM/YYYY hh:mm.")
+        here = from_strftime(text)
+        usual = "Write it like DD.MM.YYYY or DD/MM/YYYY hh:mm."
+        hint = f"Here it is written {here}." if here else usual
+        raise Refusal("bad-date-format", message, hint)
     return text
 
 
