@@ -17,6 +17,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, GaugeTable, ParameterTable, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings, freedom_notes
+from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import (
     bound_findings,
     linearity_findings,
@@ -87,7 +88,12 @@ def _fit(job: Job, control: Control) -> Finished:
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         estimate = with_curvature(setup, problem, assess_fit(setup, problem, outcome, fields=True))
         last = _last_stage(job, setup, problem, outcome, log, control)
-        written = _result(job, setup, estimate, last, _unit_findings(setup, estimate, log))
+        doubts = _unit_findings(setup, estimate, log)
+        together: tuple[Finding, ...] = ()
+        if outcome.status != STOPPED:
+            p, readings = outcome.values, estimate.readings
+            together = correlated_findings(setup.case, problem, p, readings)
+        written = _result(job, setup, estimate, last, doubts, together)
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
@@ -156,7 +162,12 @@ def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[Finding,
 
 
 def _result(
-    job: Job, setup: Setup, estimate: Estimate, last: LastStage, doubts: Sequence[Finding]
+    job: Job,
+    setup: Setup,
+    estimate: Estimate,
+    last: LastStage,
+    doubts: Sequence[Finding],
+    together: Sequence[Finding],
 ) -> Result:
     case, survey = setup.case, estimate.survey
     gauges = gauge_table(case, estimate.readings, survey.computed)
@@ -171,6 +182,7 @@ def _result(
     by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
     poor = why_poor(estimate.diagnostics, gross, setup.model_error_table)
     status, named = _status(estimate, poor), parameters.named
+    correlated = len(together) > 0
     few, rests = _freedom(setup, estimate, parameters)
     return Result(
         kind="fit",
@@ -192,15 +204,21 @@ def _result(
                 gauges,
                 parameters.picked(named).names,
                 gross=len(gross) > 0,
+                correlated=correlated,
             ),
+            *together,
             *(accuracy_residuals(stated) if by_accuracy else ()),
             *last.findings,
             *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
-            *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *(
+                accuracy_findings(setup.accuracies, correlated=correlated)
+                if setup.accuracies is not None
+                else ()
+            ),
             *few,
-            *model_error_findings(setup.model_error),
+            *model_error_findings(setup.model_error, correlated=correlated),
         ),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,

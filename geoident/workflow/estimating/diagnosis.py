@@ -124,7 +124,12 @@ def at_used(readings: ReadingTable) -> tuple[Floats, Floats]:
 
 
 def remarks(
-    diagnostics: Diagnostics, gauges: GaugeTable, parameters: Sequence[str], *, gross: bool = False
+    diagnostics: Diagnostics,
+    gauges: GaugeTable,
+    parameters: Sequence[str],
+    *,
+    gross: bool = False,
+    correlated: bool = False,
 ) -> tuple[Finding, ...]:
     """Readings that are far off or most influential, and the stated accuracies.
 
@@ -133,13 +138,14 @@ def remarks(
         gauges: the readings.
         parameters: names of the n parameters.
         gross: some are grossly wrong: then the others may be off because of them.
+        correlated: residuals of neighbours go together, which no scatter of gauges explains.
     """
     diagnostics = diagnostics.wide(gauges)
     return (
         *_against(gauges),
         *_most_influential(diagnostics, gauges, parameters),
         *_far_off(diagnostics, gauges),
-        *(() if gross else _scatter(diagnostics)),
+        *(() if gross else _scatter(diagnostics, correlated=correlated)),
     )
 
 
@@ -210,8 +216,18 @@ def _size(t: float) -> str:
     return f"{t:+.1f}" if abs(t) < 1000.0 else f"{t:+.2g}"
 
 
-def _scatter(diagnostics: Diagnostics) -> Iterator[Finding]:
-    if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
+def _scatter(diagnostics: Diagnostics, *, correlated: bool) -> Iterator[Finding]:
+    if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE and correlated:
+        yield Finding(
+            "misfit",
+            "",
+            f"The residuals are {_times(diagnostics.misfit)} times as large as the stated "
+            f"accuracies explain ({_by_chance(diagnostics.above)}), and go together: the model "
+            "does not describe the ground, and the intervals are too narrow. Accuracies that are "
+            "estimated would not help, a model error does.",
+            {"misfit": diagnostics.misfit, "probability": diagnostics.above},
+        )
+    elif diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
         yield Finding(
             "misfit",
             "",
