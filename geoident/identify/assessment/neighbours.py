@@ -110,4 +110,5 @@ def _correlation(residuals: Floats, pairs: Ints) -> Floats:
     one, other = residuals[pairs[:, 0]], residuals[pairs[:, 1]]
     squares = 0.5 * np.sum(one**2 + other**2, axis=0)
     products = np.sum(one * other, axis=0)
-    return np.divide(products, squares, out=np.zeros_like(products), where=squares > 0.0)
+    none = np.zeros_like(products)
+    return np.asarray(np.divide(products, squares, out=none, where=squares > 0.0))
