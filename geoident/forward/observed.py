@@ -5,7 +5,7 @@ of construction at one parameter vector, with derivatives, and what only it know
 yielding); and `why_unseen`: why a channel cannot be read at a stage. Shared by all models are:
 
     zeros               a reading is what is seen, mostly less what was seen at the zero (`zeros`)
-    instrument errors   offsets and drifts are added, with their derivatives (`instrument_errors`)
+    instrument errors   ratios are factors, offsets and drifts are added (`instrument_errors`)
     readability         which channels can be read at which stages
     admissibility       which parameters have a model at all
     `response`          chosen readings as a function of the parameters, for identifiers
@@ -249,7 +249,7 @@ class ObservedModel(ABC):
                 error.message: error.stage if isinstance(error, CollapseError) else ""
                 for error in observed.failures
             },
-            self.increments_of(observed),
+            self._read_increments(p, observed),
             **vars(observed.details),
         )
 
@@ -273,13 +273,17 @@ class ObservedModel(ABC):
         return Evaluation(
             table[:, 0],
             table[:, 1:] if derivatives else None,
-            self.increments_of(observed),
+            self._read_increments(p, observed),
             observed.details.activity,
         )
 
     def increments_of(self, observed: Observed) -> Floats:
         """What the step of each state changes in what channels see, (n_states, n_channels), SI."""
         return self.rule.increments(observed.seen[:, :, 0], self.bases)
+
+    def _read_increments(self, p: Floats, observed: Observed) -> Floats:
+        """The same as channels read it at p (n,), with their ratios."""
+        return self.increments_of(observed) * self.instrument_errors.ratios(self.values(p))
 
     def readings_of(
         self, p: Floats, observed: Observed, places: ReadingPlaces, *, derivatives: bool
@@ -290,8 +294,9 @@ class ObservedModel(ABC):
         table = self.rule.readings(seen, places.rows, places.states)
         if derivatives and observed.jacobian is not None:
             table = np.hstack([table, observed.jacobian])
-        names = self.names if derivatives else ()
-        return np.asarray(table + self.instrument_errors.added(self.values(p), names, places))
+        names, values = self.names if derivatives else (), self.values(p)
+        table = self.instrument_errors.scaled(table, values, names, places.rows)
+        return np.asarray(table + self.instrument_errors.added(values, names, places))
 
     def table(
         self, p: Floats, observed: Observed, places: ReadingPlaces, *, derivatives: bool

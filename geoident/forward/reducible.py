@@ -64,7 +64,9 @@ class ReducibleResponse(StagedResponse):
     @cached_property
     def _beyond(self) -> str | None:
         """Why its readings have no reduced model, a clause, or None if they have."""
-        return beyond_reduction(self._model.analysis, self._model.gauges, self._places.rows)
+        model, rows = self._model, self._places.rows
+        beyond = beyond_reduction(model.analysis, model.gauges, rows)
+        return beyond or model.instrument_errors.not_added(rows)
 
     def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
         """All that is known of the readings at p (n,).

@@ -94,7 +94,8 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def system_obstacle(self) -> str | None:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
-        not_linear = model.gauges.not_linear(self._places.rows)
+        rows = self._places.rows
+        not_linear = model.gauges.not_linear(rows) or model.instrument_errors.not_added(rows)
         return not_linear or export_obstacle(model.analysis, self._start_point)
 
     def system(self) -> BilinearSystem:
@@ -124,7 +125,9 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
         model = self._model
-        return model.gauges.not_linear(self._places.rows) or condensation_obstacle(model.analysis)
+        rows = self._places.rows
+        not_linear = model.gauges.not_linear(rows) or model.instrument_errors.not_added(rows)
+        return not_linear or condensation_obstacle(model.analysis)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.

@@ -146,6 +146,7 @@ class Channel:
             was taken `sd` tells it.
         zero: name of the stage at whose end the channel reads zero.
         key: path of keys in the case where the channel is written.
+        ratio: factor on what the model says of every reading; None for one.
         offset: added to every reading after the zero, SI (a zero that was itself misread, a head
             that slipped); None for none.
         drift: what a reading gains by itself in time since the zero, SI per second; None for none.
@@ -185,6 +186,7 @@ class Channel:
     accuracy: float
     zero: str
     key: tuple[str | int, ...] = ()
+    ratio: Scalar | None = None
     offset: Scalar | None = None
     drift: Scalar | None = None
     drift_per_stage: Scalar | None = None

@@ -17,6 +17,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, GaugeTable, ParameterTable, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings, freedom_notes
+from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import (
     bound_findings,
     linearity_findings,
@@ -97,7 +98,11 @@ def _fit(job: Job, control: Control) -> Finished:
         last = _last_stage(job, setup, problem, outcome, log, control)
         wrong = _mistakes(job, setup, problem, outcome)
         doubts = () if wrong else _unit_findings(setup, estimate, log)
-        written = _result(job, setup, estimate, last, wrong, doubts)
+        together: tuple[Finding, ...] = ()
+        if not wrong and outcome.status != STOPPED:  # a missed zero moves neighbours together, too
+            p, readings = outcome.values, estimate.readings
+            together = correlated_findings(setup.case, problem, p, readings)
+        written = _result(job, setup, estimate, last, wrong, doubts, together)
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
@@ -179,6 +184,7 @@ def _result(
     last: LastStage,
     wrong: MistakenReadings,
     doubts: Sequence[Finding],
+    together: Sequence[Finding],
 ) -> Result:
     case, survey = setup.case, estimate.survey
     gauges = gauge_table(case, estimate.readings, survey.computed)
@@ -199,6 +205,7 @@ def _result(
     status, named = _status(estimate, poor), parameters.named
     from_readings = (estimate.assessment.determined & ~estimate.assessment.from_prior)[named]
     judged = named[from_readings]  # of others no reading changes what is known
+    correlated = len(together) > 0
     few, rests = _freedom(setup, estimate, parameters)
     alarms = alarm_states(case, gauges, prediction)
     return Result(
@@ -216,7 +223,12 @@ def _result(
             *strength_findings(survey.members),
             *alarm_findings(alarms),
             *doubts,
-            *(() if wrong or len(gross) else misfit_findings(estimate.diagnostics)),
+            *(
+                ()
+                if wrong or len(gross)
+                else misfit_findings(estimate.diagnostics, correlated=correlated)
+            ),
+            *together,
             *(accuracy_residuals(stated) if by_accuracy else ()),
             *rival_findings(estimate.rivals, parameters),
             *with_effect_of(
@@ -234,11 +246,15 @@ def _result(
             *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
-            *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *(
+                accuracy_findings(setup.accuracies, correlated=correlated)
+                if setup.accuracies is not None
+                else ()
+            ),
             *few,
             *(
                 finding
-                for finding in model_error_findings(setup.model_error)
+                for finding in model_error_findings(setup.model_error, correlated=correlated)
                 if not (wrong and finding.kind == "model-error-doubt")  # known what it is
             ),
         ),

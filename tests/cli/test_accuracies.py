@@ -219,7 +219,7 @@ def test_a_later_reading_is_judged_by_its_own_accuracy(trench, zero, run, run_js
 def test_a_backtest_judges_readings_by_their_own_accuracy(run, run_json):
     ended = run("backtest", "case.yaml")
     assert ended.exit_code == 0, ended.stderr
-    assert "The 95 % bands hold" in ended.stderr
+    assert "3 of 3 readings of the next stage are inside their bands" in ended.stderr
     (found,) = run_json("show", "case.backtest.h5")
     score = found["backtest"]["next"]
     assert score["inside"] == 3

@@ -21,7 +21,7 @@ DAY = 86400.0
 
 
 def channel(name, *, zeroed, **errors):
-    none = {"offset": None, "drift": None, "drift_per_stage": None}
+    none = {"ratio": None, "offset": None, "drift": None, "drift_per_stage": None}
     return SimpleNamespace(name=name, is_zeroed=zeroed, **{**none, **errors})
 
 

@@ -395,3 +395,25 @@ def test_a_model_error_of_some_readings_costs_a_descent_or_two(site, plain):
     alone = site({"fit.model_error": "none", "fit.backtest": "false"}).data
     assert plain.backtest is None
     assert plain.counts.factorizations <= 4 * alone.counts.factorizations
+
+
+def test_a_time_that_is_stated_makes_the_error_of_ground_last(site):
+    """With dates: that of a reading as a whole, alike from stage to stage by the time between."""
+    dated = {
+        "dates": {"virgin": "2024-01-01", "first": "2024-01-31", "second": "2024-03-01"},
+        "fit.model_error": {"size": "15 %", "time": "30 days"},
+    }
+    found = site(dated).data
+    error = found.model_error
+    assert (error.time, error.time_unit) == (30 * 86400.0, "s")
+    used = found.gauges.readings.used
+    np.testing.assert_allclose(error.moments[used], np.log(2.0))
+    plain = site({"fit.model_error": "15 %"}).data
+    assert plain.model_error.time_unit == ""
+    assert plain.model_error.moments is None
+    v, tau = found.gauges.computed[:, 1], np.log1p([1.0, 2.0])
+    x = np.sqrt(3.0) * (tau[1] - tau[0])
+    alike = (1.0 + x) * np.exp(-x)
+    rows = np.abs(v) > 0.5 * np.abs(v).max()
+    least = 0.15 * np.abs(v[rows]) * np.sqrt(1.0 - alike**2)  # that no reading of the first tells
+    assert np.all(found.prediction.sd[rows, 1] > 0.9 * least)

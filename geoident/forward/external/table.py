@@ -129,7 +129,7 @@ class TableModel(ExternalModel):
         outside = []
         for reading in case.readings:
             channel = case.channels[rows[reading.channel]]
-            errors = channel.offset, channel.drift, channel.drift_per_stage
+            errors = channel.ratio, channel.offset, channel.drift, channel.drift_per_stage
             if reading.value is None or reading.bad or any(errors) or reading.stage not in columns:
                 continue
             at = columns[reading.stage], rows[reading.channel]

@@ -1,8 +1,8 @@
-"""What gauges add to the motion by themselves: an offset since the zero, and a drift.
+"""What gauges make of the motion by themselves: a ratio, an offset since the zero, and a drift.
 
 A reading of channel a in state j, taken at time t, with the zero in state j0 at t0, is
 
-    v = G'_a (u_j - u_j0) + offset + drift (t - t0) + drift_per_stage n        for j after j0
+    v = ratio G'_a (u_j - u_j0) + offset + drift (t - t0) + drift_per_stage n        for j after j0
 
 with n the stages from the zero to the reading: those in the history of j that are not in that of
 j0, so that load cases on the side do not count.
@@ -10,9 +10,9 @@ j0, so that load cases on the side do not count.
 A channel that reads a value instead of a change has its offset in every reading, and its drift per
 stage since the first stage.
 
-All three are linear in their parameters, so their derivatives are exact. Where the time of a
-reading is not known, it is that of the end of its stage; without a date there, it is NaN if the
-channel drifts in time.
+All derivatives are exact: what is added is linear in its parameters, the ratio is a factor. Where
+the time of a reading is not known, it is that of the end of its stage; without a date there, it is
+NaN if the channel drifts in time.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class ReadingPlaces:
 
 
 class InstrumentErrors:
-    """Offsets and drifts of the channels of a case.
+    """Ratios, offsets and drifts of the channels of a case.
 
     Args:
         case: channels, dates and readings.
@@ -94,6 +94,38 @@ class InstrumentErrors:
     def none(self) -> bool:
         """Whether no channel adds anything."""
         return not any(c.offset or c.drift or c.drift_per_stage for c in self._channels)
+
+    def scaled(self, table: Floats, values: Values, names: Sequence[str], rows: Ints) -> Floats:
+        """Readings times the ratios of their channels.
+
+        Args:
+            table: (g, 1 + n) readings with derivatives by names, or (g, 1), SI.
+            values: parameters by name, SI.
+            names: the n of them by which to differentiate.
+            rows: (g,) channels.
+        """
+        ratios = {k: c.ratio for k, c in enumerate(self._channels) if c.ratio is not None}
+        if not ratios:
+            return table
+        table = np.array(table)
+        for k, ratio in ratios.items():
+            at = np.flatnonzero(rows == k)
+            factor = ratio.columns(values, names if table.shape[1] > 1 else ())
+            slopes = table[at, :1] * factor[1:]
+            table[at] *= factor[0]
+            table[at, 1:] += slopes
+        return table
+
+    def ratios(self, values: Values) -> Floats:
+        """(n_channels,) the ratios at parameters by name, SI."""
+        return np.array(
+            [1.0 if c.ratio is None else c.ratio.columns(values, ())[0] for c in self._channels]
+        )
+
+    def not_added(self, rows: Ints) -> str | None:
+        """Why some channels (g,) are not what they see and something more, a clause, or None."""
+        names = [self._channels[k].name for k in rows.tolist() if self._channels[k].ratio]
+        return f"gauge '{names[0]}' has a ratio" if names else None
 
     def added(self, values: Values, names: Sequence[str], read: ReadingPlaces) -> Floats:
         """What is added to some readings (g), SI, and its derivatives, (g, 1 + n).

@@ -89,11 +89,7 @@ def misfit(problem: Problem, values: Floats, readings: Floats, jacobian: Floats)
         readings: (g,) v there, SI.
         jacobian: (g, n) its derivative, SI.
     """
-    scaling = Scaling(problem.parameters)
-    lower, upper = problem.bounds
-    free = (values > lower) & (values < upper)
-    J = (jacobian * scaling.dp_dx(values))[:, free]
-    rows = np.concatenate([problem.whiten(J), scaling.prior_jacobian(values)[:, free]])
+    J, rows = rows_at(problem, values, jacobian)
     gap = readings - problem.measured
     if isinstance(problem.loss, SquaredOptions):
         U, S, _ = np.linalg.svd(rows, full_matrices=False)
@@ -122,6 +118,53 @@ def judged(squares: float, mean: float, spread: float) -> Misfit:
     return Misfit(squares, mean, freedom, float(chdtrc(freedom, x)), float(chdtr(freedom, x)))
 
 
+class DrawnResiduals:
+    """Residuals that errors as assumed would leave of a right model, by repetition.
+
+    Args:
+        problem: with the errors.
+        J: (g, n) derivatives of the readings, SI, by the free parameters in x.
+        rows: (g + k, n) the same, whitened, and the priors'.
+    """
+
+    def __init__(self, problem: Problem, J: Floats, rows: Floats) -> None:
+        self._problem, self._g, self._k = problem, len(J), len(rows) - len(J)
+        U, S, Vt = np.linalg.svd(rows, full_matrices=False)
+        seen = _ZERO * S.max(initial=0.0) < S
+        self._U, self._moved = U[:, seen], J @ (Vt[seen].T / S[seen])
+
+    def draw(self, rng: np.random.Generator, size: int) -> Floats:
+        """(g, size) residuals, SI."""
+        problem = self._problem
+        errors = problem.sd[:, None] * rng.normal(size=(self._g, size))
+        if problem.shared is not None:
+            B = problem.shared.columns
+            errors = errors + B @ rng.normal(size=(B.shape[1], size))
+        white = np.concatenate([problem.whiten(errors), rng.normal(size=(self._k, size))])
+        return np.asarray(errors - self._moved @ (self._U.T @ white))
+
+
+def draws_of(readings: int) -> tuple[int, int]:
+    """How many repetitions so many readings have, and how many of them are made at once."""
+    draws = int(np.clip(_ENTRIES // max(readings, 1), _FEWEST, _DRAWS))
+    return draws, max(1, min(draws, _TOGETHER // max(readings, 1)))
+
+
+def rows_at(problem: Problem, values: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
+    """J (g, n) by the free parameters in x, SI, and the whitened rows (g + k, n) with priors.
+
+    Args:
+        problem: readings and errors.
+        values: (n,) the estimate, SI.
+        jacobian: (g, n) derivatives there, SI.
+    """
+    scaling = Scaling(problem.parameters)
+    lower, upper = problem.bounds
+    free = (values > lower) & (values < upper)
+    J = (jacobian * scaling.dp_dx(values))[:, free]
+    return J, np.concatenate([problem.whiten(J), scaling.prior_jacobian(values)[:, free]])
+
+
 def _drawn(problem: Problem, J: Floats, rows: Floats, sd: Floats, kept: int) -> Floats:
     """Squares (draws,) of the residuals that count, of readings with normal errors.
 
@@ -132,21 +175,11 @@ def _drawn(problem: Problem, J: Floats, rows: Floats, sd: Floats, kept: int) -> 
         sd: (g,) standard deviation of each reading, SI.
         kept: how many of the residuals count, from the smallest.
     """
-    rng = np.random.default_rng(0)
-    g, k = len(J), len(rows) - len(J)
-    U, S, Vt = np.linalg.svd(rows, full_matrices=False)
-    seen = _ZERO * S.max(initial=0.0) < S
-    U, moved = U[:, seen], J @ (Vt[seen].T / S[seen])
+    rng, residuals = np.random.default_rng(0), DrawnResiduals(problem, J, rows)
+    draws, size = draws_of(len(J))
     squares = []
-    draws = int(np.clip(_ENTRIES // max(g, 1), _FEWEST, _DRAWS))
-    size = max(1, min(draws, _TOGETHER // max(g, 1)))
     for _ in range(-(-draws // size)):
-        errors = problem.sd[:, None] * rng.normal(size=(g, size))
-        if problem.shared is not None:
-            B = problem.shared.columns
-            errors = errors + B @ rng.normal(size=(B.shape[1], size))
-        white = np.concatenate([problem.whiten(errors), rng.normal(size=(k, size))])
-        left = np.abs(errors - moved @ (U.T @ white)) / sd[:, None]
+        left = np.abs(residuals.draw(rng, size)) / sd[:, None]
         left.partition(max(kept - 1, 0), axis=0)
         squares.append(np.sum(left[:kept] ** 2, axis=0))
     return np.concatenate(squares)

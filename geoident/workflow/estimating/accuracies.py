@@ -312,8 +312,13 @@ def _times(size: Floats) -> str:
     return f"{low} times" if low == high else f"{low} to {high} times"
 
 
-def accuracy_findings(table: AccuracyTable) -> Iterator[Finding]:
-    """Accuracies that cannot be told apart, or are not as they were stated."""
+def accuracy_findings(table: AccuracyTable, *, correlated: bool = False) -> Iterator[Finding]:
+    """Accuracies that cannot be told apart, or are not as they were stated.
+
+    Args:
+        table: those that were estimated.
+        correlated: residuals of neighbours go together, which no accuracy explains.
+    """
     apart = [name for name, known in zip(table.names, table.determined, strict=True) if not known]
     if len(apart) > 1:
         yield Finding(
@@ -331,11 +336,20 @@ def accuracy_findings(table: AccuracyTable) -> Iterator[Finding]:
         if table.parts[k] or not table.determined[k]:
             continue
         if table.lower95[k] > WORTH_SAYING or table.upper95[k] < 1.0 / WORTH_SAYING:
+            sentence = (
+                f"The errors of gauges of the kind {name} are {factor} what their accuracy states "
+                f"{interval}; all intervals and bands are those of the estimated accuracies."
+            )
+            if correlated:
+                sentence = (
+                    f"As scatter the residuals of the kind {name} would be {factor} what their "
+                    f"accuracy states {interval}. But they go together, so it is the model that "
+                    "differs: intervals and bands by these accuracies are too narrow."
+                )
             yield Finding(
                 "accuracy",
                 name,
-                f"The errors of gauges of the kind {name} are {factor} what their accuracy states "
-                f"{interval}; all intervals and bands are those of the estimated accuracies.",
+                sentence,
                 {
                     "factor": float(table.values[k]),
                     "lower95": float(table.lower95[k]),

@@ -217,9 +217,24 @@ def _size(t: float) -> str:
     return f"{t:+.1f}" if abs(t) < 1000.0 else f"{t:+.2g}"
 
 
-def misfit_findings(diagnostics: Diagnostics) -> Iterator[Finding]:
-    """Residuals that are larger or smaller than the stated accuracies explain."""
-    if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
+def misfit_findings(diagnostics: Diagnostics, *, correlated: bool) -> Iterator[Finding]:
+    """Residuals that are larger or smaller than the stated accuracies explain.
+
+    Args:
+        diagnostics: of each reading.
+        correlated: residuals of neighbours go together, which no scatter of gauges explains.
+    """
+    if diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE and correlated:
+        yield Finding(
+            "misfit",
+            "",
+            f"The residuals are {_times(diagnostics.misfit)} times as large as the stated "
+            f"accuracies explain ({_by_chance(diagnostics.above)}), and go together: the model "
+            "does not describe the ground, and the intervals are too narrow. Accuracies that are "
+            "estimated would not help, a model error does.",
+            {"misfit": diagnostics.misfit, "probability": diagnostics.above},
+        )
+    elif diagnostics.above < SIGNIFICANCE and diagnostics.misfit > TOO_LARGE:
         yield Finding(
             "misfit",
             "",

@@ -344,13 +344,23 @@ def _accuracies(channels: Sequence[Channel], sd: Floats | None) -> str:
     return join(ranges)
 
 
-def model_error_findings(model_error: FittedModelError | None) -> Iterator[Finding]:
-    """A model error that is larger than usual, or not told from other errors."""
+def model_error_findings(
+    model_error: FittedModelError | None, *, correlated: bool = False
+) -> Iterator[Finding]:
+    """A model error that is larger than usual, or not told from other errors.
+
+    Args:
+        model_error: of a fit; None for none.
+        correlated: residuals of neighbours go together beyond it.
+    """
     if model_error is None:
         return
     if model_error.large or model_error.scatters or model_error.offset():
         numbers = {"size": model_error.size}
-        yield Finding("model-error", "", model_error.sentence(), numbers)
+        sentence = model_error.sentence()
+        if correlated and model_error.scatters:
+            sentence += " They go together, so this is no scatter of the gauges (see there)."
+        yield Finding("model-error", "", sentence, numbers)
     yield from model_error.findings
 
 

@@ -41,7 +41,8 @@ def with_surface_error(case: Case, model: ObservedModel, p: Floats, *, after: in
     """
     if not isinstance(model, TableModel):
         return case
-    root = model.error_root(p)
+    ratios = model.instrument_errors.ratios(model.values(p))
+    root = model.error_root(p) * ratios[:, None]
     stages = [stage.name for stage in case.stages]
     return replace(
         case,

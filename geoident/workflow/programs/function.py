@@ -43,7 +43,7 @@ class FunctionRuns(LoggedRuns):
         tied = {
             scalar.parameter
             for channel in case.channels
-            for scalar in (channel.offset, channel.drift, channel.drift_per_stage)
+            for scalar in (channel.ratio, channel.offset, channel.drift, channel.drift_per_stage)
             if scalar is not None
         }
         names = [parameter.name for parameter in case.parameters]

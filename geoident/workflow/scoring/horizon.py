@@ -44,7 +44,7 @@ class Clock:
 
     def ahead(self, last: int) -> Floats:
         """(n_stages,) how long after one of them each ends."""
-        return self.ends - self.ends[last]
+        return np.asarray(self.ends - self.ends[last])
 
 
 def asked_ahead(case: Case, stages: Sequence[int]) -> float:

@@ -24,7 +24,7 @@ from support.settlement_plates import (
     write_plate,
 )
 
-from geoident.api import fit, load_case
+from geoident.api import fit, load_case, predict
 from geoident.errors import InputError
 
 
@@ -144,3 +144,44 @@ def test_two_plates_are_predicted_as_the_formulas_of_dense_matrices(tmp_path):
     at = tuple(np.array(places[g:]).T)
     np.testing.assert_allclose(result.prediction.sd[at], np.sqrt(variance), rtol=0.02)
     np.testing.assert_allclose(result.prediction.mean[at], v[g:] + K @ (y - v)[:g], rtol=0.02)
+
+
+def test_predict_says_what_the_fit_said(tmp_path):
+    """From the file: the sizes, the times of the readings used, and those of later ones."""
+    fitted = predicted(tmp_path, settlement(np.random.default_rng(1)), 1)
+    again = predict(str(tmp_path / "case.fit.h5")).data
+    for name in ("mean", "sd", "lower95", "upper95"):
+        of_fit, of_predict = (getattr(one.prediction, name) for one in (fitted, again))
+        np.testing.assert_allclose(of_predict, of_fit, rtol=1e-6, atol=1e-9)
+
+
+def test_stages_without_dates_are_the_clock(tmp_path):
+    """As many stages ahead as were read: a correlation time of a third of the latter."""
+    rng = np.random.default_rng(2)
+    days = days_of(rng)
+    path = write_plate(
+        tmp_path, days, measured(rng, hyperbola(), days), fitted=12, more=", model_error: 10 %"
+    )
+    lines = ["import json", f"DAYS = {[float(day) for day in days]!r}", ""]
+    lines += [
+        "def readings(values):",
+        "    return {'P': {f'd{t:.0f}': values['s'] * t / (values['h'] + t) for t in DAYS}}",
+        "",
+    ]
+    (tmp_path / "hyper.py").write_text("\n".join(lines))
+    names = [f"d{day:.0f}" for day in days]
+    path.write_text(f"""\
+format: geoident-case/1
+model: {{kind: python, function: "hyper:readings"}}
+parameters:
+  s: {{start: 1 m, bounds: [0.05 m, 20 m], scale: log}}
+  h: {{start: 100, bounds: [1, 3000], scale: log}}
+stages: [{", ".join(f"{{name: {name}}}" for name in names)}]
+gauges: {{P: {{kind: reading, accuracy: 5 mm, zero: virgin}}}}
+readings: readings.csv
+fit: {{stages: [{", ".join(names[:12])}], backtest: false, model_error: 10 %}}
+""")
+    with trusted():
+        error = fit(load_case(str(path))).data.model_error
+    assert (error.time, error.time_unit) == (4.0, "stages")
+    np.testing.assert_allclose(error.moments[:12], np.log1p(np.arange(1, 13) / 4.0))

@@ -35,6 +35,7 @@ from geoident.io.schema.section import Alternatives, Context, Section, SectionFa
 from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
+    Multiple,
     Name,
     QuantityType,
     TextOrList,
@@ -103,6 +104,13 @@ class GaugeBase(Section):
         description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'; or the `distance` to "
         "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
         "stage readings count from its placing on.",
+    )
+    ratio: Multiple | None = Field(
+        None,
+        description="What the gauge reads, by what the model says: a bias that is alike in all its "
+        "readings. `$NAME` finds it; give it a prior. Gauges, or sections of a project that share "
+        "the parameter, have one bias.",
+        examples=["$bias", "1.05"],
     )
     offset: LikeReading | None = Field(
         None,
