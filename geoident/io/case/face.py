@@ -20,7 +20,7 @@ from geoident.io.schema.values import (
     scalar_of,
 )
 from geoident.io.text.faults import Faults
-from geoident.model.actions import Conversion, FaceProfile
+from geoident.model.actions import Conversion, FaceProfile, ProfileLaw
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.parameter import Scalar
 
@@ -60,6 +60,36 @@ class FaceBase(Section):
         "moved by that part in the mean, whatever its shape, its ground and the in-situ stress; it "
         "takes some analyses more. direct: the part s itself. In elastic ground all are the same.",
     )
+    averaged_with: OtherProfilesSection | None = Field(
+        None,
+        description="Other profiles with their weights w: s = s0 + sum of w (s - s0) with s0 that "
+        "of `profile`, which takes the rest. Weights that are parameters with a prior let "
+        "intervals contain the choice between profiles.",
+        examples=[{"panet": "$w_panet", "chern": "$w_chern"}],
+    )
+
+
+class OtherProfilesSection(Section):
+    """Weights of profiles, the usual constants of which are taken."""
+
+    vlachopoulos_diederichs: Coefficient | None = Field(
+        None, alias="vlachopoulos-diederichs", description="Of that of Vlachopoulos & Diederichs."
+    )
+    panet: Coefficient | None = Field(None, description="Of Panet's.", examples=["$w_panet"])
+    chern: Coefficient | None = Field(None, description="Of that of Chern et al.")
+
+    def averaged(self, radius: Scalar) -> tuple[tuple[FaceProfile, Scalar], ...]:
+        """The profiles that are named, each with its weight."""
+        constants: dict[ProfileLaw, tuple[Scalar, ...]] = {
+            "vlachopoulos-diederichs": (),
+            "panet": _usual(PanetSection),
+            "chern": _usual(ChernSection),
+        }
+        return tuple(
+            (FaceProfile(law, (), radius, own), weight.scalar)
+            for law, own in constants.items()
+            if (weight := getattr(self, law.replace("-", "_"))) is not None
+        )
 
 
 class VlachopoulosDiederichsSection(FaceBase):
@@ -109,6 +139,11 @@ class ChernSection(FaceBase):
     exponent: Multiple = Field(
         CaseNumber("1.7", 1.7, None, "dimensionless"), description="Exponent.", examples=[1.7]
     )
+
+
+def _usual(section: type[PanetSection | ChernSection]) -> tuple[Scalar, ...]:
+    """Constants of the paper."""
+    return tuple(section.model_fields[key].default.scalar for key in section.constants)
 
 
 FaceSection = Annotated[
@@ -200,11 +235,14 @@ def build_face(
     centre = None
     if section.centre is not None:
         centre = context.at("centre").vector(section.centre)
+    radius = radius or Scalar(1.0)  # where it is missing, that is a fault
+    others = section.averaged_with
     return section.to_model(
         FaceProfile,
         law=section.profile,
         groups=groups_released(section, stages),
-        radius=radius or Scalar(1.0),  # where it is missing, that is a fault
+        radius=radius,
+        averaged=() if others is None else others.averaged(radius),
         constants=tuple(getattr(section, key).scalar for key in section.constants),
         centre=centre,
     )

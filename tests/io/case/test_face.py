@@ -63,6 +63,14 @@ def test_a_gauge_is_zeroed_at_a_distance(project, tunnel):
         ("{profile: panet, radius: «0 m}", "", "", "out-of-range", "positive"),
         ("{profile: panet, radius: 4 m, alpha: «1.2}", "", "", "out-of-range", "less than 1"),
         ("{profile: panet, radius: 4 m, «reach: 1.2}", "", "", None, "reach"),
+        (
+            "{profile: panet, radius: 4 m, averaged_with: {«panet: 0.5, chern: 0.2}}",
+            "", "", "contradiction", "which takes the rest",
+        ),
+        (
+            "{profile: panet, radius: 4 m, «averaged_with: {}}",
+            "", "", "missing-key", "no other profile has a weight",
+        ),
         ("{profile: chern, radius: 4 m, conversion: «arch}", "", "", None, "reaction-curve"),
         ("{profile: chern, radius: 4 m, groups: [«roof]}", "", "", "unknown-group", "roof"),
         (
