@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, Field
 
-from geoident.io.schema.section import Context, Section
+from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -60,23 +60,10 @@ class FaceBase(Section):
         "moved by that part in the mean, whatever its shape, its ground and the in-situ stress; it "
         "takes some analyses more. direct: the part s itself. In elastic ground all are the same.",
     )
-    averaged_with: OtherProfilesSection | None = Field(
-        None,
-        description="Other profiles with their weights w: s = s0 + sum of w (s - s0) with s0 that "
-        "of `profile`, which takes the rest. Weights that are parameters with a prior let "
-        "intervals contain the choice between profiles.",
-        examples=[{"panet": "$w_panet", "chern": "$w_chern"}],
-    )
 
 
 class OtherProfilesSection(Section):
-    """Weights of profiles, the usual constants of which are taken."""
-
-    vlachopoulos_diederichs: Coefficient | None = Field(
-        None, alias="vlachopoulos-diederichs", description="Of that of Vlachopoulos & Diederichs."
-    )
-    panet: Coefficient | None = Field(None, description="Of Panet's.", examples=["$w_panet"])
-    chern: Coefficient | None = Field(None, description="Of that of Chern et al.")
+    """Weights of other profiles, the usual constants of which are taken."""
 
     def averaged(self, radius: Scalar) -> tuple[tuple[FaceProfile, Scalar], ...]:
         """The profiles that are named, each with its weight."""
@@ -85,11 +72,52 @@ class OtherProfilesSection(Section):
             "panet": _usual(PanetSection),
             "chern": _usual(ChernSection),
         }
+        weights = {law: getattr(self, law.replace("-", "_"), None) for law in constants}
         return tuple(
-            (FaceProfile(law, (), radius, own), weight.scalar)
-            for law, own in constants.items()
-            if (weight := getattr(self, law.replace("-", "_"))) is not None
+            (FaceProfile(law, (), radius, constants[law]), weight.scalar)
+            for law, weight in weights.items()
+            if weight is not None
         )
+
+
+_VLACHOPOULOS_DIEDERICHS = "Of that of Vlachopoulos & Diederichs."
+_PANET = "Of Panet's."
+_CHERN = "Of that of Chern et al."
+_NAME_ONE = "Give one or both a weight, a number or a parameter."
+
+
+class BesideVlachopoulosDiederichsSection(OtherProfilesSection):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    one_of = (Alternatives("panet chern?", "chern", hint=_NAME_ONE),)
+
+    panet: Coefficient | None = Field(None, description=_PANET, examples=["$w_panet"])
+    chern: Coefficient | None = Field(None, description=_CHERN, examples=["$w_chern"])
+
+
+class BesidePanetSection(OtherProfilesSection):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    one_of = (Alternatives("vlachopoulos_diederichs chern?", "chern", hint=_NAME_ONE),)
+
+    vlachopoulos_diederichs: Coefficient | None = Field(None, description=_VLACHOPOULOS_DIEDERICHS)
+    chern: Coefficient | None = Field(None, description=_CHERN)
+
+
+class BesideChernSection(OtherProfilesSection):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    one_of = (Alternatives("vlachopoulos_diederichs panet?", "panet", hint=_NAME_ONE),)
+
+    vlachopoulos_diederichs: Coefficient | None = Field(None, description=_VLACHOPOULOS_DIEDERICHS)
+    panet: Coefficient | None = Field(None, description=_PANET)
+
+
+_AVERAGED = (
+    "Other profiles with their weights w: s = s0 + sum of w (s - s0) with s0 that of `profile`, "
+    "which takes the rest. Weights that are parameters with a prior let intervals contain the "
+    "choice between profiles."
+)
 
 
 class VlachopoulosDiederichsSection(FaceBase):
@@ -99,6 +127,7 @@ class VlachopoulosDiederichsSection(FaceBase):
     """
 
     profile: Literal["vlachopoulos-diederichs"]
+    averaged_with: BesideVlachopoulosDiederichsSection | None = Field(None, description=_AVERAGED)
     plastic_radius: Size | None = Field(
         None,
         description="Plastic radius Rp around the tunnel without support, far from its face; by "
@@ -113,6 +142,7 @@ class PanetSection(FaceBase):
     constants = ("alpha", "m")
 
     profile: Literal["panet"]
+    averaged_with: BesidePanetSection | None = Field(None, description=_AVERAGED)
     alpha: Coefficient = Field(
         CaseNumber("0.25", 0.25, None, "dimensionless"),
         description="Part of its final motion that the wall has made at the face.",
@@ -131,6 +161,7 @@ class ChernSection(FaceBase):
     constants = ("reach", "exponent")
 
     profile: Literal["chern"]
+    averaged_with: BesideChernSection | None = Field(None, description=_AVERAGED)
     reach: Multiple = Field(
         CaseNumber("1.10", 1.10, None, "dimensionless"),
         description="How far the face reaches, in radii.",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from geoident.io.case.case import CaseSection
-from geoident.io.case.face import FaceSection, groups_released
+from geoident.io.case.face import FaceSection, PanetSection, groups_released
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
@@ -49,21 +49,6 @@ def check_face(case: CaseSection, circle: float | None, faults: Faults) -> None:
     for n, group in enumerate(section.groups or ()):
         if group not in case.groups:
             faults.add_unknown((*_AT, "groups", n), "group", group, case.groups)
-    others = section.averaged_with
-    if others is not None:
-        named = {
-            x.alias or key: getattr(others, key) for key, x in type(others).model_fields.items()
-        }
-        if named[section.profile] is not None:
-            message = (
-                f"'{section.profile}' is the profile itself, which takes the rest of the weights"
-            )
-            place: KeyPath = (*_AT, "averaged_with", section.profile)
-            faults.add(place, "contradiction", message, "Name the others only.", key=True)
-        elif not any(named.values()):
-            message = "no other profile has a weight"
-            hint = "Write 'averaged_with: {panet: $w_panet, chern: $w_chern}', or remove the key."
-            faults.add((*_AT, "averaged_with"), "missing-key", message, hint, key=True)
     _check_numbers(section, case.parameters, faults)
     _check_distances(section, case, distances, faults)
 
@@ -122,9 +107,8 @@ def _check_distances(
         assert given is not None
         path: KeyPath = ("stages", n, "distance")
         least, _ = _range(given, case.parameters) or (0.0, 0.0)
-        others = section.averaged_with
-        by_panet = section.profile == "panet" or (others is not None and others.panet is not None)
-        if by_panet and least < 0.0:
+        by_panet = getattr(section.averaged_with, "panet", None) is not None
+        if (by_panet or isinstance(section, PanetSection)) and least < 0.0:
             message = f"'{given.text}' is ahead of the face, where Panet's profile ends"
             hint = "Take 'profile: vlachopoulos-diederichs' or 'chern', which cover this range."
             faults.add(path, "out-of-range", message, hint)

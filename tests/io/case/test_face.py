@@ -65,11 +65,15 @@ def test_a_gauge_is_zeroed_at_a_distance(project, tunnel):
         ("{profile: panet, radius: 4 m, «reach: 1.2}", "", "", None, "reach"),
         (
             "{profile: panet, radius: 4 m, averaged_with: {«panet: 0.5, chern: 0.2}}",
-            "", "", "contradiction", "which takes the rest",
+            "", "", None, "panet",
         ),
         (
-            "{profile: panet, radius: 4 m, «averaged_with: {}}",
-            "", "", "missing-key", "no other profile has a weight",
+            "{profile: panet, radius: 4 m, averaged_with: «{}}",
+            "", "", "wrong-pair", "expected vlachopoulos_diederichs (with chern), or chern",
+        ),
+        (
+            "{profile: chern, radius: 4 m, averaged_with: {panet: 0.3}}",
+            "distance: 2.5 m", "distance: «-1 m", "out-of-range", "ahead of the face",
         ),
         ("{profile: chern, radius: 4 m, conversion: «arch}", "", "", None, "reaction-curve"),
         ("{profile: chern, radius: 4 m, groups: [«roof]}", "", "", "unknown-group", "roof"),
