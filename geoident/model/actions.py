@@ -174,7 +174,7 @@ class FaceProfile:
         constants: of Panet's profile alpha and m; of Chern's the reach (in radii) and the exponent;
             of that of Vlachopoulos and Diederichs none.
         plastic_radius: R_p around the tunnel far from its face, without support, m; None: by the
-            closed form of the opening. Only for Vlachopoulos and Diederichs.
+            closed form of the opening. Only where that of Vlachopoulos and Diederichs counts.
         centre: (2,) where the in-situ stress is taken, m; None: the middle of the groups.
         conversion: None: by the reaction curve where the ground at the wall yields; in elastic
             ground all are one.
@@ -187,6 +187,12 @@ class FaceProfile:
     plastic_radius: Scalar | None = None
     centre: tuple[float, ...] | None = None
     conversion: Conversion | None = None
+    averaged: tuple[tuple[FaceProfile, Scalar], ...] = ()
+
+    @property
+    def laws(self) -> tuple[ProfileLaw, ...]:
+        """Names of the profiles that count."""
+        return (self.law, *(profile.law for profile, _ in self.averaged))
 
 
 @dataclass(frozen=True)

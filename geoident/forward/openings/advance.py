@@ -14,6 +14,10 @@ gives the part s of its final motion that the wall has made, u(x) = s u_max:
 - J. C. Chern, F. Y. Shiao & C. W. Yu, An empirical safety criterion for tunnel construction, 1998:
   s = (1 + exp(-(x / R) / 1.10))^-1.7.
 
+A case may average one with others, s = s_0 + sum w_k (s_k - s_0). Weights that are parameters with
+a prior let intervals contain the choice between the profiles. They may be less than 0 and more than
+1, so that no bound cuts their distribution; s stays from 0 to 1.
+
 In elastic ground the wall moves in proportion to the stress that is released: lambda = s. Where the
 ground at the wall yields, lambda is found on its reaction curve (`closed_forms`) so that the wall
 without support has made that part of its motion, u(lambda) = s u(1): ground that yields moves most
@@ -182,6 +186,18 @@ class FaceAtPoint:
         assert profile is not None
         metres = distance if isinstance(distance, Dual) else self.point.number(distance)
         away = metres / self.point.number(profile.radius)
+        own = self._share_by(profile, away)
+        share = own
+        for one, weight in profile.averaged:
+            share = share + self.point.number(weight) * (self._share_by(one, away) - own)
+        return (
+            share
+            if 0.0 <= share.value <= 1.0
+            else self.point.constant(np.clip(share.value, 0.0, 1.0))
+        )
+
+    def _share_by(self, profile: FaceProfile, away: Dual) -> Dual:
+        """The part of its final motion by one profile at x / R."""
         if profile.law == "vlachopoulos-diederichs":
             return vlachopoulos_diederichs(away, self.plastic_ratio)
         first, second = (self.point.number(constant) for constant in profile.constants)

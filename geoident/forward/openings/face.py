@@ -167,7 +167,7 @@ def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> Face
         states = face_states(face, on_mesh, values)
         radius, at = profile.radius.value(values), face.at(ParameterPoint(values, ()))
         far = max((s.distance for s in states), default=0.0)
-        near = min(0.0 if profile.law == "panet" else -2.0 * radius, *(s.distance for s in states))
+        near = min(0.0 if "panet" in profile.laws else -2.0 * radius, *(s.distance for s in states))
         ahead = np.linspace(near, 0.0, _AHEAD)[:-1] if near < 0.0 else np.empty(0)
         behind = far * np.linspace(0.0, 1.0, _BEHIND) ** 2  # closer where it bends
         way = np.concatenate([ahead, behind])
@@ -176,7 +176,7 @@ def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> Face
         return None
     zeros = {case.stage_names[case.zero_of(c)] for c in case.channels if c.is_zeroed}
     return FaceAdvance(
-        law=profile.law,
+        law=" averaged with ".join(filter(None, (profile.law, ", ".join(profile.laws[1:])))),
         radius=radius,
         distance=way,
         share=np.array(share),
@@ -207,8 +207,8 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
         f"{100.0 * s.released:.3g} % of the stress"
         for s in states
     ]
-    law = _NAMES[on_mesh.case.face.law]
-    if on_mesh.case.face.law == "vlachopoulos-diederichs":
+    law = _named(on_mesh.case.face, values)
+    if "vlachopoulos-diederichs" in on_mesh.case.face.laws:
         ratio = float(face.at(ParameterPoint(values, ())).plastic_ratio.value)
         law += f", plastic radius {ratio:.3g} times that of the tunnel"
     return (f"released by the distance to the face ({law}): {'; '.join(parts)}",)
@@ -224,7 +224,7 @@ def conversion_note(face: AdvancingFace, on_mesh: CaseOnMesh) -> tuple[str, ...]
     profile = on_mesh.case.face
     if profile is None:
         return ()
-    text = f"distances to the face release stress by {_NAMES[profile.law]}; "
+    text = f"distances to the face release stress by {_named(profile, on_mesh.case.start)}; "
     if face.by_reaction:
         text += "the part of the final motion becomes a part of the stress on the reaction curve "
         text += "of a circular opening without support, in the mean in-situ stress"
@@ -234,7 +234,26 @@ def conversion_note(face: AdvancingFace, on_mesh: CaseOnMesh) -> tuple[str, ...]
         text += "the mesh, without support, is the part of its final motion"
     else:
         text += "the part of the stress is that of the final motion (exact in elastic ground)"
+    if profile.averaged and not any(weight.parameter for _, weight in profile.averaged):
+        return (text, _FIXED_WEIGHTS)
     return (text,)
+
+
+_FIXED_WEIGHTS = (
+    "the weights of the averaged profiles are numbers, so that intervals take the profile as "
+    "known. To let them contain the choice, make each weight a parameter: '{start: 0.333, bounds: "
+    "[-0.6, 1.6], prior: {mean: 0.333, sd: 0.47}}'"
+)
+
+
+def _named(profile: FaceProfile, values: Values) -> str:
+    """The profile in words; of an average with the parts of all."""
+    if not profile.averaged:
+        return _NAMES[profile.law]
+    weights = {one.law: weight.value(values) for one, weight in profile.averaged}
+    weights = {profile.law: 1.0 - sum(weights.values()), **weights}
+    *parts, last = (f"{_NAMES[law]} ({100.0 * weight:.0f} %)" for law, weight in weights.items())
+    return f"an average of {', '.join(parts)} and {last}"
 
 
 def _unlike_circle(on_mesh: CaseOnMesh, profile: FaceProfile) -> str:
@@ -278,7 +297,7 @@ def _needs_curve(on_mesh: CaseOnMesh, profile: FaceProfile, materials: Collectio
         profile: of the face.
         materials: names of those at the wall.
     """
-    radius = profile.law == "vlachopoulos-diederichs" and profile.plastic_radius is None
+    radius = "vlachopoulos-diederichs" in profile.laws and profile.plastic_radius is None
     asks = radius or profile.conversion in _BY_CIRCLE
     return asks and any(on_mesh.case.materials[name].yields for name in materials)
 

@@ -31,8 +31,9 @@ def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members
         structure: the structure.
         present: (n_elements,) what is there as long as it stands.
     """
-    if not isinstance(structure, Beam):
+    if isinstance(structure, Bars):
         return _bars(on_mesh, structure, present)
+    assert isinstance(structure, Beam)
     mesh = on_mesh.mesh
     edges = straight_pieces(mesh, structure.group)
     # Where ground is on one side only it is on the left of pieces: bending moments are positive

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, Field
 
-from geoident.io.schema.section import Context, Section
+from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -20,7 +20,7 @@ from geoident.io.schema.values import (
     scalar_of,
 )
 from geoident.io.text.faults import Faults
-from geoident.model.actions import Conversion, FaceProfile
+from geoident.model.actions import Conversion, FaceProfile, ProfileLaw
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.parameter import Scalar
 
@@ -62,6 +62,64 @@ class FaceBase(Section):
     )
 
 
+class OtherProfilesSection(Section):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    def averaged(self, radius: Scalar) -> tuple[tuple[FaceProfile, Scalar], ...]:
+        """The profiles that are named, each with its weight."""
+        constants: dict[ProfileLaw, tuple[Scalar, ...]] = {
+            "vlachopoulos-diederichs": (),
+            "panet": _usual(PanetSection),
+            "chern": _usual(ChernSection),
+        }
+        weights = {law: getattr(self, law.replace("-", "_"), None) for law in constants}
+        return tuple(
+            (FaceProfile(law, (), radius, constants[law]), weight.scalar)
+            for law, weight in weights.items()
+            if weight is not None
+        )
+
+
+_VLACHOPOULOS_DIEDERICHS = "Of that of Vlachopoulos & Diederichs."
+_PANET = "Of Panet's."
+_CHERN = "Of that of Chern et al."
+_NAME_ONE = "Give one or both a weight, a number or a parameter."
+
+
+class BesideVlachopoulosDiederichsSection(OtherProfilesSection):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    one_of = (Alternatives("panet chern?", "chern", hint=_NAME_ONE),)
+
+    panet: Coefficient | None = Field(None, description=_PANET, examples=["$w_panet"])
+    chern: Coefficient | None = Field(None, description=_CHERN, examples=["$w_chern"])
+
+
+class BesidePanetSection(OtherProfilesSection):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    one_of = (Alternatives("vlachopoulos_diederichs chern?", "chern", hint=_NAME_ONE),)
+
+    vlachopoulos_diederichs: Coefficient | None = Field(None, description=_VLACHOPOULOS_DIEDERICHS)
+    chern: Coefficient | None = Field(None, description=_CHERN)
+
+
+class BesideChernSection(OtherProfilesSection):
+    """Weights of other profiles, the usual constants of which are taken."""
+
+    one_of = (Alternatives("vlachopoulos_diederichs panet?", "panet", hint=_NAME_ONE),)
+
+    vlachopoulos_diederichs: Coefficient | None = Field(None, description=_VLACHOPOULOS_DIEDERICHS)
+    panet: Coefficient | None = Field(None, description=_PANET)
+
+
+_AVERAGED = (
+    "Other profiles with their weights w: s = s0 + sum of w (s - s0) with s0 that of `profile`, "
+    "which takes the rest. Weights that are parameters with a prior let intervals contain the "
+    "choice between profiles."
+)
+
+
 class VlachopoulosDiederichsSection(FaceBase):
     """Vlachopoulos & Diederichs (2009): s = 1 - (1 - s0) exp(-3 x / (2 Rp)) behind the face.
 
@@ -69,6 +127,7 @@ class VlachopoulosDiederichsSection(FaceBase):
     """
 
     profile: Literal["vlachopoulos-diederichs"]
+    averaged_with: BesideVlachopoulosDiederichsSection | None = Field(None, description=_AVERAGED)
     plastic_radius: Size | None = Field(
         None,
         description="Plastic radius Rp around the tunnel without support, far from its face; by "
@@ -83,6 +142,7 @@ class PanetSection(FaceBase):
     constants = ("alpha", "m")
 
     profile: Literal["panet"]
+    averaged_with: BesidePanetSection | None = Field(None, description=_AVERAGED)
     alpha: Coefficient = Field(
         CaseNumber("0.25", 0.25, None, "dimensionless"),
         description="Part of its final motion that the wall has made at the face.",
@@ -101,6 +161,7 @@ class ChernSection(FaceBase):
     constants = ("reach", "exponent")
 
     profile: Literal["chern"]
+    averaged_with: BesideChernSection | None = Field(None, description=_AVERAGED)
     reach: Multiple = Field(
         CaseNumber("1.10", 1.10, None, "dimensionless"),
         description="How far the face reaches, in radii.",
@@ -109,6 +170,11 @@ class ChernSection(FaceBase):
     exponent: Multiple = Field(
         CaseNumber("1.7", 1.7, None, "dimensionless"), description="Exponent.", examples=[1.7]
     )
+
+
+def _usual(section: type[PanetSection | ChernSection]) -> tuple[Scalar, ...]:
+    """Constants of the paper."""
+    return tuple(section.model_fields[key].default.scalar for key in section.constants)
 
 
 FaceSection = Annotated[
@@ -200,11 +266,14 @@ def build_face(
     centre = None
     if section.centre is not None:
         centre = context.at("centre").vector(section.centre)
+    radius = radius or Scalar(1.0)  # where it is missing, that is a fault
+    others = section.averaged_with
     return section.to_model(
         FaceProfile,
         law=section.profile,
         groups=groups_released(section, stages),
-        radius=radius or Scalar(1.0),  # where it is missing, that is a fault
+        radius=radius,
+        averaged=() if others is None else others.averaged(radius),
         constants=tuple(getattr(section, key).scalar for key in section.constants),
         centre=centre,
     )

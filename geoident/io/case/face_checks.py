@@ -107,7 +107,8 @@ def _check_distances(
         assert given is not None
         path: KeyPath = ("stages", n, "distance")
         least, _ = _range(given, case.parameters) or (0.0, 0.0)
-        if isinstance(section, PanetSection) and least < 0.0:
+        by_panet = getattr(section.averaged_with, "panet", None) is not None
+        if (by_panet or isinstance(section, PanetSection)) and least < 0.0:
             message = f"'{given.text}' is ahead of the face, where Panet's profile ends"
             hint = "Take 'profile: vlachopoulos-diederichs' or 'chern', which cover this range."
             faults.add(path, "out-of-range", message, hint)

@@ -43,7 +43,7 @@ def draw_structures(axes: Any, case: Case, mesh: Mesh, *, names: bool = True) ->
             axes.plot(*line.T, color=INK, zorder=5.5, solid_capstyle="butt", **style)
         if isinstance(structure, Bars):
             meanings |= _draw_ends(axes, structure)
-        else:
+        elif isinstance(structure, Beam):
             meanings |= _draw_hinges(axes, mesh, structure)
         if names:
             middles = [line.mean(axis=0) for line in lines]
@@ -55,6 +55,7 @@ def structure_lines(structure: Structure, mesh: Mesh) -> list[Floats]:
     """Lines (2, dim) of a structure, m."""
     if isinstance(structure, Beam):
         return list(mesh.points[straight_pieces(mesh, structure.group)])
+    assert isinstance(structure, Bars)
     return [np.array(pair, dtype=np.float64) for pair in structure.ends]
 
 

@@ -63,6 +63,18 @@ def test_a_gauge_is_zeroed_at_a_distance(project, tunnel):
         ("{profile: panet, radius: «0 m}", "", "", "out-of-range", "positive"),
         ("{profile: panet, radius: 4 m, alpha: «1.2}", "", "", "out-of-range", "less than 1"),
         ("{profile: panet, radius: 4 m, «reach: 1.2}", "", "", None, "reach"),
+        (
+            "{profile: panet, radius: 4 m, averaged_with: {«panet: 0.5, chern: 0.2}}",
+            "", "", None, "panet",
+        ),
+        (
+            "{profile: panet, radius: 4 m, averaged_with: «{}}",
+            "", "", "wrong-pair", "expected vlachopoulos_diederichs (with chern), or chern",
+        ),
+        (
+            "{profile: chern, radius: 4 m, averaged_with: {panet: 0.3}}",
+            "distance: 2.5 m", "distance: «-1 m", "out-of-range", "ahead of the face",
+        ),
         ("{profile: chern, radius: 4 m, conversion: «arch}", "", "", None, "reaction-curve"),
         ("{profile: chern, radius: 4 m, groups: [«roof]}", "", "", "unknown-group", "roof"),
         (
