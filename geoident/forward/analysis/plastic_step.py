@@ -302,12 +302,15 @@ class PlasticSteps:
             failure = carried.failure
         if carried is not None and not (explained and carried.fraction < 1.0):
             carried = None
-        band = None
-        if self.explain and diffuse is not None:
-            band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
+        band, residual = None, np.nan
+        if diffuse is not None:
+            residual = diffuse.residual
+            if self.explain:
+                band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
         raise collapse_error(
-            self.systems.on_mesh, task, failure, associated=associated, carried=carried, band=band
-        ) from failure
+            self.systems.on_mesh, task, failure,
+            associated=associated, carried=carried, residual=residual, band=band,
+        ) from failure  # fmt: skip
 
     def _near_the_end(self, equations: StageEquations, failure: NoEquilibrium) -> Balance | None:
         """What the path of viscous grounds ends with where flow is not associated.

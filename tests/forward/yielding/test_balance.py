@@ -64,7 +64,8 @@ def test_what_overstress_carries_is_true_and_said(name):
     assert note.startswith(
         f"stage 'open' has not converged: residual {100 * part:.2g} % of its change of load, "
         "carried by stress beyond the yield surface, and motions "
-        f"{'may be off by' if bands.balanced else 'are too small by more than'} {100 * bands.short:.2g} % of the largest. It may mean that shear goes into bands"
+        f"{'may be off by' if bands.balanced else 'are too small by more than'} "
+        f"{100 * bands.short:.2g} % of the largest. It may mean that shear goes into bands"
     )
     band = f", and {bands.band}" if bands.band else ""
     assert note.endswith(
