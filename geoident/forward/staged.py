@@ -388,7 +388,7 @@ class StagedKernel(ObservedModel):
         return (
             *face_note(self.face, self.on_mesh, values),
             *equal_notes(equal, self.case.stage_names),
-            *(() if findings.plastic is None else unbalanced_notes(findings.plastic)),
+            *(() if findings.plastic is None else residual_notes(findings.plastic)),
             *imbalance_notes(findings.imbalance),
             *self.contradiction_notes(values),
         )
@@ -433,27 +433,18 @@ def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
     return next((motion for motion in motions if isinstance(motion, Mechanism)), None)
 
 
-def unbalanced_notes(findings: PlasticFindings) -> Iterator[str]:
-    """What an analysis left unbalanced, or beyond the yield surface."""
-    why = (
-        "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
-        "tensor has no positive determinant at {:.0f} % of the strain points that yield{}. A "
-        "larger dilation (or associated flow) has an exact solution"
-    )
-
-    def reason(stage: str) -> str:
-        bands = findings.localising[stage]
-        return why.format(100 * bands.part, f", and {bands.band}" if bands.band else "")
-
-    for stage, part in findings.unbalanced.items():
-        yield (
-            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: "
-            + reason(stage)
-        )
+def residual_notes(findings: PlasticFindings) -> Iterator[str]:
+    """At which stages Newton's method did not converge, what is left, and what it may mean."""
     for stage, part in findings.overstressed.items():
-        short = 100 * findings.localising[stage].short
+        bands = findings.localising[stage]
+        off = "may be off by" if bands.balanced else "are too small by more than"
+        unstable = f", and {bands.band}" if bands.band else ""
         yield (
-            f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
-            f"yield surface, where the diffuse flow ends (motions are short by {short:.1g} % of "
-            "the largest, as its path promises): " + reason(stage)
+            f"stage '{stage}' has not converged: residual {100 * part:.2g} % of its change of "
+            f"load, carried by stress beyond the yield surface, and motions {off} "
+            f"{100 * bands.short:.2g} % of the largest. It may mean that shear goes into bands as "
+            "wide as the elements, as with a dilation far below the friction: the acoustic tensor "
+            f"has no positive determinant at {100 * bands.part:.0f} % of the strain points that "
+            f"yield{unstable}. Or the stage is near its limit load. A larger dilation (or "
+            "associated flow) has an exact solution"
         )

@@ -166,8 +166,8 @@ def test_arrows_stand_where_the_ground_moves_and_colours_where_it_shears(dim):
     found = plate(dim)
     figure = mechanism_figure(found, ("x", "y", "z"))
     axes = figure.axes[0]
-    assert "Collapse at stage push" in axes.get_title()
-    assert "50 % of its load is carried" in axes.get_title()
+    assert "Mechanism at stage push" in axes.get_title()
+    assert "50 % of its load in equilibrium" in axes.get_title()
     (arrows,) = (c for c in axes.collections if hasattr(c, "U"))
     across, up = arrows.U, arrows.V
     assert len(across) > 10
@@ -207,7 +207,7 @@ def centre_heights(found: Mechanism) -> np.ndarray:
 
 def test_the_picture_says_what_it_shows():
     picture = mechanism_picture(plate(2), ("x", "y"))
-    assert picture.title == "Mechanism of collapse at stage push"
+    assert picture.title == "Mechanism at stage push"
     assert "50 % of the change of load" in picture.caption
 
 

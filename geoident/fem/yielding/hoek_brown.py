@@ -35,7 +35,7 @@ numbers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sin
 
@@ -142,7 +142,7 @@ class HoekBrownLaw(YieldLaw):
 
     def __init__(self, elasticity: Dual, constants: HoekBrownConstants) -> None:
         check_isotropic(elasticity.value)
-        self.planes = constants
+        self.planes, self._elasticity = constants, elasticity
         self.moduli = elasticity[0, 1], elasticity[0, 0] - elasticity[0, 1]
         """lambda and 2 G with derivatives, Pa."""
         self.lame, self.twice_shear = (float(modulus.value) for modulus in self.moduli)
@@ -155,6 +155,10 @@ class HoekBrownLaw(YieldLaw):
         self.y_cut = 0.0 if constants.ends_at_tip else float(self.y_of(np.array(self.cut)))
         self.exponent = min(self.a, 1.0 - self.a)
         """k of the unknown w = y^k."""
+
+    def with_associated_flow(self) -> HoekBrownLaw:
+        """The law with plastic strains along the normals."""
+        return HoekBrownLaw(self._elasticity, replace(self.planes, dilation=None))
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> HoekBrownReturn:
         """Return trial stresses (s, m) to the surface; nothing hardens."""

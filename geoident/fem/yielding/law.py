@@ -58,6 +58,10 @@ class YieldLaw(ABC):
         """The law at some of its points, (k,) by place: the same, where all points are alike."""
         return self
 
+    def with_associated_flow(self) -> YieldLaw:
+        """The law with plastic strains along the normals: itself, where they are."""
+        return self
+
     @abstractmethod
     def project(self, trial: Floats, hardened: Floats | None = None) -> ReturnStep:
         """Return trial stresses (s, m) to the yield surface.

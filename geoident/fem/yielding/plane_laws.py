@@ -7,6 +7,7 @@ stresses they are planes.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -106,10 +107,15 @@ class PrincipalLaw(YieldLaw):
         if planes.hardening is not None:
             raise ValueError("planes in principal stresses do not harden")
         self.planes, self.associated = planes, planes.associated
+        self._elasticity = elasticity
         system = ScaledPlanes.of_sorted(elasticity[:3, :3], planes)
         self._search = (DualSearch if self.associated else CombinationSearch)(system)
         if (contradicting := empty_principal_domain(planes)) is not None:
             raise EmptyDomain(contradicting)
+
+    def with_associated_flow(self) -> PrincipalLaw:
+        """The law with plastic strains along the normals."""
+        return PrincipalLaw(self._elasticity, replace(self.planes, flow=None))
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""

@@ -11,7 +11,7 @@ There is no hardening: its modulus would have to vary along.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,10 @@ class ScaledLaw(YieldLaw):
         """The law at some of its points, (k,) by place."""
         factors = self.strength[points], self.shift[points], self.stiffness[points]
         return ScaledLaw(self.law.at(points), *factors)
+
+    def with_associated_flow(self) -> ScaledLaw:
+        """The law with plastic strains along the normals."""
+        return replace(self, law=self.law.with_associated_flow())
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> ScaledReturn:
         """Return trial stresses (s, m) to the yield surface."""

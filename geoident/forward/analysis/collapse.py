@@ -97,6 +97,20 @@ def carried_part(
     return _halved(equations, failure)
 
 
+def collapses(equations: StageEquations, most_steps: int) -> bool:
+    """Whether associated ground is proven to collapse.
+
+    Args:
+        equations: of the stage, with associated flow.
+        most_steps: Newton steps after which an arc counts as lost.
+    """
+    try:
+        solve(equations, [np.zeros_like(equations.forces)])
+    except NoEquilibrium as failure:
+        return failure.proven or carried_part(equations, failure, most_steps).failure.proven
+    return False
+
+
 def _end_of_arc(
     equations: StageEquations, failure: NoEquilibrium, budget: StepBudget
 ) -> CarriedPart:

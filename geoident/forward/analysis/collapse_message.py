@@ -27,6 +27,7 @@ def collapse_error(
     *,
     associated: bool,
     carried: CarriedPart | None = None,
+    residual: float = np.nan,
     band: ShearBand | None = None,
 ) -> CollapseError:
     """The error of a stage without equilibrium.
@@ -37,6 +38,8 @@ def collapse_error(
         failure: how it fails.
         associated: whether all flow is associated.
         carried: the part of the change of load that is carried, where that is known.
+        residual: part of the change of load that stress beyond the yield surface carried where the
+            search ended with flow that is not associated; NaN where not known.
         band: the mode that has lost its stability where diffuse flow ended, or None.
     """
     mechanism = failure.mechanism
@@ -45,23 +48,23 @@ def collapse_error(
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
     elif associated:
-        msg = f"at stage '{task.state.name}' no equilibrium was found in {MOST_STEPS} Newton steps"
+        msg = f"at stage '{task.state.name}' not converged: no equilibrium was found in "
+        msg += f"{MOST_STEPS} Newton steps"
         hint = "Divide the change of load among several stages, or raise the strengths: the ground "
         hint += "is near its limit, or beyond it."
-    elif band is not None:
-        mechanism = band.mode
-        msg = f"at stage '{task.state.name}' no equilibrium was found: diffuse flow ends where the "
-        msg += f"ground still keeps {100 * band.viscosity:.2g} % of its overstress, and a band "
-        msg += f"has lost its stability, with half of its strain in {band.points} of the "
-        msg += f"{band.yielding} strain points that yield"
-        hint = "With a dilation so far below the friction, shear goes into bands as wide as the "
-        hint += "elements. See whether support that acts in this stage, a larger dilation, or "
-        hint += "larger elements where it shears carry it: then it does not lack strength."
     else:
-        msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
-        msg += "far below the friction shears in bands on this mesh, or the ground collapses"
-        hint = "See whether a larger dilation, or associated flow, or larger elements "
-        hint += "where it shears carry the stage: then the ground does not lack strength."
+        msg = f"at stage '{task.state.name}' not converged: no equilibrium was found"
+        if np.isfinite(residual):
+            msg += f", residual {100 * residual:.2g} % of the change of load, carried by stress "
+            msg += "beyond the yield surface"
+        if band is not None:
+            mechanism = band.mode
+            msg += ", and a band has lost its stability, with half of its strain in "
+            msg += f"{band.points} of the {band.yielding} strain points that yield"
+        hint = "It may mean that the stage is beyond its limit load, or that shear goes into bands "
+        hint += "as wide as the elements, as with a dilation far below the friction. See whether "
+        hint += "support that acts in this stage, a larger dilation, or larger elements where it "
+        hint += "shears carry it; if not, the ground lacks strength."
 
     fraction, reached = np.nan, None
     if carried is not None:

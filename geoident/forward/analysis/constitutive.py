@@ -7,7 +7,7 @@ of planes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,10 @@ class MaterialPoints:
     def hardens(self) -> bool:
         """Whether multipliers of earlier stages count."""
         return self.law is not None and self.law.hardens
+
+    def with_associated_flow(self) -> MaterialPoints:
+        """The same with plastic strains that follow the normals."""
+        return self if self.law is None else replace(self, law=self.law.with_associated_flow())
 
     def excess(self, stress: Floats) -> Floats:
         """The yield functions (y, m) of its law at stresses (s, m), Pa."""

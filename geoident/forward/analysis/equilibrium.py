@@ -33,11 +33,11 @@ Cost: one factorization for every step, one for the derivatives if the last was 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
+from geoident.forward.analysis.balanced_overstress import unbalanced
 from geoident.forward.analysis.stage_equations import (
     Balance,
     Iterate,
@@ -77,18 +77,11 @@ flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 
 _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; most stages have converged by then."""
 
-SEARCH = 240
-"""Newton steps that a search with non-associated flow may take: the hardest known that ends well
-takes a fifth of them."""
-
-_UNBALANCED = 0.01
-"""Part of the change of load that may stay unbalanced where flow is not associated."""
+SEARCH = 120
+"""Newton steps along the path of viscous grounds: the hardest known that ends well takes 105."""
 
 _HARDLY_VISCOUS = 3e-4
 """Part of the overstress that may stay where only diffuse flow counts (`strict`)."""
-
-_LITTLE_VISCOUS = 3e-3
-"""The same otherwise. The user reads by how much displacements are short (`Balance.short`)."""
 
 FAR_OUT = 1e6
 """Steps along a mechanism after which only its dissipation counts, no more the elastic strains."""
@@ -148,10 +141,15 @@ def solve(
     else:
         budget = budget or StepBudget(SEARCH)
         balance = _non_associated(equations, start, budget, strict=strict)
-    strain = np.abs(equations.operators.strain(balance.end.du))
-    if any(strain[:, response.points].max() > most_strain for response in balance.end.flowing):
+    if overstrained(equations, balance.end, most_strain):
         raise NoEquilibrium(balance.end.du)
     return balance
+
+
+def overstrained(equations: StageEquations, end: Iterate, most: float) -> bool:
+    """Whether points that yield have a strain beyond a limit."""
+    strain = np.abs(equations.operators.strain(end.du))
+    return any(strain[:, response.points].max() > most for response in end.flowing)
 
 
 def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Iterate:
@@ -294,12 +292,11 @@ def _non_associated(
 ) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
-    Where the diffuse flow folds back at little viscosity, its last point is the answer: beyond the
-    fold there are only bands of shear, whose place is that of the elements. Where it folds back
-    earlier, the load may still be in balance but for a little.
+    Where the diffuse flow folds back there are only bands of shear beyond, whose place is that of
+    the elements. What then follows is `balanced_overstress`.
 
     Raises:
-        NoEquilibrium: neither leads to an end.
+        NoEquilibrium: neither leads to an end; with the last equilibrium on the path.
     """
     direct = newton(equations, start, budget, most=PATIENCE)
     if direct.converged:
@@ -307,25 +304,12 @@ def _non_associated(
     path = follow_path(equations, budget)
     if path is None:
         raise NoEquilibrium(direct.end.du)
-    if path.runs_away is not None:
-        raise NoEquilibrium(path.runs_away, proven=True)
     last = path.balance
     if last.viscosity == 0.0:
         return last
-    if last.viscosity <= (_HARDLY_VISCOUS if strict else _LITTLE_VISCOUS):
-        missing = np.abs(path.promised - last.end.du).max()
-        short = float(missing / (np.abs(path.promised).max() or 1.0))
-        return replace(last, tangent=None, short=short)
-    refused = NoEquilibrium(last.end.du, diffuse=last)
-    if strict:
-        raise refused
-    change = np.abs(equations.at(np.zeros_like(equations.forces)).residual).max()
-    try:
-        iterates = [equations.at(du) for du in (last.end.du, path.promised)]
-    except NoEquilibrium:
-        raise refused from None
-    left = [float(np.abs(iterate.residual).max() / change) for iterate in iterates]
-    best = int(np.argmin(left))
-    if left[best] > _UNBALANCED:
-        raise refused
-    return Balance(iterates[best], unbalanced=left[best])
+    last = unbalanced(equations, last, path.promised)
+    if path.runs_away is not None:
+        raise NoEquilibrium(path.runs_away, diffuse=last, runs_away=True)
+    if strict and last.viscosity <= _HARDLY_VISCOUS:
+        return last
+    raise NoEquilibrium(last.end.du, diffuse=last)

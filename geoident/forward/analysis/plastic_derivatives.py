@@ -8,8 +8,11 @@ With s* = sigma_old + E C du and sigma = P(s*, p),
 
 (where a part mu of the overstress is kept, T and dP/dp count 1 - mu, and mu is added to T),
 so one factorization of the consistent tangent serves all columns; where the last Newton step did
-not leave its pieces it is there already. At a kink the derivative is that of the planes which the
-projection counts as active (see `geoident.fem.yielding.law`).
+not leave its pieces it is there already. Where overstress was balanced, derivatives go from each
+solution to the next with those of its field o' (`balanced_overstress`): on the right side stands
+mu C^T V (dt/dp_h o' + t do'/dp_h) as well, and dt/dp_h follows from the work of what is left. At a
+kink the derivative is that of the planes which the projection counts as active (see
+`geoident.fem.yielding.law`).
 """
 
 from __future__ import annotations
@@ -17,9 +20,15 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.forward.analysis.balanced_overstress import BalancedStep
 from geoident.forward.analysis.constitutive import PlasticResponse
 from geoident.forward.analysis.stage import StageTask
-from geoident.forward.analysis.stage_equations import Balance, SingularTangent, StageEquations
+from geoident.forward.analysis.stage_equations import (
+    Balance,
+    SingularTangent,
+    StageEquations,
+    Tangent,
+)
 from geoident.forward.analysis.systems import StageSystems
 from geoident.model.arrays import Floats
 
@@ -35,55 +44,140 @@ def plastic_derivatives(
     Args:
         task: the stage; its state is still that of before.
         systems: the equations of the stages.
-        equations: those of this stage.
+        equations: those of this stage, with the viscosity at its end.
         balance: their solution.
 
     Raises:
         ModelError: the consistent tangent is singular, so there are no derivatives.
     """
-    iterate, structures, points = balance.end, systems.structures, systems.discretization.points
-    g = np.ascontiguousarray(task.carried.stress[..., _DERIVATIVES])
-    members = task.carried.members[:, _DERIVATIVES]
-    task.add_stiffness_derivatives(systems, iterate.du, g, members)
-    for response in iterate.flowing:
-        before = None
-        if response.ground.hardens:
-            before = task.carried.multipliers(response.ground.name, response.points, _DERIVATIVES)
-        g[:, response.points], dlam = response.derivatives(
-            g[:, response.points], before, of_law=True
-        )
-        _add_multipliers(task, response, dlam)
-
-    rest = task.forces[:, _DERIVATIVES] - points.forces(g, task.system.volume)
-    if structures.n_rows:
-        rest -= structures.nodal_forces(members)
-    ddu, dofs = np.zeros_like(rest), equations.dofs
-    if len(dofs):
-        tangent = balance.tangent
-        if tangent is None or not equations.serves(tangent, iterate):
-            tangent = equations.tangent(iterate)
-        try:
-            ddu[dofs] = equations.solve_consistently(tangent, rest[dofs])
-        except SingularTangent as error:
-            msg = f"at stage '{task.state.name}' the displacements have no derivatives by the "
-            msg += "parameters: the ground is at its limit load"
-            hint = "Raise the strengths a little, or see whether the stage lacks support."
-            raise ModelError(msg, hint) from error
-
-    stress = points.strain(ddu)  # becomes T E C ddu
-    for ground in equations.grounds:
-        stress[:, ground.points] = ground.elasticity.stress(stress[:, ground.points])
-    for response in iterate.flowing:
-        stress[:, response.points], dlam = response.derivatives(
-            stress[:, response.points], of_law=False
-        )
-        _add_multipliers(task, response, dlam)
-    task.carried.stress[..., _DERIVATIVES] = g + stress
-    task.add_member_forces(structures, ddu, _DERIVATIVES)
+    steps = balance.steps or (BalancedStep(balance.end, balance.viscosity),)
+    field = None  # derivatives of o'
+    for step in steps[:-1]:
+        before = _AtStep(task, systems, equations.viscous(step.viscosity), step)
+        field = before.overstress(before.solve(None, field)[0])
+    last = _AtStep(task, systems, equations, steps[-1])
+    ddu, multiples = last.solve(balance.tangent, field)
+    last.carry(ddu, multiples, field)
     return ddu
 
 
-def _add_multipliers(task: StageTask, response: PlasticResponse, dlam: Floats | None) -> None:
-    """Count further derivatives (y, q, n + k) of the multipliers of a material."""
-    if dlam is not None and response.ground.hardens:
-        task.carried.add_multipliers(response.ground.name, response.points, _DERIVATIVES, dlam)
+class _AtStep:
+    """Derivatives at a solution: of what is there at fixed displacements, and by these.
+
+    Args:
+        task: the stage.
+        systems: the equations of the stages.
+        equations: those of this stage, with the viscosity of the solution.
+        step: the solution.
+    """
+
+    def __init__(
+        self, task: StageTask, systems: StageSystems, equations: StageEquations, step: BalancedStep
+    ) -> None:
+        self._task, self._equations, self._step = task, equations, step
+        self._points, self._structures = systems.discretization.points, systems.structures
+        trial = task.carried.stress[..., _DERIVATIVES].copy()
+        self._members = task.carried.members[:, _DERIVATIVES].copy()
+        task.add_stiffness_derivatives(systems, step.iterate.du, trial, self._members)
+        self._trial, self._stress = trial, trial.copy()
+        self._multipliers = []
+        for response in step.iterate.flowing:
+            before, place = None, response.points
+            if response.ground.hardens:
+                before = task.carried.multipliers(response.ground.name, place, _DERIVATIVES)
+            ends = response.derivatives(trial[:, place], before, of_law=True)
+            self._stress[:, place] = ends[0]
+            self._multipliers.append((response, ends[1]))
+
+    def solve(self, tangent: Tangent | None, field: Floats | None) -> tuple[Floats, Floats]:
+        """Derivatives (n_dofs, n + k) of the displacement step, and (n + k,) of t.
+
+        Args:
+            tangent: of the last step of Newton's method, or None.
+            field: (s, m, n + k) derivatives of o'; None where nothing is taken off.
+
+        Raises:
+            ModelError: the consistent tangent is singular.
+        """
+        task, equations, step, volume = (
+            self._task,
+            self._equations,
+            self._step,
+            self._task.system.volume,
+        )
+        rest = task.forces[:, _DERIVATIVES] - self._points.forces(self._stress, volume)
+        if self._structures.n_rows:
+            rest -= self._structures.nodal_forces(self._members)
+        if field is not None:
+            part = step.viscosity * step.multiple
+            along = step.viscosity * self._points.forces(step.field, volume)
+            rest = np.column_stack([rest + part * self._points.forces(field, volume), along])
+        ddu, dofs = np.zeros_like(rest), equations.dofs
+        if len(dofs):
+            if tangent is None or not equations.serves(tangent, step.iterate):
+                tangent = equations.tangent(step.iterate)
+            try:
+                ddu[dofs] = equations.solve_consistently(tangent, rest[dofs])
+            except SingularTangent as error:
+                msg = f"at stage '{task.state.name}' the displacements have no derivatives by the "
+                msg += "parameters: the ground is at its limit load"
+                hint = "Raise the strengths a little, or see whether the stage lacks support."
+                raise ModelError(msg, hint) from error
+        if field is None:
+            return ddu, np.zeros(ddu.shape[1])
+        strain = self._points.strain(step.iterate.du)
+        more = self._points.strain(ddu)
+        change = self._overstress_by(ddu)
+        change[..., :-1] += self._overstress_alone() - step.multiple * field
+        work = np.einsum("smn,sm,m->n", change, strain, volume, optimize=True)
+        work += np.einsum("smn,sm,m->n", more, step.left, volume, optimize=True)
+        by_multiple = work[-1] - np.einsum("sm,sm,m->", step.field, strain, volume)
+        multiples = -work[:-1] / by_multiple
+        return ddu[:, :-1] + np.multiply.outer(ddu[:, -1], multiples), multiples
+
+    def overstress(self, ddu: Floats) -> Floats:
+        """(s, m, n + k) of the overstress, with those (n_dofs, n + k) of the displacements."""
+        return self._overstress_alone() + self._overstress_by(ddu)
+
+    def _overstress_alone(self) -> Floats:
+        """The same at fixed displacements: o = (s* - sigma) / (1 - mu)."""
+        return np.asarray((self._trial - self._stress) / (1.0 - self._step.viscosity))
+
+    def _overstress_by(self, ddu: Floats) -> Floats:
+        """What displacements (n_dofs, ...) add to it."""
+        trial = self._elastic(ddu)
+        stress, _ = self._returned(trial.copy())
+        return np.asarray((trial - stress) / (1.0 - self._step.viscosity))
+
+    def _elastic(self, ddu: Floats) -> Floats:
+        """E C ddu (s, m, n + k)."""
+        stress = self._points.strain(ddu)
+        for ground in self._equations.grounds:
+            stress[:, ground.points] = ground.elasticity.stress(stress[:, ground.points])
+        return stress
+
+    def _returned(
+        self, stress: Floats
+    ) -> tuple[Floats, list[tuple[PlasticResponse, Floats | None]]]:
+        """T E C ddu of E C ddu, written over it, and the multipliers."""
+        multipliers = []
+        for response in self._step.iterate.flowing:
+            place = response.points
+            stress[:, place], dlam = response.derivatives(stress[:, place], of_law=False)
+            multipliers.append((response, dlam))
+        return stress, multipliers
+
+    def carry(self, ddu: Floats, multiples: Floats, field: Floats | None) -> None:
+        """Update the derivatives of what is carried."""
+        carried, step = self._task.carried, self._step
+        stress, multipliers = self._returned(self._elastic(ddu))
+        stress += self._stress
+        if field is not None:
+            taken = step.multiple * field + np.multiply.outer(step.field, multiples)
+            stress -= step.viscosity * taken
+        carried.stress[..., _DERIVATIVES] = stress
+        carried.members[:, _DERIVATIVES] = self._members
+        self._task.add_member_forces(self._structures, ddu, _DERIVATIVES)
+        for response, dlam in (*self._multipliers, *multipliers):
+            if dlam is not None and response.ground.hardens:
+                carried.add_multipliers(response.ground.name, response.points, _DERIVATIVES, dlam)

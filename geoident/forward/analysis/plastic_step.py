@@ -20,11 +20,12 @@ from geoident.errors import ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
+from geoident.forward.analysis.balanced_overstress import SOUND, balance_overstress
 from geoident.forward.analysis.bands import band_at
-from geoident.forward.analysis.collapse import carried_part
+from geoident.forward.analysis.collapse import carried_part, collapses
 from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
 from geoident.forward.analysis.constitutive import MaterialPoints, ReachedPlanes
-from geoident.forward.analysis.equilibrium import LARGE_STRAIN, solve
+from geoident.forward.analysis.equilibrium import LARGE_STRAIN, overstrained, solve
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
 from geoident.forward.analysis.stage import StageTask, not_positive_definite
 from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations
@@ -106,13 +107,16 @@ class Localisation:
 
     Args:
         part: of the points that yield: that at which the acoustic tensor allows a band.
-        short: part by which displacements are short of those to which the diffuse flow leads.
+        short: part by which displacements may be off those of the diffuse flow; where overstress
+            is not balanced, by which they fall short of them at least.
+        balanced: whether overstress is balanced (`balanced_overstress`).
         band: words for the mode that has lost its stability and for its place; empty where none
             has, or nobody asked.
     """
 
     part: float
     short: float = 0.0
+    balanced: bool = True
     band: str = ""
 
 
@@ -122,13 +126,12 @@ class PlasticFindings:
 
     Args:
         planes: which planes are reached.
-        unbalanced: stage to the part of its change of load that is not balanced.
-        overstressed: stage to the part of the overstress that is kept.
+        overstressed: stage to the part of its change of load that stress beyond the yield surface
+            carries.
         localising: of these stages where shear goes into bands.
     """
 
     planes: ReachedPlanes
-    unbalanced: dict[str, float] = field(default_factory=dict)
     overstressed: dict[str, float] = field(default_factory=dict)
     localising: dict[str, Localisation] = field(default_factory=dict)
 
@@ -272,7 +275,7 @@ class PlasticSteps:
             ModelError: there is none, where only diffuse flow is looked for.
         """
         associated, diffuse = equations.associated, failure.diffuse
-        if self.strict and not (associated or failure.proven):
+        if self.strict and not associated:
             msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
             raise ModelError(msg + "far below the friction") from failure
         carried = None
@@ -284,37 +287,61 @@ class PlasticSteps:
                     return solve(equations, [carried.end.du])
                 except NoEquilibrium as again:
                     failure = again
+        elif not failure.proven:
+            balance = self._near_the_end(equations, failure)
+            if balance is not None and balance.residual <= SOUND and not failure.runs_away:
+                return balance
+            # Associated flow carries at least as much (Radenkovic 1961).
+            proven = collapses(equations.with_associated_flow(), _CONFIRMING_STEPS)
+            if balance is not None and not proven:
+                return balance
+            failure = NoEquilibrium(failure.mechanism, proven=proven)
         explained = self.explain and task.motion is None  # of a given motion no part is known
         if explained and (carried is None or not failure.proven):
             carried = carried_part(equations, failure)
             failure = carried.failure
         if carried is not None and not (explained and carried.fraction < 1.0):
             carried = None
-        band = None
-        if self.explain and diffuse is not None:
-            band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
+        band, residual = None, np.nan
+        if diffuse is not None:
+            residual = diffuse.residual
+            if self.explain:
+                band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
         raise collapse_error(
-            self.systems.on_mesh, task, failure, associated=associated, carried=carried, band=band
-        ) from failure
+            self.systems.on_mesh, task, failure,
+            associated=associated, carried=carried, residual=residual, band=band,
+        ) from failure  # fmt: skip
+
+    def _near_the_end(self, equations: StageEquations, failure: NoEquilibrium) -> Balance | None:
+        """What the path of viscous grounds ends with where flow is not associated.
+
+        None where there is nothing, or where strains are so large that it describes nothing.
+        """
+        last = failure.diffuse
+        if last is None:
+            return None
+        balance = balance_overstress(equations, last)
+        if balance is None and not failure.runs_away:
+            balance = last
+        if balance is None or overstrained(equations, balance.end, LARGE_STRAIN):
+            return None
+        return balance
 
     def _note_what_is_left(
         self, task: StageTask, equations: StageEquations, balance: Balance
     ) -> None:
-        """Note what of load or overstress is left, and where shear goes into bands then."""
-        name, findings = task.state.name, self.findings
-        if balance.unbalanced > 0.0:
-            findings.unbalanced[name] = balance.unbalanced
-        if balance.viscosity > 0.0:
-            findings.overstressed[name] = balance.viscosity
-        if not (balance.unbalanced > 0.0 or balance.viscosity > 0.0):
+        """Note what of the load overstress carries, and where shear goes into bands then."""
+        if not balance.viscosity > 0.0:
             return
+        name, findings = task.state.name, self.findings
+        findings.overstressed[name] = balance.residual
         text, band = "", band_at(equations, balance.end) if self.explain else None
         if band is not None:
             text = f"a band has lost its stability, with half of its strain in {band.points} of "
             text += f"the {band.yielding} strain points that yield"
             text += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
         part = equations.localising(balance.end)
-        findings.localising[name] = Localisation(part, balance.short, text)
+        findings.localising[name] = Localisation(part, balance.short, bool(balance.steps), text)
 
     def refuse_virgin(self, task: StageTask) -> None:
         """Refuse an in-situ stress outside a yield surface, with place and factor.

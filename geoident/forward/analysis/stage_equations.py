@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse.linalg as spla
@@ -19,6 +19,9 @@ from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoReturn
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
 from geoident.model.arrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from geoident.forward.analysis.balanced_overstress import BalancedStep
 
 ELASTIC_PARTS = (1e-10, 1e-7, 1e-3, 1.0)
 """Parts of the elastic stiffness that are left in a tangent: the first that makes it definite."""
@@ -85,14 +88,21 @@ class NoEquilibrium(ArithmeticError):
         proven: whether it moves without end under this load: no doubt is left.
         diffuse: with non-associated flow the last equilibrium on the path of viscous grounds;
             None where there is none.
+        runs_away: whether displacements grow like 1 / mu along that path, as beyond a limit load.
     """
 
     def __init__(
-        self, mechanism: Floats | None, *, proven: bool = False, diffuse: Balance | None = None
+        self,
+        mechanism: Floats | None,
+        *,
+        proven: bool = False,
+        diffuse: Balance | None = None,
+        runs_away: bool = False,
     ) -> None:
         self.mechanism = mechanism
         self.proven = proven
         self.diffuse = diffuse
+        self.runs_away = runs_away
         super().__init__("no equilibrium")
 
 
@@ -165,16 +175,18 @@ class Balance:
         tangent: that of the last step, or None if none was made.
         converged: whether the forces are in balance.
         viscosity: part of the overstress that is kept (`viscous_path`).
-        unbalanced: part of the change of load that is left, where no more could be done.
-        short: part by which displacements are short of those without viscosity.
+        residual: part of the change of load that stress beyond the yield surface carries.
+        short: part by which displacements may be off those without viscosity.
+        steps: the solutions that led here where overstress was balanced (`balanced_overstress`).
     """
 
     end: Iterate
     tangent: Tangent | None = None
     converged: bool = True
     viscosity: float = 0.0
-    unbalanced: float = 0.0
+    residual: float = 0.0
     short: float = 0.0
+    steps: tuple[BalancedStep, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +225,10 @@ class StageEquations:
     def under(self, forces: Floats) -> StageEquations:
         """The same ground under other forces (n_dofs,)."""
         return replace(self, forces=forces)
+
+    def with_associated_flow(self) -> StageEquations:
+        """The same of ground whose plastic strains follow the normals."""
+        return replace(self, grounds=[ground.with_associated_flow() for ground in self.grounds])
 
     def viscous(self, part: float) -> StageEquations:
         """The same of a ground that keeps a part of its overstress."""

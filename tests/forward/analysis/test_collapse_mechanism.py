@@ -62,14 +62,15 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
 
 
 BANDS = (
-    "at stage 'dig' no equilibrium was found: diffuse flow ends where the ground still keeps 1.2 % "
-    "of its overstress, and a band has lost its stability, with half of its strain in 17 of the "
-    "230 strain points that yield"
+    "at stage 'dig' not converged: no equilibrium was found, residual 1.2 % of the change of load, "
+    "carried by stress beyond the yield surface, and a band has lost its stability, with half of "
+    "its strain in 17 of the 230 strain points that yield"
 )
 HINT = (
-    "With a dilation so far below the friction, shear goes into bands as wide as the elements. See "
-    "whether support that acts in this stage, a larger dilation, or larger elements where it "
-    "shears carry it: then it does not lack strength."
+    "It may mean that the stage is beyond its limit load, or that shear goes into bands as wide as "
+    "the elements, as with a dilation far below the friction. See whether support that acts in "
+    "this stage, a larger dilation, or larger elements where it shears carry it; if not, the "
+    "ground lacks strength."
 )
 
 
@@ -84,7 +85,7 @@ def test_a_band_is_the_mechanism_that_is_told_where_nothing_is_proven(proven):
     told = collapse_error(
         staged.on_mesh, task, failure, associated=False,
         carried=CarriedPart(0.25, reached, failure),
-        band=ShearBand(sheared, 17, 230, -0.1, viscosity=0.01234),
+        residual=0.01234, band=ShearBand(sheared, 17, 230, -0.1, viscosity=0.01234),
     )  # fmt: skip
     mode = other if proven else sheared
     where = describe_mechanism(staged.on_mesh, task.system, mode)

@@ -36,16 +36,14 @@ def mechanism_picture(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Pict
     """
     carried = ""
     if np.isfinite(mechanism.fraction):
-        carried = (
-            f" {100.0 * mechanism.fraction:.3g} % of the change of load of the stage is carried."
-        )
+        carried = f" {100.0 * mechanism.fraction:.3g} % of its change of load is in equilibrium."
     words = (
-        "The ground cannot carry the loads of this stage. Arrows: velocities with which it moves "
-        "then, in proportion to each other. Colours: rate of shear in parts of the largest; bands "
-        f"of it part what slides from what stays.{carried}"
+        "No equilibrium was found for the loads of this stage. Arrows: velocities with which the "
+        "ground moves then, in proportion to each other. Colours: rate of shear in parts of the "
+        f"largest; bands of it part what slides from what stays.{carried}"
     )
     draw = partial(mechanism_figure, mechanism, axis_names)
-    return Picture("mechanism", f"Mechanism of collapse at stage {mechanism.stage}", words, draw)
+    return Picture("mechanism", f"Mechanism at stage {mechanism.stage}", words, draw)
 
 
 def mechanism_figure(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Figure:
@@ -80,7 +78,7 @@ def mechanism_figure(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Figur
     axes.set_xlabel(f"{axis_names[across[0]]} (m)")
     axes.set_ylabel(f"{axis_names[across[1]]} (m)")
     where = "" if sheet.plane is None else f", section {sheet.plane}"
-    axes.set_title(f"Collapse at stage {short(mechanism.stage, 24)}{where}{_carried(mechanism)}")
+    axes.set_title(f"Mechanism at stage {short(mechanism.stage, 24)}{where}{_carried(mechanism)}")
     bar = figure.colorbar(shading, ax=axes, location="bottom", shrink=0.6, aspect=45)
     bar.set_label("rate of shear, of the largest")
     return figure
@@ -89,7 +87,7 @@ def mechanism_figure(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Figur
 def _carried(mechanism: Mechanism) -> str:
     """What is carried, for a title; empty where that is not known."""
     known = np.isfinite(mechanism.fraction)
-    return f": {100.0 * mechanism.fraction:.3g} % of its load is carried" if known else ""
+    return f": {100.0 * mechanism.fraction:.3g} % of its load in equilibrium" if known else ""
 
 
 def _sheet(mechanism: Mechanism) -> Sheet:
