@@ -25,11 +25,11 @@ from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.results.summary import CaseSummary, GaugeSummary
 from geoident.report.drawing.gauges.course import readings_figure
-from geoident.report.text.instruments import instruments
 from geoident.report.drawing.quality import one_to_one_figure
 from geoident.report.text.case import case_text, gauge_quantity
 from geoident.report.text.csv_tables import csv_tables, csv_text
 from geoident.report.text.gauges import readings_csv
+from geoident.report.text.instruments import instruments
 from geoident.report.text.json import dumps, result_object, simulation_object
 from geoident.report.text.result import result_text
 from geoident.workflow.diff import numbers

@@ -89,8 +89,8 @@ class BeamSection(Section):
     )
     tensile_strength: FixedStress | None = Field(
         None,
-        description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain sprayed concrete; what "
-        "fibres bear in the crack; of steel that in compression.",
+        description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
+        "sprayed concrete; what fibres bear in the crack; of steel that in compression.",
         examples=["0.8 MPa"],
     )
 
