@@ -8,7 +8,11 @@ from dataclasses import dataclass, replace
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields.mechanism import mechanism_picture
-from geoident.report.drawing.fields.motion import displacement_pictures, moved_pictures
+from geoident.report.drawing.fields.motion import (
+    displacement_pictures,
+    largest_pictures,
+    moved_pictures,
+)
 from geoident.report.drawing.fields.strength import strength_pictures
 from geoident.report.drawing.fields.stress import stress_pictures
 from geoident.report.drawing.forces import structure_pictures
@@ -94,7 +98,7 @@ def _field_pictures(scene: Scene) -> tuple[Picture, ...]:
     """The figures of each sheet, and of the surface of a solid."""
     kinds = displacement_pictures, stress_pictures, strength_pictures, moved_pictures
     every = (picture for view in scene.views for kind in kinds for picture in kind(view))
-    return (*every, *solid_pictures(scene))
+    return (*largest_pictures(scene), *every, *solid_pictures(scene))
 
 
 def stage_pictures(result: Result, state: int) -> tuple[Picture, ...]:

@@ -70,9 +70,11 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
         tall = min((left - 0.7) * aspect, _TALLEST if beside else _OVER) + 1.25
         size = max(height, tall) if beside else height + tall
         figure = Figure(figsize=(WIDTH, size))
-        shape = {"ncols": 2, "width_ratios": [left, WIDTH - left]} if beside else {
-            "nrows": 2, "height_ratios": [tall, height]}  # fmt: skip
-        field, gauge_part = figure.subfigures(**shape)
+        if beside:
+            parts = figure.subfigures(1, 2, width_ratios=[left, WIDTH - left], squeeze=False)
+        else:
+            parts = figure.subfigures(2, 1, height_ratios=[tall, height], squeeze=False)
+        field, gauge_part = parts.ravel()
         _draw_field(field.subplots(), view, left)
     else:
         columns, lines, height = _grid(len(rows), WIDTH)

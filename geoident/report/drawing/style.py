@@ -57,6 +57,7 @@ _RC: Any = {
     "font.size": MIDDLE,
     "axes.titlesize": MIDDLE,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # else each pass of the layout looks for ticks above the axes
     "axes.labelsize": MIDDLE,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -110,6 +111,9 @@ def image(picture: Picture, suffix: str) -> bytes:
     buffer = io.BytesIO()
     with drawing_style(), rc_context({"svg.hashsalt": picture.name}):
         figure = picture.draw()
+        for axes in figure.axes:
+            for spine in axes.spines.values():
+                spine.set_in_layout(False)  # it lies on the rim of the axes, which counts anyway
         figure.set_dpi(_DPI)
         canvas = get_registered_canvas_class(suffix)(figure)
         getattr(canvas, f"print_{suffix}")(buffer, metadata=metadata)  # savefig draws twice

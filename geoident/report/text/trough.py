@@ -144,23 +144,21 @@ def _of_surface(result: Result, tunnel: _Tunnel) -> Iterator[Trough]:
 def _of_gauges(result: Result, line: Instrument, tunnel: _Tunnel | None) -> Iterator[Trough]:
     gauges, rows, x = result.gauges, list(line.rows), np.array(line.places)
     predicted = None if result.prediction is None else result.prediction.mean
-    along_x = line.along.startswith("x")
+    middle = math.nan if tunnel is None or not line.along.startswith("x") else tunnel.middle
     for j, stage in enumerate(gauges.stages):
         computed, of = gauges.computed[rows, j], "computed"
         if predicted is not None and np.isfinite(predicted[rows, j]).any():
             computed, of = predicted[rows, j], "predicted"
         area = _area(result, tunnel, j + 1)
-        middle = tunnel.middle if tunnel is not None and along_x else math.nan
         for values, source in ((computed, of), (gauges.measured[rows, j], "measured")):
             known = np.isfinite(values)
             if not np.any(np.abs(values[known]) > 0.0):
                 continue
-            one = _trough(line.name, stage, x[known], values[known], middle)
-            if not (along_x and area > 0.0):
-                one = replace(one, i=math.nan) if area == 0.0 else one
-                yield replace(one, of=source, volume=math.nan)
-                continue
-            yield replace(one, of=source, volume_loss=one.volume / area)
+            one = replace(_trough(line.name, stage, x[known], values[known], middle), of=source)
+            if area == 0.0:  # what settles is over no tunnel
+                yield replace(one, i=math.nan, volume=math.nan)
+            else:
+                yield replace(one, volume_loss=one.volume / area)
 
 
 def _area(result: Result, tunnel: _Tunnel | None, state: int) -> float:
@@ -169,7 +167,7 @@ def _area(result: Result, tunnel: _Tunnel | None, state: int) -> float:
         return tunnel.area(state) if state in tunnel.states else 0.0
     if result.reaction is not None:
         return math.pi * result.reaction.radius**2
-    return math.nan if result.fields is None else 0.0
+    return 0.0 if result.fields is not None and result.fields.mesh.dim == 2 else math.nan
 
 
 def _trough(line: str, stage: str, x: Floats, s: Floats, middle: float) -> Trough:
@@ -188,12 +186,12 @@ def _trough(line: str, stage: str, x: Floats, s: Floats, middle: float) -> Troug
         return row
     size, length = float(s[k]), float(np.ptp(x))
 
-    def curve(q: Floats) -> Floats:
+    def residual(q: Floats) -> Floats:
         at = middle if math.isfinite(middle) else x[k] + length * q[2]
-        return np.asarray(q[0] * np.exp(-0.5 * ((x - at) / (length * q[1])) ** 2))
+        return np.asarray(q[0] * np.exp(-0.5 * ((x - at) / (length * q[1])) ** 2) - s / size)
 
     start = np.array([1.0, 0.25] if math.isfinite(middle) else [1.0, 0.25, 0.0])
-    met = least_squares(lambda q: curve(q) - s / size, start, x_scale=0.1)
+    met = least_squares(residual, start, x_scale=0.1)
     left = float(np.sum(met.fun**2)) * size**2
     i, top = abs(float(met.x[1])) * length, float(met.x[0]) * size
     at = middle if math.isfinite(middle) else float(x[k]) + length * float(met.x[2])
@@ -212,7 +210,7 @@ class _Tunnel:
     Args:
         fields: of the model.
         nodes: (k,) corners of the surface, from left to right.
-        middle: x of a plane of symmetry through what is excavated, m; NaN for none.
+        middle: place x of a plane of symmetry through what is excavated, m; NaN for none.
         states: after whose stage the whole surface is there, free, and something is excavated.
     """
 

@@ -179,10 +179,10 @@ class GaugeBase(Section):
         for name, like in cls._likes().items():
             ways = keys[name].get("anyOf") or keys[name]["oneOf"]
             ways[0] = like.described()
-        like = QuantityType(cls._likes()["offset"].dimension).described()
-        named = {"type": "object", "additionalProperties": like}
-        keys["alarm"]["anyOf"][0] = {"oneOf": [like, named]}
-        low, high = _ALARMS.get(like["x-quantity"], _ALARMS["length"])
+        value = QuantityType(cls._likes()["offset"].dimension).described()
+        named = {"type": "object", "additionalProperties": value}
+        keys["alarm"]["anyOf"][0] = {"oneOf": [value, named]}
+        low, high = _ALARMS.get(value["x-quantity"], _ALARMS["length"])
         keys["alarm"]["examples"] = [f"{{amber: {low}, red: {high}}}", f"-{high}"]
         accuracy, kind = keys["accuracy"], keys["kind"]["const"] if "kind" in keys else ""
         accuracy["examples"] = usual_examples(kind) or accuracy["oneOf"][0]["examples"]

@@ -17,14 +17,15 @@ from geoident.report.drawing.fields.panels import (
     contours,
     draw_gauge_lines,
     draw_lines,
+    field_figure,
     finish,
     panel_figure,
     shade,
     table_figure,
 )
 from geoident.report.drawing.labels import place_labels
-from geoident.report.drawing.scene import SheetView, Window, round_down
-from geoident.report.drawing.sheets import Trace
+from geoident.report.drawing.scene import Scene, SheetView, Window, round_down
+from geoident.report.drawing.sheets import Plane, Trace
 from geoident.report.drawing.style import (
     ACCENT,
     COMPUTED,
@@ -39,6 +40,8 @@ from geoident.report.drawing.style import (
 
 _ARROW = 0.16  # longest arrow, of the width of a panel
 _MOST_NAMES = 30
+_TOTAL = ColouredField("displacement (mm)", SheetView.displacement_size, LENGTHS, "mm")
+_SAME_PLACE = 0.01  # of the length of the model
 
 
 def displacement_pictures(view: SheetView) -> tuple[Picture, ...]:
@@ -48,9 +51,8 @@ def displacement_pictures(view: SheetView) -> tuple[Picture, ...]:
         view: what is drawn.
     """
     scene = view.scene
-    total = ColouredField("displacement (mm)", SheetView.displacement_size, LENGTHS, "mm")
     words = f"Size of the displacement {scene.since}; a cross marks the largest."
-    every = contours(view, "displacement", "Displacement", words, total)
+    every = contours(view, "displacement", "Displacement", words, _TOTAL)
     if scene.n_states <= 2:
         return (every,)
     since = f"since {scene.stage(scene.zero_state)}"
@@ -64,6 +66,31 @@ def displacement_pictures(view: SheetView) -> tuple[Picture, ...]:
         partial(parts_figure, view),
     )
     return every, parts
+
+
+def largest_pictures(scene: Scene) -> tuple[Picture, ...]:
+    """The section of a solid through its largest displacement, across the axis of the first one.
+
+    None where that first section, which goes through gauges, goes through it already.
+    """
+    if not scene.solid or not scene.views or (first := scene.views[0].sheet.plane) is None:
+        return ()
+    moved = np.linalg.norm(scene.displacement(scene.key_states[-1]), axis=1)
+    axis, (low, high) = first.axis, (corner[first.axis] for corner in scene.box)
+    place = float(scene.fields.mesh.points[int(np.argmax(moved)), axis])
+    inset = 1e-6 * (high - low)
+    plane = Plane(axis, min(max(place, low + inset), high - inset))
+    if abs(place - first.value) <= _SAME_PLACE * (high - low):
+        return ()
+    view = SheetView(scene, scene.section(plane), len(scene.views) + 1)
+    return (
+        Picture(
+            "largest-displacement",
+            f"Section through the largest displacement, {plane}",
+            f"Size of the displacement {scene.since}; a cross marks the largest in the section.",
+            lambda: field_figure(view, _TOTAL, scene.key_states),
+        ),
+    )
 
 
 def parts_figure(view: SheetView) -> Figure:

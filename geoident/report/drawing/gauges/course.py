@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ from geoident.report.drawing.gauges.axis import (
     value_limits,
 )
 from geoident.report.drawing.style import (
+    ACCENT,
     COMPUTED,
     FAINT,
     MEASURED,
@@ -50,6 +52,7 @@ from geoident.report.text.instruments import (
     instruments,
     lines,
 )
+from geoident.units import in_unit
 
 _MOST_CHANNELS = 8
 """Channels of one instrument that a panel over time shows."""
@@ -60,6 +63,9 @@ _LEAST_ROUNDS = 3
 _STYLES = ("-", "--", "-.", ":")
 _BAND = 0.22
 """Opacity of bands."""
+
+_ALARM: Mapping[str, Any] = {"color": ACCENT, "ls": (0, (5, 1.5)), "lw": 1.0}
+"""Lines of alarm values, as far as these lie on the axis of the readings."""
 
 
 def reading_pictures(result: Result) -> tuple[Picture, ...]:
@@ -162,6 +168,8 @@ def _legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
         handles.append(key("predicted", color=COMPUTED, ls="--"))
     if np.isfinite(bands_of(result)[0])[rows].any():
         handles.append(Patch(color=COMPUTED, alpha=_BAND, lw=0, label="95 % band"))
+    if any(_alarm_values(result, one) for one in shown):
+        handles.append(key("alarm value", **_ALARM))
     return handles
 
 
@@ -171,6 +179,8 @@ def _draw_instrument(axes: Axes, result: Result, one: Instrument, axis: StageAxi
         line, dots = (COMPUTED, MEASURED) if len(one.rows) == 1 else (colour(k), colour(k))
         draw_computed(axes, result, row, line, axis)
         draw_measured(axes, result, row, dots, marker(k), axis)
+    for value in _alarm_values(result, one):
+        axes.axhline(value, **_ALARM)
     if unknown(result)[list(one.rows)].any():
         axes.text(0.98, 0.04, "prediction not determined", transform=axes.transAxes, ha="right",
                   fontsize=SMALL, color=FAINT)  # fmt: skip
@@ -186,6 +196,13 @@ def _draw_instrument(axes: Axes, result: Result, one: Instrument, axis: StageAxi
         axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.02, 0.97),
                     ncols=min(4, len(handles)), columnspacing=0.8, handlelength=1.0,
                     handletextpad=0.3, borderpad=0.1)  # fmt: skip
+
+
+def _alarm_values(result: Result, one: Instrument) -> set[float]:
+    """The alarm values of an instrument in its unit."""
+    names = {result.gauges.channels[row] for row in one.rows}
+    own = [alarm for alarm in result.alarms if alarm.gauge in names]
+    return {in_unit(alarm.value, alarm.unit, alarm.dimension) for alarm in own}
 
 
 def draw_computed(
