@@ -57,8 +57,8 @@ class ModelErrorTable:
     zero: float = 0.0
     zero_lower95: float = 0.0
     zero_upper95: float = 0.0
-    time: float = float("nan")
-    time_unit: str = ""
+    time: float = field(default=float("nan"), metadata=column(optional=True))
+    time_unit: str = field(default="", metadata=column(optional=True))
     moments: Floats | None = field(default=None, metadata=column("reading", optional=True))
 
     @property

@@ -11,9 +11,9 @@ of a field of displacements as large as a tenth of what the gauges feel, at the 
 
 Where readings follow a process in time, an error is rather of the reading itself, and lasts:
 
-    C = eta^2 (D R D + F M F) x K(tau, tau') ,      tau = log(1 + t / T) ,
+    C = eta^2 (D R D + F M F) x exp(-|tau - tau'|) ,      tau = log(1 + t / T) ,
 
-D and F the sums over all steps since the zero, t the time since then, K Matern's correlation 3/2.
+D and F the sums over all steps since the zero, t the time since then.
 
 An error is known by its rows: the steps of each reading and where its gauge is. Rows of the
 readings used and of later ones together give the columns of shared errors (theory 7), in which
@@ -413,7 +413,7 @@ def shared_columns(
                 + _over_stages(floors[a], floors[b]) * between[at]
             )
             if moments is not None:
-                of_rows *= _matern(moments[a][:, None] - moments[b])
+                of_rows *= np.exp(-np.abs(moments[a][:, None] - moments[b]))
             covariance[np.ix_(rows_a, rows_b)] = of_rows
         return covariance
 
@@ -451,12 +451,6 @@ def _over_stages(steps: Floats, others: Floats) -> Floats:
     """(m, n) of steps (m, J) and others (n, J): errors of one stage, and what is alike in all."""
     alike = np.outer(steps.sum(axis=1), others.sum(axis=1))
     return (1.0 - PERSISTENT) * (steps @ others.T) + PERSISTENT * alike
-
-
-def _matern(distance: Floats) -> Floats:
-    """Matern's correlation 3/2 over distances (m, n): of errors that change smoothly."""
-    x = np.sqrt(3.0) * np.abs(distance)
-    return np.asarray((1.0 + x) * np.exp(-x))
 
 
 MOST_MODES = 800

@@ -133,8 +133,8 @@ def test_two_plates_are_predicted_as_the_formulas_of_dense_matrices(tmp_path):
     steps = np.diff(np.concatenate([[np.zeros(2)], v.reshape(-1, 2)]), axis=0)
     floor = 0.1 * np.cumsum(np.sqrt(np.mean(steps**2, axis=1)))[np.repeat(range(len(days)), 2)]
     assert np.all(floor <= mean)
-    x = np.sqrt(3.0) * np.abs(tau[:, None] - tau)
-    alike = np.where(plate[:, None] == plate, 1.0, 0.5) * (1.0 + x) * np.exp(-x)
+    lasting = np.exp(-np.abs(tau[:, None] - tau))
+    alike = np.where(plate[:, None] == plate, 1.0, 0.5) * lasting
     C = 0.04 * (np.outer(v, v) + np.outer(floor, floor)) * alike + SD**2 * np.eye(len(v))
     g = 16
     K = np.linalg.solve(C[:g, :g], C[:g, g:]).T
