@@ -256,6 +256,19 @@ def test_fewer_readings_than_parameters_are_refused(trench, run):
     assert "1 usable reading cannot determine 2 parameters (E, K0)" in refused.stderr
 
 
+def test_beside_a_prior_fewer_readings_than_parameters_say_what_is_not_determined(trench, run_json):
+    """One reading, three parameters, one prior: nothing is refused, and nothing is made up."""
+    (found,) = run_json(
+        *("fit", "case.yaml", "--set", "readings=[{gauge: CV, stage: first, value: -0.6 mm}]"),
+        *("--set", "parameters.nu={start: 0.25, bounds: [0.1, 0.4]}"),
+        *("--set", "materials.rock.nu=$nu"),
+        *("--set", "parameters.K0={start: 1, bounds: [0.2, 4], prior: {mean: 1.5, sd: 0.1}}"),
+    )
+    assert (found["status"], found["exit_code"]) == ("not-determined", 4)
+    assert not found["parameters"]["nu"]["determined"]
+    assert found["parameters"]["K0"]["sd"] == pytest.approx(0.1, rel=0.05)
+
+
 def test_a_model_that_moves_freely_has_no_solution(trench, run):
     refused = run("fit", "case.yaml", "--set", "supports={}")
     assert refused.exit_code == 5

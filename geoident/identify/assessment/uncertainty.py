@@ -35,6 +35,7 @@ Computed once, from the Jacobian at the estimate; no evaluation of the model.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -57,6 +58,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.findings import Finding
+from geoident.units import in_unit, shown_unit
 
 PRIOR_SHARE = 0.95
 """Posterior by prior standard deviation from which on a parameter is known from its prior only."""
@@ -190,6 +192,10 @@ def assess(
     every = whole.determined_covariance + whole.undetermined_columns @ whole.undetermined_columns.T
     gaps = describe_gaps(known, (np.outer(size, size) * every)[square])
     tied = tied_findings(known.parameters, numbers["correlation"][square], gaps)
+    said = {q for gap in gaps if gap.kind in _GAPS for q in gap.subject.split(", ")}
+    unsaid = np.array([q.name not in said for q in problem.parameters], dtype=np.bool_)
+    leaning = named & varies & ~numbered & ~from_prior & unsaid
+    by_bounds = _by_bounds_of_others(problem, values, posterior, leaning, wider)
     return Assessment(
         **numbers,
         beyond_bounds=numbered & beyond,
@@ -197,7 +203,7 @@ def assess(
         determined=determined,
         from_prior=known_enough & from_prior,
         singular_values=known.readings.S[: min(len(B), len(known.parameters))],
-        findings=(*gaps, *conflicts, *tied),
+        findings=(*gaps, *by_bounds, *conflicts, *tied),
         dp_dx=dp_dx,
         posterior=posterior,
         uncut_mean=mean,
@@ -251,6 +257,30 @@ def _knowledge(
         SingularDirections.of(np.concatenate([B, P]), varies),
         SingularDirections.of(B, varies),
     )
+
+
+def _by_bounds_of_others(
+    problem: Problem, values: Floats, posterior: Posterior, leaning: Bools, wider: Floats
+) -> Iterator[Finding]:
+    """Why parameters (n,) have no number though draws of the posterior know them.
+
+    What they lack is in directions that only bounds of other parameters limit.
+    """
+    scaling = Scaling(problem.parameters)
+    low, high = _ends(scaling, values, posterior, wider)
+    narrow = high - low <= 0.5 * admissible_ranges(scaling)
+    ends = scaling.away(values, low), scaling.away(values, high)
+    for i in np.flatnonzero(leaning & narrow).tolist():
+        parameter = problem.parameters[i]
+        unit = parameter.unit, parameter.dimension
+        least, most = (f"{in_unit(float(end[i]), *unit):.3g}" for end in ends)
+        between = f"{least} to {most} {shown_unit(*unit)}".rstrip()
+        sentence = (
+            f"{parameter.name} is not determined by itself: it depends on parameters of which only "
+            f"their bounds are known. As far as these bounds are right, 95 % of `geoident sample` "
+            f"lie within {between}."
+        )
+        yield Finding("not-determined", parameter.name, sentence)
 
 
 def _uncut(

@@ -97,7 +97,8 @@ def unexplained(result: Result) -> Floats:
 def _quotient(residual: Floats, sd: Floats) -> Floats:
     known = np.isfinite(sd) & (sd > 0)
     with np.errstate(over="ignore"):  # by a standard deviation of a damaged result
-        return np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+        ratio: Floats = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+    return ratio
 
 
 def has_unexplained(result: Result, *, predictions: bool = False) -> bool:

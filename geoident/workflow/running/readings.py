@@ -157,7 +157,9 @@ def times_of(table: ReadingTable, rows: Bools) -> tuple[float | None, ...]:
 
 
 def require_enough(case: Case, readings: ReadingTable) -> None:
-    """Refuse readings and priors that are fewer than the parameters.
+    """Refuse readings that are fewer than the parameters, unless there is a prior.
+
+    Beside one, the fit says what is known from it, and what is not determined.
 
     Raises:
         InputError: they are.
@@ -165,7 +167,7 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
     parameters, used = case.parameters, int(np.count_nonzero(readings.used))
     priors = sum(1 for parameter in parameters if parameter.prior is not None)
     estimated = any(c.errors and c.errors.estimated for c in case.channels)
-    if used + priors >= len(parameters) + estimated and used:
+    if used and (used + priors >= len(parameters) + estimated or (priors and not estimated)):
         return
     known = _count(used, "usable reading")
     known += f" and {_count(priors, 'prior')}" if priors else ""

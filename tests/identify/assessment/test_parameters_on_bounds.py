@@ -14,7 +14,7 @@ from geoident.identify.assessment.profile_path import PathReadings, with_profile
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.model.methods import GaussNewtonOptions
-from geoident.model.parameter import Parameter
+from geoident.model.parameter import Parameter, Prior
 
 LOADS = np.array([1.0, 1.3, 1.7, 2.0, 2.2, 2.5])
 PER_PRESSURE = np.array([[0.2, 0.5, 1.0, 1.6, 1.1, 0.7], [0.5, 0.1, 0.3, 0.9, 0.2, 0.8]])
@@ -133,3 +133,26 @@ def test_two_pressures_at_zero_truncate_each_other_once(make_problem, off, sd):
     for k, part in enumerate([0.15, 0.15, 0.15, 0.05, 0.05]):
         width = expected[k][1] - expected[k][0]
         np.testing.assert_allclose(found[k], expected[k], atol=part * width, err_msg=str(k))
+
+
+def test_what_only_the_bounds_of_another_limit_says_so_with_the_interval_of_draws(make_problem):
+    """One reading of a modulus, a ratio known from its prior, and a pressure nobody knows."""
+    parameters = (
+        Parameter("E", 5.0, 1.2, 19.0, "log"),
+        Parameter("K", 1.0, 0.4, 2.9, prior=Prior(1.0, 0.1)),
+        Parameter("q", 0.5, 0.1, 1.9),
+    )
+    problem = make_problem(lambda p: np.array([10.0 * (1.0 + p[1] - 0.5 * p[2]) / p[0]]),
+                           parameters, [3.0], 0.1)  # fmt: skip
+    p = np.array([10.0 * 1.75 / 3.0, 1.0, 0.5])
+    known = assess(problem, p, np.array([[-3.0 / p[0], 10.0 / p[0], -5.0 / p[0]]]), np.array([3.0]))
+    assert known.determined.tolist() == [False, False, False]
+    (sentence,) = [f.sentence for f in known.findings if f.subject == "E"]
+    assert "parameters of which only their bounds are known" in sentence
+    found = [float(word) for word in sentence.split("within ")[1].rstrip(".").split(" to ")]
+    axes = np.linspace(np.log(1.2), np.log(19.0), 300), np.linspace(0.6, 1.4, 60)
+    log_E, K, q = np.meshgrid(*axes, np.linspace(0.1, 1.9, 60), indexing="ij")
+    phi = ((10.0 * (1.0 + K - 0.5 * q) / np.exp(log_E) - 3.0) / 0.1) ** 2 + ((K - 1.0) / 0.1) ** 2
+    expected = shortest(log_E.ravel(), np.exp(-0.5 * phi).ravel())
+    width = expected[1] - expected[0]
+    np.testing.assert_allclose(np.log(found), expected, atol=0.2 * width)
