@@ -31,6 +31,7 @@ TABLES = (
     "opening",
     "ground-reaction",
     "opening-stresses",
+    "opening-supports",
     "face",
     "face-profile",
     "grid",
