@@ -22,7 +22,7 @@ def fitted(after):
 MISSING = (
     *("accuracies", "grid", "structures", "backtest", "backtest-parameters"),
     *("posterior", "draws", "fields", "yielded"),
-    *("opening", "ground-reaction", "opening-stresses", "face", "face-profile"),
+    *("opening", "ground-reaction", "opening-stresses", "opening-supports", "face", "face-profile"),
 )
 """Tables of which a plain fit has nothing to say."""
 
