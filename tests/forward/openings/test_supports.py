@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Beam, BoltPattern, Ribs, Ring, SupportLine
 from geoident.model.yielding import HoekBrown
+from tests.support.commands import run_command
 
 from .test_opening_model import RADIUS, MPa, agrees, quarter, staged, without_mesh
 
@@ -299,3 +301,47 @@ def test_a_ring_thicker_than_its_opening_is_outside_the_domain():
     )
     assert model.domain_fault(np.array([0.4])) is None
     assert "less than the radius of the opening, 2 m" in model.domain_fault(np.array([2.5]))
+
+
+def test_a_fit_finds_ground_and_support_from_convergence(tmp_path):
+    """Readings by hand: ground p = p0 - 2 G u / a, Panet's s, support p = k (u - u_0)."""
+    modulus, k, a = 1.2e9, 150e6, 2.5
+    shear = modulus / 2.5
+    x = np.array([2.0, 5.0, 12.0, 60.0]) / a
+    share = 0.25 + 0.75 * (1 - (0.75 / (0.75 + x)) ** 2)
+    held = np.array([P0 * (1 - s) for s in share])
+    first = P0 * share[1] * a / (2 * shear)  # the support stands from 5 m on
+    moved = (P0 - held) * a / (2 * shear)
+    moved[2:] = first + (moved[2:] - first) / (1 + k * a / (2 * shear))
+    read = -2e3 * (moved - moved[0])
+    case = tmp_path / "case.yaml"
+    case.write_text(f"""\
+format: geoident-case/1
+analysis: plane-strain
+parameters:
+  E: {{start: 3 GPa, bounds: [0.2 GPa, 20 GPa], scale: log}}
+  k: {{start: 60 MPa/m, bounds: [1 MPa/m, 900 MPa/m], scale: log}}
+materials: {{rock: {{E: $E, nu: 0.25}}}}
+groups: {{rock: rock, tunnel: rock}}
+in_situ: {{model: heim, vertical: 10 MPa, K0: 1.0}}
+face: {{profile: panet}}
+structures: {{shell: {{kind: support-line, stiffness: $k}}}}
+stages:
+  - {{name: s0, distance: 2 m, excavate: [tunnel]}}
+  - {{name: s1, distance: 5 m}}
+  - {{name: s2, distance: 12 m, build: [shell]}}
+  - {{name: s3, distance: 60 m}}
+gauges:
+  CV: {{kind: convergence, between: [[-2.5, 0 m], [2.5, 0 m]], accuracy: 0.01 mm, zero: s0}}
+readings:
+  - {{gauge: CV, stage: s1, value: {read[1]:.6f} mm}}
+  - {{gauge: CV, stage: s2, value: {read[2]:.6f} mm}}
+  - {{gauge: CV, stage: s3, value: {read[3]:.6f} mm}}
+fit: {{method: closed-form, closed-form: {{centre: [0, 0 m], radius: 2.5 m, starts: 1}}}}
+""")
+    run = run_command("fit", case, "--json", "-q")
+    found = json.loads(run.stdout)
+    assert found["parameters"]["E"]["value"] == pytest.approx(modulus, rel=1e-4)
+    assert found["parameters"]["k"]["value"] == pytest.approx(k, rel=1e-3)
+    (note,) = (text for text in found["notes"] if "supports press" in text)
+    assert f"with {k * (moved[3] - first) / 1e6:.3g} MPa: 'shell'" in note
