@@ -99,8 +99,9 @@ def _common(
         return material, stress
     number, known = varied[0].surface, {one.name: one for one in scene.result.varied}
     strengths = {}
+    assert number is not None
     for one in varied:
-        if one.name not in known or number is None:  # a result without estimates
+        if one.name not in known:  # a result without estimates
             return material, np.full_like(stress, np.nan)
         values = np.full(scene.fields.mesh.n_elements, np.nan)
         values[known[one.name].elements] = known[one.name].values
