@@ -11,6 +11,8 @@ from support.commands import run_command
 from support.trench import write_mesh
 
 from geoident.io.result.file import read_result
+from geoident.report.drawing.fields.strength import utilisation
+from geoident.report.drawing.scene import Scene
 
 CASE = """\
 format: geoident-case/1
@@ -157,3 +159,8 @@ def test_strength_and_its_growth_are_found_and_shown(tmp_path):
     reported = run_command("report", tmp_path / "case.fit.h5", "-o", tmp_path / "report.html")
     assert reported.exit_code == 0, reported.output
     assert "Utilisation of the strength" in (tmp_path / "report.html").read_text()
+    scene = Scene(result, result.fields)
+    shares, yielded = utilisation(scene, 2), result.fields.yielded[2]
+    assert yielded.sum() > 10
+    assert np.mean(shares[yielded]) > 0.95  # some elements yield in a part of their points
+    assert np.nanmax(shares) < 1.05

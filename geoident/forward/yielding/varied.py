@@ -73,7 +73,7 @@ def common_surface(
     """
     surface, name = material.yields[number], _main(material.yields[number])
     size = sizes.get(name) or surface.strengths[name].value(start)
-    fixed = {(number, name): Scalar(size or 1.0)}
+    fixed: dict[tuple[int | None, str], Scalar] = {(number, name): Scalar(size or 1.0)}
     if surface.strengths.get("tension") is not None and not isinstance(surface, HoekBrown):
         fixed[number, "tension"] = Scalar(0.0)
     return replace(material, yields=with_strengths(material.yields, fixed))

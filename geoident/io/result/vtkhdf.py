@@ -205,7 +205,7 @@ def principal_cells(stress: Floats) -> dict[str, Floats]:
     """
     xx, yy, zz, xy, yz, xz = stress.T
     tensors = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
-    known = np.isfinite(stress).all(axis=1)
+    known = np.asarray(np.isfinite(stress).all(axis=1))
     values, vectors = np.linalg.eigh(np.where(known[:, None, None], tensors, 0.0))
     largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=1)[:, None], axis=1)
     vectors *= np.where(largest < 0.0, -1.0, 1.0)  # of two opposite vectors always the same one

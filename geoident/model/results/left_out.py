@@ -47,16 +47,16 @@ class LeftOutTable:
             names: k names.
             scores: of each.
         """
-        columns = (
-            ("readings", "open", "inside"),
-            ("rms", "sharpness", "interval_score", "log_score"),
+        return cls(
+            names=tuple(names),
+            readings=np.array([one.readings for one in scores], dtype=np.int64),
+            open=np.array([one.open for one in scores], dtype=np.int64),
+            inside=np.array([one.inside for one in scores], dtype=np.int64),
+            rms=np.array([one.rms for one in scores]),
+            sharpness=np.array([one.sharpness for one in scores]),
+            interval_score=np.array([one.interval_score for one in scores]),
+            log_score=np.array([one.log_score for one in scores]),
         )
-        numbers = {
-            name: np.array([getattr(one, name) for one in scores], dtype=kind)
-            for some, kind in zip(columns, (np.int64, np.float64), strict=True)
-            for name in some
-        }
-        return cls(tuple(names), **numbers)
 
     @property
     def sentences(self) -> tuple[str, ...]:

@@ -128,7 +128,7 @@ def with_effect_of(
     """
     if sensitivity is None:
         return tuple(findings)
-    moved = np.nan_to_num(sensitivity).reshape(-1, len(names)).any(axis=0)
+    moved = np.asarray(np.nan_to_num(sensitivity).reshape(-1, len(names)).any(axis=0))
     idle = {name for name, moves in zip(names, moved, strict=True) if not moves}
 
     def told(finding: Finding) -> Finding:

@@ -16,6 +16,7 @@ from geoident.forward.yielding.varied import common_surface, factor_and_shift
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import Growth, RandomField
 from geoident.report.drawing.fields.panels import (
     ColouredField,
     add_levels,
@@ -92,13 +93,15 @@ def _common(
 
     Where strengths vary, by their estimates at the elements (`forward.yielding.varied`).
     """
-    varied = [one for one in (*material.fields, *material.growths) if one.surface is not None]
+    each: tuple[RandomField | Growth, ...] = (*material.fields, *material.growths)
+    varied = [one for one in each if one.surface is not None]
     if not varied:
         return material, stress
     number, known = varied[0].surface, {one.name: one for one in scene.result.varied}
     strengths = {}
+    assert number is not None
     for one in varied:
-        if one.name not in known or number is None:  # a result without estimates
+        if one.name not in known:  # a result without estimates
             return material, np.full_like(stress, np.nan)
         values = np.full(scene.fields.mesh.n_elements, np.nan)
         values[known[one.name].elements] = known[one.name].values
@@ -189,7 +192,7 @@ def plastic_strain(scene: Scene) -> Floats | None:
         change = (fields.stress[state] - fields.stress[0]).T[:s]
         for material, elements in _materials_at(scene, case, state):
             here = elements[steady[elements]]
-            varied = (*material.fields, *material.growths)
+            varied: tuple[RandomField | Growth, ...] = (*material.fields, *material.growths)
             uniform = all(one.surface is not None for one in varied)  # its elasticity
             if material.yields and uniform and len(here):
                 stiffness = elastic_matrix(material.elastic, point, section=not scene.solid).value
