@@ -10,10 +10,11 @@ steps are lost among bands of shear. A ground that keeps a part mu of its overst
 elliptic again from a few percent on: its tangent is (1 - mu) T + mu. So the equations are solved
 for mu = 0.1 and then for less and less, every start extrapolated in mu from the last two, down to
 mu = 0. Where a step in mu is not found, a shorter one is tried, short of a turn of the path; at the
-turn the path ends (`balanced_overstress`). Newton's steps are held by the natural monotonicity test (Deuflhard
-2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same factor, must be
-shorter. Unlike the residual, that does not mind how badly the tangent is conditioned; it does not
-ask for positive eigenvalues either, so diffuse flow is found also where it is not stable.
+turn the path ends (`balanced_overstress`). Newton's steps are held by the natural monotonicity test
+(Deuflhard 2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same
+factor, must be shorter. Unlike the residual, that does not mind how badly the tangent is
+conditioned; it does not ask for positive eigenvalues either, so diffuse flow is found also where it
+is not stable.
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
 
