@@ -9,17 +9,18 @@ steps are lost among bands of shear. A ground that keeps a part mu of its overst
 (a step of Duvaut and Lions' viscoplasticity, mu = relaxation time / (time + relaxation time)), is
 elliptic again from a few percent on: its tangent is (1 - mu) T + mu. So the equations are solved
 for mu = 0.1 and then for less and less, every start extrapolated in mu from the last two, down to
-mu = 0. Where a step in mu is not found, others are tried: a shorter one short of a turn of the
-path, a longer one beyond it. Newton's steps are held by the natural monotonicity test (Deuflhard
-2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same factor, must be
-shorter. Unlike the residual, that does not mind how badly the tangent is conditioned; it does not
-ask for positive eigenvalues either, so diffuse flow is found also where it is not stable.
+mu = 0. Where a step in mu is not found, a shorter one is tried, short of a turn of the path; at the
+turn the path ends (`balanced_overstress`). Newton's steps are held by the natural monotonicity test
+(Deuflhard 2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same
+factor, must be shorter. Unlike the residual, that does not mind how badly the tangent is
+conditioned; it does not ask for positive eigenvalues either, so diffuse flow is found also where it
+is not stable.
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
 
 Where the ground goes into bands, the path is lost near one mu whatever the steps. So a search has
-a number of Newton steps (`StepBudget`) and ends with the best that it has; counted, so that it ends
-at the same place on every machine.
+a number of Newton steps (`StepBudget`) and ends with what it has; counted, so that it ends at the
+same place on every machine.
 """
 
 from __future__ import annotations
@@ -55,10 +56,10 @@ _RATIO = 0.15
 _LAST = 1e-7
 """mu below which the next one is zero."""
 
-_POWERS = (1.0, 0.5, 2.0, 0.25, 4.0)
-"""Powers of the ratio that are tried in turn."""
+_POWERS = (1.0, 0.5, 0.25)
+"""Powers of the ratio that are tried in turn, short of a turn of the path."""
 
-_MOST_STEPS = 30
+_MOST_STEPS = 14
 """Newton steps at one mu; ten are usual where there is an equilibrium."""
 
 _SHORTEST = 0.02
