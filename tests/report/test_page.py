@@ -108,7 +108,11 @@ def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
               "stress-crosses", "deformed", "vectors"]  # fmt: skip
     sections = [""] if kind == "plane" else ["section-1-", "section-2-"]
     expected |= {section + field for section in sections for field in fields}
-    expected |= {"yielded"} if kind == "plane" else {"surface", "cut-away", "cut-away-deformed"}
+    expected |= (
+        {"yielded"}
+        if kind == "plane"
+        else {"surface", "cut-away", "cut-away-deformed", "largest-displacement"}
+    )
     assert set(names) == expected
     for name in names:
         figure = re.search(f'<figure id="figure-{name}"[^>]*>(.*?)</figure>', text, re.DOTALL)[1]
