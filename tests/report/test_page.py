@@ -108,7 +108,11 @@ def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
               "stress-crosses", "deformed", "vectors"]  # fmt: skip
     sections = [""] if kind == "plane" else ["section-1-", "section-2-"]
     expected |= {section + field for section in sections for field in fields}
-    expected |= {"yielded"} if kind == "plane" else {"surface", "cut-away", "cut-away-deformed"}
+    expected |= (
+        {"yielded"}
+        if kind == "plane"
+        else {"surface", "cut-away", "cut-away-deformed", "largest-displacement"}
+    )
     assert set(names) == expected
     for name in names:
         figure = re.search(f'<figure id="figure-{name}"[^>]*>(.*?)</figure>', text, re.DOTALL)[1]
@@ -250,3 +254,24 @@ def test_a_scan_has_its_grid():
 def test_tags_escape_all_that_is_not_html():
     assert tag("p", "<b>", Html("<b></b>"), class_='"') == '<p class="&quot;">&lt;b&gt;<b></b></p>'
     assert "<title>&lt;x&gt;</title>" in page("<x>")
+
+
+@pytest.mark.parametrize("kind", ["plane", "solid"])
+def test_no_figure_is_wider_than_a_printed_page_shows_as_it_is_drawn(kind, reports):
+    _, drawn = reports[kind]
+    assert {name for name, figure in drawn.items() if figure.get_figwidth() > 7.4} == set()
+
+
+def test_the_largest_displacement_is_printed_at_its_place(plane, reports):
+    panel = reports["plane"][1]["displacement"].axes[len(STAGES) - 1]
+    (text,) = [t.get_text() for t in panel.findobj(Text) if t.get_text().startswith("max ")]
+    fields = plane.fields
+    points, moved = fields.mesh.points, np.linalg.norm(fields.displacement[-1], axis=1)
+    shown = np.zeros(len(points), dtype=bool)  # nodes of present ground inside the axes
+    shown[fields.mesh.blocks[0].nodes[fields.present[-1]]] = True
+    (x0, x1), (y0, y1) = panel.get_xlim(), panel.get_ylim()
+    shown &= ((points >= (x0, y0)) & (points <= (x1, y1))).all(axis=1)
+    assert float(text.split()[1]) == pytest.approx(1e3 * moved[shown].max(), rel=5e-3)
+    (cross,) = [line for line in panel.lines if line.get_marker() == "x"]
+    (at,) = np.flatnonzero((points == np.ravel(cross.get_data())).all(axis=1))
+    assert moved[at] == pytest.approx(moved[shown].max(), rel=1e-6)

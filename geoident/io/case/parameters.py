@@ -36,8 +36,8 @@ class ParameterSection(Section):
         None,
         description="Prior knowledge; without it all values within the bounds are equally likely.",
     )
-    describe: Text = Field(
-        "",
+    describe: Text | None = Field(
+        None,
         description="What it is, in words for readers of results and reports.",
         examples=["modulus of the clay"],
     )

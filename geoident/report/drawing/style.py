@@ -111,13 +111,22 @@ def image(picture: Picture, suffix: str) -> bytes:
     buffer = io.BytesIO()
     with drawing_style(), rc_context({"svg.hashsalt": picture.name}):
         figure = picture.draw()
-        for axes in figure.axes:
-            for spine in axes.spines.values():
-                spine.set_in_layout(False)  # it lies on the rim of the axes, which counts anyway
+        _spare_layout(figure)
         figure.set_dpi(_DPI)
         canvas = get_registered_canvas_class(suffix)(figure)
         getattr(canvas, f"print_{suffix}")(buffer, metadata=metadata)  # savefig draws twice
     return buffer.getvalue()
+
+
+def _spare_layout(figure: Figure) -> None:
+    """Take out of the layout what changes nothing in it, but is measured at every pass."""
+    for axes in figure.axes:
+        for spine in axes.spines.values():
+            spine.set_in_layout(False)  # it lies on the rim of the axes, which counts anyway
+        if axes.name == "rectilinear":
+            for axis in (axes.xaxis, axes.yaxis):
+                if not axis.get_label_text():  # else a place is sought for it beside the numbers
+                    axis.set_label_coords(0.0, 0.0)
 
 
 def svg_files(pictures: Sequence[Picture], progress: Progress | None = None) -> list[bytes]:
