@@ -320,7 +320,7 @@ class _Search:
         # what is fitted has other weights: near its minimum the least misfit is that of these
         misfit = first.least if first.objective < 2.0 * first.least + CERTAIN else first.objective
         looked = [self._promising(first, misfit)]
-        if first.objective > len(self.problem.sd) + _FAR * np.sqrt(len(self.problem.sd)):
+        if self._far(first):
             elsewhere = (self._linearized(self.problem, place) for place in places[1:])
             looked += [self._promising(at, misfit) for at in elsewhere if at is not None]
         # the best of each place first: far from the answer all look better than they are
@@ -331,11 +331,16 @@ class _Search:
         as_read = self._refitted(self.problem, first.values)
         if as_read is None or as_read.objective > first.objective:
             as_read = first
-        fitted = [
-            fit
-            for one, start in list(reversed(trials.values()))[:_TRIED]
-            if (fit := self._fitted(one, start, as_read)) is not None
-        ]
+        fitted: list[_Fitted] = []
+        explained: Ints = np.zeros(0, dtype=np.int64)  # by what leaves nothing to explain
+        for one, start in list(reversed(trials.values()))[:_TRIED]:
+            if np.intersect1d(one.suspects.rows, explained).size:
+                continue
+            fit = self._fitted(one, start, as_read)
+            if fit is not None:
+                fitted.append(fit)
+                if not self._far(fit.at):
+                    explained = np.union1d(explained, one.suspects.rows)
         if not fitted:
             return None
         fitted.sort(key=lambda one: -one.score)
@@ -488,6 +493,11 @@ class _Search:
         spread = as_read.covariance.log_determinant() - at.covariance.log_determinant()
         return (as_read.objective - at.least) / at.scatter**2 + spread - self._penalty(one)
 
+    def _far(self, at: _Linearized) -> bool:
+        """The misfit is clearly more than the errors explain."""
+        count = len(self.problem.sd)
+        return at.objective > count + _FAR * np.sqrt(2.0 * count)
+
     def _bounded(self, at: _Linearized) -> int:
         """How many parameters are at a bound."""
         scaling = Scaling(self.problem.parameters)
@@ -536,5 +546,5 @@ _NEARLY = 0.35
 """Relative difference of a factor that the readings tell from one that can be meant."""
 _CORRECTED = 3
 """Times that a factor gives way to the one that the readings tell."""
-_FAR = 6.0
+_FAR = 4.0
 """Standard deviations of a sum of squares beyond which a fit is looked at from elsewhere, too."""
