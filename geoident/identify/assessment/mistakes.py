@@ -470,7 +470,7 @@ class _Search:
             if at is None:
                 return None
             U = sp.csc_array((read[rows], (rows, np.zeros_like(rows))), shape=(len(read), 1))
-            a, b = float(at.curvature(U)[0]), float((U.T @ at.force)[0])
+            a, b = float(at.curvature(U)[0]), float(read[rows] @ at.force[rows])
             if a <= 0.0:
                 return None
             factor = 1.0 - b / a
@@ -496,7 +496,7 @@ class _Search:
     def _far(self, at: _Linearized) -> bool:
         """The misfit is clearly more than the errors explain."""
         count = len(self.problem.sd)
-        return at.objective > count + _FAR * np.sqrt(2.0 * count)
+        return bool(at.objective > count + _FAR * np.sqrt(2.0 * count))
 
     def _bounded(self, at: _Linearized) -> int:
         """How many parameters are at a bound."""
@@ -514,7 +514,9 @@ class _Search:
         W = self._of_zeros(one.suspects, self.problem.response.evaluate(start)[0])
         shared = self.problem.shared
         known = sp.csr_array((len(W), 0)) if shared is None else shared.columns
-        free = replace(self.problem, shared=SharedErrors(sp.csr_array(sp.hstack([known, W]))))
+        free = replace(
+            self.problem, shared=SharedErrors(sp.csr_array(sp.hstack([known, sp.csr_array(W)])))
+        )
         at = self._refitted(free, start)
         if at is None:
             return None
