@@ -480,7 +480,9 @@ class _Search:
                 score += 2.0 * len(rows) * float(np.log(abs(one.factor)))
                 none, uncertainty = np.zeros(len(rows)), at.scatter / float(np.sqrt(a))
                 fits = size <= _AGREES * at.scatter and score > CERTAIN
-                if uncertainty > _UNCERTAIN and one.factor > 0.0:  # parameters could follow
+                u = np.asarray(U.toarray())[:, 0]
+                whole = float(u @ at.covariance.solve(u))
+                if a < _FOLLOWED * whole and one.factor > 0.0:  # the parameters could follow
                     fits = fits and self._bounded(as_read) > self._bounded(at)
                 return _Fitted(one, score, none, at, uncertainty) if fits else None
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
@@ -540,6 +542,8 @@ class _Search:
 
 _AT = 1e-3
 """Distance from a bound in scaled parameters that is none."""
+_FOLLOWED = 0.1
+"""Part of a change of readings that parameters leave where they follow it, unless bounded."""
 _UNCERTAIN = 0.3
 """Uncertainty of a factor from which on the readings do not tell one of `FACTORS` from another."""
 _SELDOM = 100
