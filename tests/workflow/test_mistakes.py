@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from support import external
 from support.commands import run_command
 from support.convergence import FIXED
 from support.trench import CASE, write_mesh
@@ -169,6 +170,106 @@ def test_sound_readings_are_not_accused(tmp_path, name):
     for seed in range(5):
         code, result = said(tmp_path, sound_rows(tmp_path, *SITES[name], 1000 + seed))
         assert (code, accusations(result)) == (0, [])
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_a_model_that_is_off_accuses_nobody(tmp_path, name):
+    """Each channel by its own 20 %, of one sign in all its readings, and each reading by 6 %."""
+    for seed in range(3):
+        rng = np.random.default_rng(7000 + seed)
+        rows = sound_rows(tmp_path, *SITES[name], 7000 + seed)
+        off = {row.channel: np.exp(0.2 * rng.standard_normal()) for row in rows}
+        factors = [off[row.channel] * np.exp(0.06 * rng.standard_normal()) for row in rows]
+        moved = [replace(row, value=f * row.value) for row, f in zip(rows, factors, strict=True)]
+        _, result = said(tmp_path, moved)
+        assert accusations(result) == []
+
+
+INCLINOMETER = TRENCH.replace(
+    "gauges:\n",
+    "gauges:\n  I: {kind: inclinometer, casing: [[1.5 m, 4 m], [1.5 m, 0 m]], "
+    "depths: [0, 1 m, 2 m, 3 m], accuracy: 0.01 mm}\n",
+)
+
+
+@pytest.mark.parametrize("start", ["0.15 GPa", "45 GPa"])
+@pytest.mark.parametrize(
+    ("gauge", "unit", "factor"), [("I", "cm", 10.0), ("I", "um", 0.001), ("S", "m", 1000.0)]
+)
+def test_an_instrument_in_another_unit_is_named_whatever_the_start(
+    tmp_path, start, gauge, unit, factor
+):
+    """The inclinometer in cm or um, levelling in m: the file says mm."""
+    case = INCLINOMETER.replace("start: 2 GPa", f"start: {start}")
+    rows = sound_rows(tmp_path, case, *SITES["trench"][1:], 3)
+    wrong = [
+        replace(row, value=row.value / factor) if row.channel.startswith(gauge) else row
+        for row in rows
+    ]
+    code, result = said(tmp_path, wrong)
+    assert (code, result["status"]) == (4, "poor-fit")
+    (finding,) = accusations(result)
+    assert result["findings"][0] == finding
+    assert finding["subject"] == ("I" if gauge == "I" else "S1, S2, S3, S4")
+    assert finding["numbers"]["factor"] == pytest.approx(factor)
+    assert f"({unit} read as mm)" in finding["sentence"]
+    assert f": {{unit: {unit}}}" in finding["sentence"]
+    assert not any("less accurate" in f["sentence"] for f in result["findings"])
+
+
+def test_the_line_that_a_finding_gives_mends_the_fit(tmp_path):
+    rows = sound_rows(tmp_path, *SITES["trench"], 5)
+    turned = [replace(row, value=-row.value) if row.channel == "C2" else row for row in rows]
+    _, result = said(tmp_path, turned)
+    line = "readings: {file: readings.csv, channels: {C2: {sign: -1}}}"
+    assert f"Write {line}" in accusations(result)[0]["sentence"]
+    case = tmp_path / "case.yaml"
+    case.write_text(case.read_text().replace("readings: readings.csv", line))
+    code, result = said(tmp_path, turned)
+    assert (code, result["status"], accusations(result)) == (0, "converged", [])
+
+
+def test_a_zero_missed_is_named_with_the_stage_that_it_lacks(tmp_path):
+    """V is read as if it had been zeroed at the fourth stage."""
+    rows = sound_rows(tmp_path, *SITES["law"], 5)
+    (lacking,) = [row.value for row in rows if (row.channel, row.stage) == ("V", "fourth")]
+    late = [
+        replace(row, value=row.value - lacking) if row.channel == "V" else row
+        for row in rows
+        if row.channel != "V" or row.stage in ("fifth", "sixth", "later")
+    ]
+    code, result = said(tmp_path, late)
+    assert code == 4
+    (finding,) = accusations(result)
+    assert (finding["kind"], finding["subject"]) == ("zero", "V")
+    assert finding["numbers"]["offset"] == pytest.approx(-1e-3 * lacking, rel=0.1)
+    assert "write 'zero: fourth' at the gauge V" in finding["sentence"]
+
+
+def test_check_names_a_mistake_before_any_fit(tmp_path):
+    rows = sound_rows(tmp_path, *SITES["trench"], 5)
+    wrong = [replace(r, value=-r.value) if r.channel == "C2" else r for r in rows]
+    _, summary = said(tmp_path, wrong, command="check")
+    assert any("The readings of C2 have the wrong sign" in note for note in summary["notes"])
+    _, summary = said(tmp_path, rows, command="check")
+    assert not any("sign" in note for note in summary["notes"])
+
+
+@pytest.mark.parametrize("kind", ["table", "python"])
+def test_models_that_are_computed_elsewhere_are_judged_alike(tmp_path, kind):
+    """D reads outwards where the table or the function of others has it inwards."""
+    lines = [line.split(",") for line in external.READINGS.splitlines()]
+    turned = [[g, s, f"-{v}", u] if g == "D" else [g, s, v, u] for g, s, v, u in lines]
+    text = "\n".join(",".join(line) for line in turned) + "\n"
+    if kind == "table":
+        case = external.write_table_case(tmp_path, readings=text)
+    else:
+        case = external.write_case(tmp_path, external.PYTHON, script=external.SCRIPT)
+        case.with_name("readings.csv").write_text(text)
+    run = run_command("fit", str(case), "--json", "-q", "--trust")
+    first = json.loads(run.stdout)["findings"][0]
+    assert (first["kind"], first["numbers"]["factor"]) == ("opposite-sign", -1.0)
+    assert "The readings of D have the wrong sign" in first["sentence"]
 
 
 @pytest.mark.slow

@@ -78,7 +78,11 @@ class MemberRecorder:
         if part.members.nu is not None:
             table[4] = section.hoop
         beam = part.structure
-        if beam.compressive_strength is not None and beam.thickness is not None:
+        if (
+            isinstance(beam, Beam)
+            and beam.compressive_strength is not None
+            and beam.thickness is not None
+        ):
             strength = {
                 "thickness": beam.thickness.value(self._values),
                 "compressive": beam.compressive_strength,

@@ -320,7 +320,7 @@ class _Search:
         # what is fitted has other weights: near its minimum the least misfit is that of these
         misfit = first.least if first.objective < 2.0 * first.least + CERTAIN else first.objective
         looked = [self._promising(first, misfit)]
-        if first.objective > len(self.problem.sd) + _FAR * np.sqrt(len(self.problem.sd)):
+        if self._far(first):
             elsewhere = (self._linearized(self.problem, place) for place in places[1:])
             looked += [self._promising(at, misfit) for at in elsewhere if at is not None]
         # the best of each place first: far from the answer all look better than they are
@@ -331,11 +331,16 @@ class _Search:
         as_read = self._refitted(self.problem, first.values)
         if as_read is None or as_read.objective > first.objective:
             as_read = first
-        fitted = [
-            fit
-            for one, start in list(reversed(trials.values()))[:_TRIED]
-            if (fit := self._fitted(one, start, as_read)) is not None
-        ]
+        fitted: list[_Fitted] = []
+        explained: Ints = np.zeros(0, dtype=np.int64)  # by what leaves nothing to explain
+        for one, start in list(reversed(trials.values()))[:_TRIED]:
+            if np.intersect1d(one.suspects.rows, explained).size:
+                continue
+            fit = self._fitted(one, start, as_read)
+            if fit is not None:
+                fitted.append(fit)
+                if not self._far(fit.at):
+                    explained = np.union1d(explained, one.suspects.rows)
         if not fitted:
             return None
         fitted.sort(key=lambda one: -one.score)
@@ -465,7 +470,7 @@ class _Search:
             if at is None:
                 return None
             U = sp.csc_array((read[rows], (rows, np.zeros_like(rows))), shape=(len(read), 1))
-            a, b = float(at.curvature(U)[0]), float((U.T @ at.force)[0])
+            a, b = float(at.curvature(U)[0]), float(read[rows] @ at.force[rows])
             if a <= 0.0:
                 return None
             factor = 1.0 - b / a
@@ -475,7 +480,9 @@ class _Search:
                 score += 2.0 * len(rows) * float(np.log(abs(one.factor)))
                 none, uncertainty = np.zeros(len(rows)), at.scatter / float(np.sqrt(a))
                 fits = size <= _AGREES * at.scatter and score > CERTAIN
-                if uncertainty > _UNCERTAIN and one.factor > 0.0:  # parameters could follow
+                u = np.asarray(U.toarray())[:, 0]
+                whole = float(u @ at.covariance.solve(u))
+                if a < _FOLLOWED * whole and one.factor > 0.0:  # the parameters could follow
                     fits = fits and self._bounded(as_read) > self._bounded(at)
                 return _Fitted(one, score, none, at, uncertainty) if fits else None
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
@@ -487,6 +494,11 @@ class _Search:
     def _score(self, one: _Hypothesis, at: _Linearized, as_read: _Linearized) -> float:
         spread = as_read.covariance.log_determinant() - at.covariance.log_determinant()
         return (as_read.objective - at.least) / at.scatter**2 + spread - self._penalty(one)
+
+    def _far(self, at: _Linearized) -> bool:
+        """The misfit is clearly more than the errors explain."""
+        count = len(self.problem.sd)
+        return bool(at.objective > count + _FAR * np.sqrt(2.0 * count))
 
     def _bounded(self, at: _Linearized) -> int:
         """How many parameters are at a bound."""
@@ -504,7 +516,9 @@ class _Search:
         W = self._of_zeros(one.suspects, self.problem.response.evaluate(start)[0])
         shared = self.problem.shared
         known = sp.csr_array((len(W), 0)) if shared is None else shared.columns
-        free = replace(self.problem, shared=SharedErrors(sp.csr_array(sp.hstack([known, W]))))
+        free = replace(
+            self.problem, shared=SharedErrors(sp.csr_array(sp.hstack([known, sp.csr_array(W)])))
+        )
         at = self._refitted(free, start)
         if at is None:
             return None
@@ -528,6 +542,8 @@ class _Search:
 
 _AT = 1e-3
 """Distance from a bound in scaled parameters that is none."""
+_FOLLOWED = 0.1
+"""Part of a change of readings that parameters leave where they follow it, unless bounded."""
 _UNCERTAIN = 0.3
 """Uncertainty of a factor from which on the readings do not tell one of `FACTORS` from another."""
 _SELDOM = 100
@@ -536,5 +552,5 @@ _NEARLY = 0.35
 """Relative difference of a factor that the readings tell from one that can be meant."""
 _CORRECTED = 3
 """Times that a factor gives way to the one that the readings tell."""
-_FAR = 6.0
+_FAR = 4.0
 """Standard deviations of a sum of squares beyond which a fit is looked at from elsewhere, too."""
