@@ -108,7 +108,7 @@ class _AtStep:
         rest = task.forces[:, _DERIVATIVES] - self._points.forces(self._stress, volume)
         if self._structures.n_rows:
             rest -= self._structures.nodal_forces(self._members)
-        if field is not None:
+        if field is not None and step.field is not None:
             part = step.viscosity * step.multiple
             along = step.viscosity * self._points.forces(step.field, volume)
             rest = np.column_stack([rest + part * self._points.forces(field, volume), along])
@@ -123,7 +123,7 @@ class _AtStep:
                 msg += "parameters: the ground is at its limit load"
                 hint = "Raise the strengths a little, or see whether the stage lacks support."
                 raise ModelError(msg, hint) from error
-        if field is None:
+        if field is None or step.field is None:
             return ddu, np.zeros(ddu.shape[1])
         strain = self._points.strain(step.iterate.du)
         more = self._points.strain(ddu)
@@ -172,7 +172,7 @@ class _AtStep:
         carried, step = self._task.carried, self._step
         stress, multipliers = self._returned(self._elastic(ddu))
         stress += self._stress
-        if field is not None:
+        if field is not None and step.field is not None:
             taken = step.multiple * field + np.multiply.outer(step.field, multiples)
             stress -= step.viscosity * taken
         carried.stress[..., _DERIVATIVES] = stress

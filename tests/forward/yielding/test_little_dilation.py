@@ -143,7 +143,7 @@ def weak_rock(psi: float, released: Sequence[float] = RELEASED) -> StagedModel:
 def test_where_the_even_flow_ends_a_band_is_shown():
     """Hoek-Brown without support: a row of elements loses its stability, and its place is said.
 
-    Near the wall the ground is as one of 60 degrees; the motions are short by less than promised.
+    Near the wall the ground is as one of 60 degrees; the motions are those of the closed form.
     """
     psi, staged = np.radians(10.0), weak_rock(np.radians(10.0))
     run = staged.at(NOTHING, RunOptions(derivatives=False))
@@ -152,7 +152,8 @@ def test_where_the_even_flow_ends_a_band_is_shown():
     short = 1.0 - WEAK.outwards(staged, end).mean() / wall_of(WEAK.closed_form(limit))
     (stage,) = run.findings.plastic.overstressed
     found = run.findings.plastic.localising[stage]
-    assert 0.02 < short < found.short < 0.1
+    assert abs(short) < 0.02
+    assert 0.0 < found.short < 0.1
     assert found.band.startswith("a band has lost its stability, with half of its strain in ")
     assert int(found.band.split(" in ")[1].split()[0]) < 20
     assert "it shears most in group 'rock' near (0.0" in found.band

@@ -41,6 +41,9 @@ def assert_sound(case: OpeningCase) -> float:
             assert error < 0.01
         else:
             allowed = 0.03 if case.dilation == 0.0 else 0.01
+            # Plastic strains fall like r^-(K + 1): the error of the mesh where that is steep.
+            K = np.tan(np.pi / 4 + np.radians(case.dilation) / 2) ** 2
+            allowed = max(allowed, 0.03 * (case.size * (K + 1.0)) ** 2)
             short = max((one.short for one in findings.localising.values()), default=0.0)
             assert abs(error) < max(allowed, short)
     return factorizations
