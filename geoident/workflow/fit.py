@@ -171,7 +171,9 @@ def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[Finding,
 
 
 def _mistakes(job: Job, setup: Setup, problem: Problem, outcome: Outcome) -> MistakenReadings:
-    """Readings with a wrong sign, unit or zero."""
+    """Readings with a wrong sign, unit or zero; none of a search that was cut short."""
+    if outcome.status == STOPPED:
+        return MistakenReadings((), np.zeros(len(setup.readings), dtype=np.bool_), poor=False)
     case = replace(setup.case, channels=job.inputs.case.channels)  # with accuracies as stated
     places = [outcome.values, *(one.values for one in outcome.iterations[:1])]
     return mistaken_readings(case, setup.readings, problem, places, setup.model, job.methods)

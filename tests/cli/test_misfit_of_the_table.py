@@ -76,7 +76,7 @@ def staged_with_a_prior(folder):
 def law(folder):
     read = {("H", stage): -0.004 * k for k, stage in enumerate(READ, 1)}
     read |= {("V", stage): -0.0021 * k for k, stage in enumerate(READ, 1)}
-    return write_law(folder, LAW, read)
+    return write_law(folder, LAW + "fit: {model_error: none}\n", read)
 
 
 CASES = {

@@ -208,7 +208,7 @@ def centre_heights(found: Mechanism) -> np.ndarray:
 def test_the_picture_says_what_it_shows():
     picture = mechanism_picture(plate(2), ("x", "y"))
     assert picture.title == "Mechanism at stage push"
-    assert "50 % of the change of load" in picture.caption
+    assert "50 % of its change of load" in picture.caption
 
 
 def test_an_error_from_another_process_leaves_its_mesh_there():

@@ -63,7 +63,7 @@ class Line:
         readings = [
             f"  - {{gauge: G{i}, stage: now, value: {v!r} mm}}" for i, v in enumerate(y.tolist())
         ]
-        end = f"fit: {{accuracies: estimate, backtest: false{fit}}}"
+        end = f"fit: {{accuracies: estimate, backtest: false, model_error: none{fit}}}"
         head = HEAD
         if prior is not None:
             known = f"a: {{prior: {{mean: {prior!r}, sd: {PRIOR_SD}}}, start"

@@ -53,9 +53,8 @@ def test_readings_that_go_the_other_way_are_told_from_bad_ones(tmp_path):
         "bounds: [0.2, 4]", "bounds: [0.9, 4]"
     )
     found = _fit(tmp_path, "\n".join([rows[0], *turned]) + "\n", every_stage)
-    assert any(
-        "have the opposite sign of the computed" in finding for finding in said_findings(found)
-    )
+    first = said_findings(found)[0]
+    assert "All readings of the file 'readings.csv' have the wrong sign" in first
 
 
 def test_a_model_that_does_not_meet_the_readings_says_so_at_once(tmp_path):

@@ -21,14 +21,13 @@ parameters as those of the path; their derivatives follow from one to the next
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.forward.analysis.stage_equations import (
     Balance,
-    Iterate,
+    BalancedStep,
     NoEquilibrium,
     StageEquations,
     Tangent,
@@ -61,48 +60,6 @@ _VISCOUS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Multiples of mu at the path's end that are tried in turn, up to `_MOST_VISCOUS`."""
 
 _MOST_VISCOUS = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class BalancedStep:
-    """An equilibrium of viscous ground of whose overstress a multiple of a field is taken off.
-
-    Args:
-        iterate: at the viscosity, before that is taken off.
-        viscosity: mu.
-        multiple: t.
-        field: o' (s, m), Pa; None of the first one, where nothing is taken off.
-    """
-
-    iterate: Iterate
-    viscosity: float
-    multiple: float = 0.0
-    field: Floats | None = None
-
-    @cached_property
-    def overstress(self) -> Floats:
-        """The trial stress less the stress on the yield surface, o (s, m), Pa."""
-        overstress = np.zeros_like(self.iterate.stress)
-        for response in self.iterate.responses:
-            if response is not None:
-                projection = response.projection
-                overstress[:, response.ground.points] = projection.trial - projection.stress
-        return overstress
-
-    @property
-    def left(self) -> Floats:
-        """(s, m) o - t o', Pa."""
-        if self.field is None:
-            return self.overstress
-        return np.asarray(self.overstress - self.multiple * self.field)
-
-    @property
-    def end(self) -> Iterate:
-        """The iterate with the stress that is in equilibrium with the loads."""
-        if self.field is None:
-            return self.iterate
-        taken = self.viscosity * self.multiple * self.field
-        return replace(self.iterate, stress=self.iterate.stress - taken)
 
 
 def balance_overstress(equations: StageEquations, last: Balance) -> Balance | None:

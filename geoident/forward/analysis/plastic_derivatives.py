@@ -20,11 +20,11 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.analysis.balanced_overstress import BalancedStep
 from geoident.forward.analysis.constitutive import PlasticResponse
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.stage_equations import (
     Balance,
+    BalancedStep,
     SingularTangent,
     StageEquations,
     Tangent,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse.linalg as spla
@@ -19,9 +19,6 @@ from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoReturn
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
 from geoident.model.arrays import Bools, Floats, Ints
-
-if TYPE_CHECKING:
-    from geoident.forward.analysis.balanced_overstress import BalancedStep
 
 ELASTIC_PARTS = (1e-10, 1e-7, 1e-3, 1.0)
 """Parts of the elastic stiffness that are left in a tangent: the first that makes it definite."""
@@ -164,6 +161,48 @@ class Tangent:
     def solve(self, rest: Floats) -> Floats:
         """K_T^-1 r (n,) of one residual."""
         return self.factor.solve(rest[:, None])[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class BalancedStep:
+    """An equilibrium of viscous ground of whose overstress a multiple of a field is taken off.
+
+    Args:
+        iterate: at the viscosity, before that is taken off.
+        viscosity: mu.
+        multiple: t.
+        field: o' (s, m), Pa; None of the first one, where nothing is taken off.
+    """
+
+    iterate: Iterate
+    viscosity: float
+    multiple: float = 0.0
+    field: Floats | None = None
+
+    @cached_property
+    def overstress(self) -> Floats:
+        """The trial stress less the stress on the yield surface, o (s, m), Pa."""
+        overstress = np.zeros_like(self.iterate.stress)
+        for response in self.iterate.responses:
+            if response is not None:
+                projection = response.projection
+                overstress[:, response.ground.points] = projection.trial - projection.stress
+        return overstress
+
+    @property
+    def left(self) -> Floats:
+        """(s, m) o - t o', Pa."""
+        if self.field is None:
+            return self.overstress
+        return np.asarray(self.overstress - self.multiple * self.field)
+
+    @property
+    def end(self) -> Iterate:
+        """The iterate with the stress that is in equilibrium with the loads."""
+        if self.field is None:
+            return self.iterate
+        taken = self.viscosity * self.multiple * self.field
+        return replace(self.iterate, stress=self.iterate.stress - taken)
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ class YieldLaws:
     def _made(self, material: Material) -> YieldLaw | None:
         if not material.yields:
             return None
-        planes = self._limits(with_common_surface(self._on_mesh, material.name))
+        planes = self._limits(with_common_surface(self._on_mesh, material))
         elasticity = self._moduli.elastic_matrix(material.name)
         if isinstance(planes, HoekBrownConstants):
             return HoekBrownLaw(elasticity, planes)

@@ -79,13 +79,13 @@ def common_surface(
     return replace(material, yields=with_strengths(material.yields, fixed))
 
 
-def with_common_surface(on_mesh: CaseOnMesh, material: str) -> Material:
+def with_common_surface(on_mesh: CaseOnMesh, material: Material) -> Material:
     """A material with the surface that is common to its points; as stated where none grows."""
-    stated, grown = on_mesh.case.materials[material], on_mesh.strength_growths(material)
+    grown = on_mesh.strength_growths(material.name)
     if not grown:
-        return stated
+        return material
     sizes = {one.growth.constant: one.typical for one in grown}
-    return common_surface(stated, varied_surface(grown), sizes, on_mesh.case.start)
+    return common_surface(material, varied_surface(grown), sizes, on_mesh.case.start)
 
 
 def varied_surface(grown: Sequence[PointGrowth]) -> int:

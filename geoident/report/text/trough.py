@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from geoident.fem.faces import face_table
 from geoident.model.arrays import Bools, Floats, Ints
@@ -180,6 +179,8 @@ def _trough(line: str, stage: str, x: Floats, s: Floats, middle: float) -> Troug
         s: the settlements.
         middle: where its middle is known to be; NaN for to be found.
     """
+    from scipy.optimize import least_squares  # noqa: PLC0415 - 0.3 s, and most cases have no trough
+
     k = int(np.argmax(s))
     row = Trough(line, stage, "", float(s[k]), float(x[k]), math.nan, math.nan, math.nan)
     if len(x) < _LEAST_POINTS or not s[k] > 0.0:

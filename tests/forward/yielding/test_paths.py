@@ -137,7 +137,7 @@ def test_what_is_placed_anew_has_not_hardened():
 def test_change_to_a_weaker_material_makes_it_flow():
     """The stress that stays is outside the weak surface: collapse, or flow where it hardens."""
     weak = rock(E, 0.0, given(UP[None], [K]), name="weak")
-    strong = rock(E, 0.0, given(UP[None], [10 * K]), name="strong")
+    strong = rock(E, 0.0, given(UP[None], [10 * K]))
     stages = (
         Stage("load", loads=pull(3 * K)),
         Stage("weaken", change={"all": "weak"}),

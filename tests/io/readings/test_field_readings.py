@@ -62,11 +62,10 @@ def test_semicolons_that_are_not_declared_are_refused_with_what_to_declare(refus
 
 
 def test_a_decimal_comma_that_is_not_declared_stays_an_error(refused):
-    faults = refused("readings: {file: r.csv, delimiter: ';'}", files={"r.csv": SHEET})
-    places = [(f.code, f.location.line, f.location.column) for f in faults]
-    assert places == [("bad-number", 2, 16), ("bad-number", 3, 13)]
-    assert "two ways" in faults[0].message
-    assert 'decimal: ","' in faults[0].hint
+    (fault,) = refused("readings: {file: r.csv, delimiter: ';'}", files={"r.csv": SHEET})
+    place = fault.code, fault.location.line, fault.location.column
+    assert place == ("bad-number", 2, 16)
+    assert 'decimal: ","' in fault.hint
 
 
 @pytest.mark.parametrize("number", ["1.25", "1.234,5", "1,2,3", "1 2", "nan", "1,5 mm"])
