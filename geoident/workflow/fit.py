@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import starmap
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools
+from geoident.model.gauges import Channel
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.results.findings import Finding
@@ -174,9 +176,20 @@ def _mistakes(job: Job, setup: Setup, problem: Problem, outcome: Outcome) -> Mis
     """Readings with a wrong sign, unit or zero; none of a search that was cut short."""
     if outcome.status == STOPPED:
         return MistakenReadings((), np.zeros(len(setup.readings), dtype=np.bool_), poor=False)
-    case = replace(setup.case, channels=job.inputs.case.channels)  # with accuracies as stated
+    # accuracies as stated: estimated ones have grown with a mistake; mesh and surfaces have not
+    channels = zip(job.inputs.case.channels, setup.case.channels, strict=True)
+    case = replace(setup.case, channels=tuple(starmap(_with_numerical_errors, channels)))
     places = [outcome.values, *(one.values for one in outcome.iterations[:1])]
     return mistaken_readings(case, setup.readings, problem, places, setup.model, job.methods)
+
+
+def _with_numerical_errors(stated: Channel, fitted: Channel) -> Channel:
+    """A channel with the errors of mesh and response surfaces that another has."""
+    parts = fitted.errors
+    if parts is None or not (parts.mesh or parts.surface):
+        return stated
+    errors = replace(stated.error_parts, mesh=parts.mesh, surface=parts.surface)
+    return replace(stated, errors=errors)
 
 
 def _result(
