@@ -175,6 +175,10 @@ def odds(probability: float) -> str:
     return f"{100 * probability:.0f} times in 100"
 
 
+_COUNTLESS = 1e4
+"""Standard deviations from which on only their power of ten is told."""
+
+
 def _worst(backtest: Backtest, gauges: GaugeTable) -> str:
     """The reading that is farthest from its prediction."""
     worst, sentence = 0.0, ""
@@ -183,8 +187,9 @@ def _worst(backtest: Backtest, gauges: GaugeTable) -> str:
         if np.isfinite(z).any() and np.nanmax(np.abs(z)) > worst:
             i, j = np.unravel_index(int(np.nanargmax(np.abs(z))), z.shape)
             worst = float(abs(z[i, j]))
+            size = f"{z[i, j]:+.1f}" if worst < _COUNTLESS else f"{z[i, j]:+.0e}"
             sentence = (
-                f"Farthest off: {gauges.channels[i]} at {gauges.stages[j]}, {z[i, j]:+.1f} "
+                f"Farthest off: {gauges.channels[i]} at {gauges.stages[j]}, {size} "
                 f"standard deviations from the prediction by the readings up to "
                 f"{gauges.stages[step.last]}."
             )
