@@ -484,6 +484,8 @@ class _Search:
                 whole = float(u @ at.covariance.solve(u))
                 if a < _FOLLOWED * whole and one.factor > 0.0:  # the parameters could follow
                     fits = fits and self._bounded(as_read) > self._bounded(at)
+                if len(rows) == len(read):  # stress, weight or a date may be wrong as well
+                    fits = fits and at.objective < _CURED * as_read.objective
                 return _Fitted(one, score, none, at, uncertainty) if fits else None
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
             if not wanted:
@@ -544,6 +546,8 @@ _AT = 1e-3
 """Distance from a bound in scaled parameters that is none."""
 _FOLLOWED = 0.1
 """Part of a change of readings that parameters leave where they follow it, unless bounded."""
+_CURED = 0.25
+"""Part of the misfit that may be left where one factor on all readings is named."""
 _UNCERTAIN = 0.3
 """Uncertainty of a factor from which on the readings do not tell one of `FACTORS` from another."""
 _SELDOM = 100

@@ -366,7 +366,13 @@ class _Words:
         if factor != -1.0:
             meant = self._meant(rows, factor)
             if not meant:
-                return "Check the unit and the decimal point of these readings, and correct them."
+                check = "Check the unit and the decimal point of these readings, and correct them."
+                if len(rows) < np.count_nonzero(self.readings.used):
+                    return check
+                return (
+                    f"{check} A stress, density, load or date of the case that is wrong has the "
+                    "same effect: check these, too."
+                )
             key = f"unit: {meant}"
         file = Path(first.location.file).name
         each = ", ".join(f"{name}: {{{key}}}" for name in channels[:_LISTED])
