@@ -106,7 +106,7 @@ def surface_factors(
     grown, fields = on_mesh.strength_growths(material), on_mesh.strength_fields(material)
     if grown:
         number = varied_surface(grown)
-        common = with_common_surface(on_mesh, material).yields[number]
+        common = with_common_surface(on_mesh, stated).yields[number]
         strengths = {one.growth.constant: one.value(point) for one in grown}
         return factor_and_shift(stated.yields[number], common, strengths, point)
     if fields:  # a surface that keeps its shape has one (`checks`)
