@@ -246,6 +246,20 @@ def test_a_zero_missed_is_named_with_the_stage_that_it_lacks(tmp_path):
     assert "write 'zero: fourth' at the gauge V" in finding["sentence"]
 
 
+def test_a_motion_at_the_zero_of_its_own_gauge_is_no_mistake_of_a_unit(tmp_path):
+    """C1 counts from the virgin ground, and the case says from the first stage."""
+    rows = sound_rows(tmp_path, *SITES["trench"], 5)
+    case = tmp_path / "case.yaml"
+    of_c1 = "C1: {kind: convergence, between: [[2 m, 3.5 m], [4 m, 3.5 m]], "
+    case.write_text(case.read_text().replace(of_c1, f"{of_c1}zero: first, "))
+    _, result = said(tmp_path, [r for r in rows if (r.channel, r.stage) != ("C1", "second")])
+    (finding,) = accusations(result)
+    assert (finding["kind"], finding["subject"]) == ("zero", "C1, first")
+    assert "write that stage as 'zero' of C1" in finding["sentence"]
+    (read,) = [r.value for r in rows if (r.channel, r.stage) == ("C1", "first")]
+    assert finding["numbers"]["offset"] == pytest.approx(1e-3 * read, rel=1e-3)
+
+
 def test_check_names_a_mistake_before_any_fit(tmp_path):
     rows = sound_rows(tmp_path, *SITES["trench"], 5)
     wrong = [replace(r, value=-r.value) if r.channel == "C2" else r for r in rows]

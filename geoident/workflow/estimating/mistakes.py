@@ -247,8 +247,9 @@ class _Words:
         numbers = {"before": mistake.before, "after": mistake.after}
         for n, one in enumerate(mistake.rivals, 2):
             numbers[f"factor_{n}"] = one.factor
-        if mistake.is_zero:
-            offset = float(np.median(mistake.offset))
+        if mistake.is_zero or self._at_zero(mistake):
+            read = self.readings.value[self._members(mistake.suspects)]
+            offset = float(np.median(mistake.offset if mistake.is_zero else read))
             return Finding("zero", listed(subjects), sentence, {**numbers, "offset": offset})
         numbers["factor"] = mistake.factor
         kind: FindingKind = "opposite-sign" if mistake.factor == -1.0 else "unit"
@@ -257,6 +258,15 @@ class _Words:
     def _members(self, suspects: Suspects) -> list[int]:
         """Rows of the table of all readings."""
         return [int(k) for k in self.rows[suspects.rows]]
+
+    def _at_zero(self, mistake: Mistake) -> bool:
+        """The readings are those of their gauges' own zeros, where any number but 0 is wrong."""
+        rows = self._members(mistake.suspects)
+        channels = _channels_of(self.case, [self.readings.channel[k] for k in rows])
+        return all(
+            one.is_zeroed and one.zero == self.readings.stage[k]
+            for one, k in zip(channels, rows, strict=True)
+        )
 
     def _subject(self, suspects: Suspects) -> list[str]:
         rows = self._members(suspects)
@@ -295,6 +305,9 @@ class _Words:
         one, factor = mistake.suspects, mistake.factor
         rows = self._members(one)
         alone = one.level == "reading"
+        if self._at_zero(mistake):
+            are = "is that" if alone else "are those"
+            return f"{self._who(one)} {are} of the gauge's own zero, from which it counts"
         verb = "has" if alone else "have"
         would = ""
         if alone:
@@ -357,6 +370,12 @@ class _Words:
         channels = list(dict.fromkeys(self.readings.channel[k] for k in rows))
         if mistake.is_zero:
             return self._remedy_of_zero(mistake, channels)
+        if self._at_zero(mistake):
+            gauge = listed(dict.fromkeys(self.readings.gauge[k] for k in rows))
+            return (
+                f"If it has counted from an earlier stage, write that stage as 'zero' of {gauge}; "
+                "else leave the reading out (column 'bad')."
+            )
         if one.level in ("reading", "stage of a gauge", "stage of a kind") or first.key:
             where = f"at {first.location}" if str(first.location) else "there"
             if len(rows) > 1:
