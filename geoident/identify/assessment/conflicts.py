@@ -99,11 +99,15 @@ def conflict_findings(
             f"{in_unit(float(number), q.unit, q.dimension):.3g}" for number in natural
         )
         unit = f" {shown_unit(q.unit, q.dimension)}".rstrip()
+        given = f"{value}{unit} (95 %: {low} to {high})"
+        if not q.lower <= natural[0] <= q.upper:  # as linearised; no number that could be meant
+            side = "less than its lower" if natural[0] < q.lower else "more than its upper"
+            given = f"{side} bound"
         chance = 2.0 * float(ndtr(-abs(conflict.distance)))
         seldom = f"1 of {1.0 / chance:.0f}" if chance > 1e-4 else "less than 1 of 10 000"
         sentence = (
             f"The prior of {q.name} ({mean} +- {sd}{unit}) contradicts the readings: without it "
-            f"they give {value}{unit} (95 %: {low} to {high}), {abs(conflict.distance):.1f} "
+            f"they give {given}, {abs(conflict.distance):.1f} "
             f"standard deviations from it. By chance this happens in {seldom} fits. The result "
             "lies between the two: the prior, the accuracies or the model is wrong."
         )

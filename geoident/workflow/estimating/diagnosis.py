@@ -313,8 +313,8 @@ def why_poor(
     """
     if mistaken:
         return (
-            " The model does not fit the readings: a sign, unit or zero of some is wrong and has "
-            "moved the parameters (see the findings)."
+            " The model does not fit the readings: a sign, unit or zero of some seems to be wrong, "
+            "and has then moved the parameters (see the findings)."
         )
     if diagnostics.above < POOR and diagnostics.misfit >= UNUSABLE:
         times = _times(diagnostics.misfit)

@@ -25,8 +25,8 @@ _PART_OF_DISTANCE = 0.5
 _SOFTEST, _STIFFEST = 5e4, 1e12
 """Pa: below a modulus of peat, above one of diamond."""
 _SMALLEST_K0, _LARGEST_K0 = 0.1, 10.0
-_LIGHTEST, _HEAVIEST = 200.0, 6000.0
-"""kg/m3: below a density of peat, above one of massive ore."""
+_LIGHTEST, _HEAVIEST = 400.0, 6000.0
+"""kg/m3: below a density of foamed concrete and of any peat on site, above one of massive ore."""
 _THICKEST = 6.0
 """m: of linings and walls."""
 _DEEPEST = 3e8
