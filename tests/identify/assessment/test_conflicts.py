@@ -122,6 +122,18 @@ def test_the_sentence_has_the_fit_without_the_prior_and_how_seldom_chance_makes_
     )
 
 
+@pytest.mark.parametrize(
+    ("x", "side"), [(4e-175, "less than its lower"), (1e15, "more than its upper")]
+)
+def test_a_prior_is_not_contradicted_by_a_number_beyond_the_bounds(x, side):
+    parameter = Parameter(
+        "E", 5e9, 1e9, 50e9, "log", Prior(8e9, 2e9), unit="GPa", dimension="pressure"
+    )
+    found = PriorConflict(0, -5.0, np.log(x), 1.0)
+    (conflict,) = conflict_findings([found], [parameter], np.ones(1))
+    assert f"without it they give {side} bound, 5.0 standard deviations" in conflict.sentence
+
+
 def tied(jacobian, sd=0.01):
     parameters = (Parameter("E", 2.0, 0.1, 50.0, "log"), Parameter("K0", 1.0, 0.2, 4.0))
     J = np.array(jacobian)
