@@ -113,8 +113,7 @@ def _project(result: ProjectResult) -> tuple[PagePart, ...]:
                 parameters_table(result),
             ),
             TitledTable(
-                "Readings used, size of the residuals by their errors, and the probability of a "
-                "section of the same ground to be as far from all others",
+                "Misfit (residuals by their errors), and chance to lie as far off in the same ground",
                 sections_table(result),
             ),
         ),
