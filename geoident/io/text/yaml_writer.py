@@ -60,12 +60,18 @@ def compact_text(data: Written) -> str:
     >>> compact_text({"a": {"b": "1 m", "c": ["x", "y"]}, "d": {"e": "f"}})
     'a:\\n  b: 1 m\\n  c: [x, y]\\nd: {e: f}\\n'
     """
-    style = {"sort_keys": False, "allow_unicode": True, "width": _WIDTH}
-    return str(yaml.dump(data, Dumper=_Dumper, default_flow_style=None, **style))
+    return _by_pyyaml(data, flow=None)
 
 
-def _by_pyyaml(data: Written) -> str:
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
+def _by_pyyaml(data: Written, *, flow: bool | None = False) -> str:
+    return yaml.dump(
+        data,
+        Dumper=_Dumper,
+        default_flow_style=flow,
+        sort_keys=False,
+        allow_unicode=True,
+        width=_WIDTH,
+    )
 
 
 class _NotOnOneLine(Exception):

@@ -327,7 +327,8 @@ def ground_of(
     corners, window = points[sheet.triangles], view.window
     present &= (corners.max(axis=1) >= window.low).all(axis=1)
     present &= (corners.min(axis=1) <= window.high).all(axis=1)
-    return Triangulation(*points.T, sheet.triangles[present]) if present.any() else None
+    x, y = points.T
+    return Triangulation(x, y, sheet.triangles[present]) if present.any() else None
 
 
 def add_levels(
