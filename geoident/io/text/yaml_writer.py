@@ -58,7 +58,7 @@ def compact_text(data: Written) -> str:
         data: what to write.
 
     >>> compact_text({"a": {"b": "1 m", "c": ["x", "y"]}, "d": {"e": "f"}})
-    'a:\\n  b: 1 m\\n  c: [x, y]\\nd: {e: f}\\n'
+    'a:\n  b: 1 m\n  c: [x, y]\nd: {e: f}\n'
     """
     return _by_pyyaml(data, flow=None)
 

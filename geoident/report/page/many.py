@@ -113,7 +113,7 @@ def _project(result: ProjectResult) -> tuple[PagePart, ...]:
                 parameters_table(result),
             ),
             TitledTable(
-                "Misfit (residuals by their errors), and chance of the same ground to lie so far off",
+                "Misfit (residuals by their errors), and chance of one ground to lie so far off",
                 sections_table(result),
             ),
         ),

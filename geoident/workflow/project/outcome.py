@@ -174,14 +174,15 @@ def project_result(
 
 
 def _notes_of_sections(job: ProjectJob, prepared: Sequence[PreparedSection]) -> list[str]:
-    """Notes that all sections have, as they are; those of some under the names of these."""
+    """Notes that all fitted sections have, as they are; those of some under their names."""
     names = [section.name for section in job.project.sections]
+    fitted = {section.name for section in job.project.fitted}
     of_note: dict[str, list[str]] = {}
     for name, one in zip(names, prepared, strict=True):
         for note in dict.fromkeys(one.notes):
             of_note.setdefault(note, []).append(name)
     return [
-        note if len(having) == len(names) else f"{', '.join(having)}: {note}"
+        note if fitted <= {*having} else f"{', '.join(having)}: {note}"
         for note, having in of_note.items()
     ]
 
