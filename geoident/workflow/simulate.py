@@ -17,7 +17,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.bridges.values import WrittenValue, read_values, values_of
 from geoident.io.result.hdf5 import hdf5_output
-from geoident.io.result.vtkhdf import write_fields
+from geoident.io.result.vtkhdf import add_principal_stresses, write_fields
 from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
@@ -71,7 +71,8 @@ class Outputs:
 
     Args:
         readings: file into which its caller is going to write the readings, or None.
-        fields: file for the displacements and stresses of all states, as VTKHDF; or None.
+        fields: file for the displacements, stresses and principal stresses of all states, as
+            VTKHDF; or None.
         force: replace fields that stand there.
     """
 
@@ -231,6 +232,7 @@ def _with_fields(
             write_fields(
                 written, fields, mechanism=mechanism if isinstance(mechanism, Mechanism) else None
             )
+            add_principal_stresses(written)
     if collapse is not None:
         collapse.add(f"Its mechanism and the stages before it, for ParaView: {file}")
         raise collapse

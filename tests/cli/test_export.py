@@ -280,6 +280,36 @@ def test_simulated_fields_are_written_beside_the_readings(trench, run):
     assert run(*words, "--force").exit_code == 0
 
 
+def test_simulated_fields_have_their_principal_stresses_in_vtk(trench, run):
+    reason = "needs vtk"
+    hdf = pytest.importorskip("vtkmodules.vtkIOHDF", reason=reason)
+    to_numpy = pytest.importorskip("vtkmodules.util.numpy_support", reason=reason).vtk_to_numpy
+    assert run("simulate", "case.yaml", "--fields", "start.vtkhdf").exit_code == 0
+    reader = hdf.vtkHDFReader()
+    reader.SetFileName("start.vtkhdf")
+    reader.UpdateInformation()
+    for state in range(3):
+        reader.UpdateTimeStep(float(state))
+        cells = reader.GetOutputDataObject(0).GetCellData()
+        stress, values, first, third = (
+            to_numpy(cells.GetArray(name))
+            for name in ("stress", "principal_stress", "principal_direction_1",
+                         "principal_direction_3")
+        )  # fmt: skip
+        tensors = stress[:, [0, 3, 5, 3, 1, 4, 5, 4, 2]].reshape(-1, 3, 3)
+        known = np.isfinite(stress).all(axis=1)
+        assert known.sum() > 10
+        assert state == 0 or np.ptp(values[known]) > 1e5
+        close = {"rtol": 1e-9, "atol": 1e-3}  # Pa
+        expected = np.linalg.eigvalsh(tensors[known])[:, ::-1]
+        np.testing.assert_allclose(values[known], expected, **close)
+        for direction, k in ((first, 0), (third, 2)):
+            n = direction[known]
+            np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0)
+            pulled = np.einsum("qij,qj->qi", tensors[known], n)
+            np.testing.assert_allclose(pulled, values[known, k : k + 1] * n, **close)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -1,5 +1,6 @@
 """What whoever pays for a report asks: strength, settlement, alarm values, plain words."""
 
+import importlib.metadata
 import json
 import math
 import shutil
@@ -186,3 +187,14 @@ def test_half_a_trough_has_no_width(tunnel, run, run_json):
     told = json.loads(run("show", "case.fit.h5", "--json").stdout)
     (read,) = [row for row in told["troughs"] if row["of"] == "measured"]
     assert (read["i"], read["volume"], read["volume_loss"]) == (None, None, None)
+
+
+@pytest.mark.usefixtures("watched", "plain_pictures")
+def test_each_printed_page_says_when_and_by_which_version_it_was_computed(run):
+    assert run("report", "case.fit.h5").exit_code == 0
+    page = Path("case.fit.html").read_text(encoding="utf-8")
+    version = importlib.metadata.version("geoident")
+    foot = page.partition("@bottom-left")[2].partition("}")[0]
+    assert "computed" in foot
+    assert version.replace(".", "\\2e ") in foot
+    assert "i: distance from the middle" not in page  # it has no troughs

@@ -1,7 +1,8 @@
 """Renew what is made in the manual: ``sh tests/manual/renew [PART...]``.
 
 All parts are made if none is named, but for the readings of the tutorial of the tunnel, which
-are given: ``sh tests/manual/renew tutorials/tunnel/readings``.
+are given: ``sh tests/manual/renew tutorials/tunnel/readings``. Of the gallery, which takes an hour,
+single cases can be named: ``sh tests/manual/renew gallery/cavern gallery/template-dam``.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from geoident.io.docs.campaign_schema import campaign_key_page_text
@@ -60,7 +62,10 @@ PARTS: dict[str, Callable[[], None]] = {
     **{page_name(path): page_that_is_run(path) for path in pages_that_are_run()},
 }
 
-GIVEN: dict[str, Callable[[], None]] = {"tutorials/tunnel/readings": tunnel_readings.main}
+GIVEN: dict[str, Callable[[], None]] = {
+    "tutorials/tunnel/readings": tunnel_readings.main,
+    **{gallery.part_name(one): partial(gallery.write_one, one) for one in gallery.shown()},
+}
 """What is made only when it is named."""
 
 

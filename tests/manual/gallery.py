@@ -68,6 +68,11 @@ class Shown:
         return found[1].strip("\"'")
 
     @property
+    def where(self) -> str:
+        """Where it is found."""
+        return "a template of `geoident init`" if self.template else f"`cases/{self.name}`"
+
+    @property
     def text(self) -> str:
         """Its file."""
         return self.case.read_text(encoding="utf-8")
@@ -119,17 +124,31 @@ def shown() -> list[Shown]:
 
 def write() -> None:
     """Make the page and its pictures."""
-    FOLDER.mkdir(exist_ok=True)
-    parts = [HEAD]
-    for one in shown():
-        result = _result(one)
-        pictures = [p for p in album(result).all if p.name in WANTED]
-        for picture in pictures:
-            (FOLDER / file_name(one, picture.name)).write_bytes(_light(image(picture, "png")))
-            if file_name(one, picture.name) == OF_README:
-                (DOCS / "cavern.png").write_bytes(small(image(picture, "png")))
-        parts.append(_part(one, result, pictures))
+    parts = [HEAD, *(renewed(one) for one in shown())]
     (DOCS / "gallery.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def write_one(one: Shown) -> None:
+    """Make the pictures of one case, and its part of the page that is there."""
+    page = DOCS / "gallery.md"
+    head, *parts = re.split(r"(?m)^(?=## )", page.read_text(encoding="utf-8"))
+    start = f"## {one.title}\n\n*{one.where}*\n"
+    (number,) = [k for k, part in enumerate(parts) if part.startswith(start)]
+    last = number == len(parts) - 1
+    parts[number] = renewed(one) + ("" if last else "\n")
+    page.write_text("".join([head, *parts]), encoding="utf-8")
+
+
+def renewed(one: Shown) -> str:
+    """Make the pictures of a case; its part of the page."""
+    FOLDER.mkdir(exist_ok=True)
+    result = _result(one)
+    pictures = [p for p in album(result).all if p.name in WANTED]
+    for picture in pictures:
+        (FOLDER / file_name(one, picture.name)).write_bytes(_light(image(picture, "png")))
+        if file_name(one, picture.name) == OF_README:
+            (DOCS / "cavern.png").write_bytes(small(image(picture, "png")))
+    return _part(one, result, pictures)
 
 
 def _light(picture: bytes) -> bytes:
@@ -139,6 +158,11 @@ def _light(picture: bytes) -> bytes:
         if len(made) < MOST:
             break
     return made
+
+
+def part_name(one: Shown) -> str:
+    """What is named to renew one case: ``gallery/dam``, ``gallery/template-dam``."""
+    return f"gallery/{'template-' if one.template else ''}{one.name}"
 
 
 def file_name(one: Shown, picture: str) -> str:
@@ -159,8 +183,7 @@ def _result(one: Shown) -> Result:
 
 
 def _part(one: Shown, result: Result, pictures: list[Picture]) -> str:
-    where = "a template of `geoident init`" if one.template else f"`cases/{one.name}`"
-    lines = [f"## {one.title}", "", f"*{where}*", "", one.about, ""]
+    lines = [f"## {one.title}", "", f"*{one.where}*", "", one.about, ""]
     lines += ["```sh", *one.commands, "```", ""]
     for picture in pictures:
         lines += [f"![{one.title}: {picture.title}](gallery/{file_name(one, picture.name)})", ""]

@@ -194,7 +194,7 @@ def drawn_posterior():
 def test_draws_have_their_quantiles_their_prior_and_contours_that_hold_their_parts():
     result, found = drawn_posterior()
     figure = laid_out(lambda: corner_figure(result, found))
-    rock, panel = figure.axes[0], figure.axes[2]
+    rock, panel = figure.axes[:2]
     E, K0 = found.flat[:, 0] / 1e9, found.flat[:, 1]
     upright = sorted(
         float(line.get_xdata()[0]) for line in rock.get_lines() if len(line.get_xdata()) == 2

@@ -66,7 +66,7 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     "--fields",
     metavar="FILE.vtkhdf",
     type=click.Path(),
-    help="Also write displacements and stresses of all states, for ParaView.",
+    help="Also write displacements, stresses and principal stresses of all states, for ParaView.",
 )
 @click.option(
     "--dakota",

@@ -56,7 +56,7 @@ def write_sidecar(path: str, result_name: str) -> None:
 def copy_fields(result_path: str | Path, path: str) -> None:
     """Writes a file with a copy of the fields of a result, which ParaView opens without the result.
 
-    It also has the principal stresses (`principal_cells`), which the result leaves to its stresses.
+    It also has the principal stresses, which the result leaves to its stresses.
 
     Raises:
         InputError: the result has no fields, or is none.
@@ -65,9 +65,19 @@ def copy_fields(result_path: str | Path, path: str) -> None:
         if GROUP not in source:
             raise refusal(result_path, "no-fields", "holds no displacements and stresses", REFIT)
         source.copy(GROUP, file)
-        data, offsets = file[f"{GROUP}/CellData"], file[f"{GROUP}/Steps/CellDataOffsets"]
-        for name, array in principal_cells(data["stress"][()]).items():
-            data[name], offsets[name] = array, offsets["stress"][()]
+        add_principal_stresses(file)
+
+
+def add_principal_stresses(file: h5py.File) -> None:
+    """Adds the `principal_cells` of all states to the stresses in ``/VTKHDF``.
+
+    Args:
+        file: with fields; no result, since its readers compute them from the stresses.
+    """
+    data, offsets = file[f"{GROUP}/CellData"], file[f"{GROUP}/Steps/CellDataOffsets"]
+    for name, array in principal_cells(data["stress"][()]).items():
+        data[name], offsets[name] = array, offsets["stress"][()]
+    data["principal_stress"].attrs["unit"] = "Pa"
 
 
 def sidecar_target(path: str | Path) -> str | None:

@@ -51,8 +51,27 @@ def yaml_text(data: Written) -> str:
         return _by_pyyaml(data)
 
 
-def _by_pyyaml(data: Written) -> str:
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
+def compact_text(data: Written) -> str:
+    r"""A document for people: lists and mappings that hold nothing but texts on one line.
+
+    Args:
+        data: what to write.
+
+    >>> compact_text({"a": {"b": "1 m", "c": ["x", "y"]}, "d": {"e": "f"}})
+    'a:\n  b: 1 m\n  c: [x, y]\nd: {e: f}\n'
+    """
+    return _by_pyyaml(data, flow=None)
+
+
+def _by_pyyaml(data: Written, *, flow: bool | None = False) -> str:
+    return yaml.dump(
+        data,
+        Dumper=_Dumper,
+        default_flow_style=flow,
+        sort_keys=False,
+        allow_unicode=True,
+        width=_WIDTH,
+    )
 
 
 class _NotOnOneLine(Exception):

@@ -104,6 +104,7 @@ def error_figure(result: Result, backtest: Backtest) -> Figure:
     dot: dict[str, Any] = {"marker": "o", "ls": "", "color": MEASURED, "ms": 4}
     keys = key("next stage", **dot), key("further ahead", mfc="white", **dot)
     largest, drawn = NORMAL_95, [False, False]
+    predicted: set[int] = set()
     for step in backtest.steps:
         bands = bands_of(backtest, step)
         z, ahead = bands.z, next_read(bands)
@@ -114,10 +115,12 @@ def error_figure(result: Result, backtest: Backtest) -> Figure:
             face = "white" if k else MEASURED
             axes.plot(columns + aside, z[rows, columns], mfc=face, mew=0.8, **dot)
             drawn[k] |= bool(len(rows))
+            predicted |= {*columns.tolist()}
     if largest > _LINEAR:
         axes.set_yscale("symlog", linthresh=4.0)
     axes.set_ylabel("error / standard deviation")
     stage_ticks(axes, result.gauges.stages)
+    axes.set_xlim(min(predicted) - 0.6, max(predicted) + 0.6)
     axes.grid(axis="y")
     handles = [handle for handle, shown in zip(keys, drawn, strict=True) if shown]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))

@@ -96,7 +96,7 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
 
 def _grid(n: int, width: float) -> tuple[int, int, float]:
     """Columns and rows of n gauges in a part of so many inches, and its height."""
-    columns = min(n, 3 if width >= _THREE_ACROSS else 2)
+    columns = min(n, 3 if width >= _THREE_ACROSS and n != 4 else 2)
     lines = -(-n // columns)
     return columns, lines, 0.7 + (_HIGH if lines <= _FEW else _LOW) * lines
 

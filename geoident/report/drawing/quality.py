@@ -67,7 +67,8 @@ def one_to_one_figure(result: Result) -> Figure:
     """Computed over measured readings, equal scales, a panel for each unit."""
     shown, rows = result.gauges.shown_units, np.flatnonzero(_both(result).any(axis=1))
     units = list(dict.fromkeys(shown[row] for row in rows))
-    figure = Figure(figsize=(min(4.8 * len(units), WIDTH), 4.9))
+    width = min(4.3, WIDTH / len(units))
+    figure = Figure(figsize=(width * len(units), width + 0.1))
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         _draw_one_to_one(axes, result, unit)
         axes.legend(loc="upper left")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from matplotlib.transforms import Bbox
 
 from geoident.errors import InputError
 from geoident.fem.location import Locator, Site
@@ -244,6 +245,8 @@ class SheetView:
         self.across = list(sheet.axes)
         self.tag = f"section-{number}-" if scene.solid else ""
         self.where = f", section {sheet.plane}" if sheet.plane is not None else ""
+        self.layouts: dict[int, list[Bbox]] = {}
+        """Places of the axes of figures of so many panels, which are the same for all fields."""
         self._areas: dict[int, tuple[Ints, Floats]] = {}
         self._lines: dict[int, tuple[Trace, Trace]] = {}
 

@@ -118,6 +118,14 @@ def image(picture: Picture, suffix: str) -> bytes:
     return buffer.getvalue()
 
 
+def lay_out(figure: Figure) -> None:
+    """Give the axes of a figure their places now, not only when it is saved."""
+    _spare_layout(figure)
+    figure.set_dpi(_DPI)
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+
+
 def _spare_layout(figure: Figure) -> None:
     """Take out of the layout what changes nothing in it, but is measured at every pass."""
     for axes in figure.axes:

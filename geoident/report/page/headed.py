@@ -31,13 +31,14 @@ def headed_page(
     title = head.title or title
     days = ", ".join(sorted({created.partition("T")[0] for created, _ in origins}))
     versions = ", ".join(sorted({each.get("geoident", "") for _, each in origins} - {""}))
+    computed = f"{days}, geoident {versions}"
     rows = {
         "Project": head.project,
         "Client": head.client,
         "Author": head.author,
         "Revision": head.revision,
         "Date": head.date,
-        "Computed": f"{days}, geoident {versions}",
+        "Computed": computed,
     }
     entries = [tag(*pair) for name, text in rows.items() if text
                for pair in (("dt", name), ("dd", text))]  # fmt: skip
@@ -50,5 +51,5 @@ def headed_page(
         tag("header", tag("div", words, picture, class_="head")),
         contents(parts),
         tag("main", body(parts, draw)),
-        margins=(head.project or title, right if head.project else ""),
+        margins=(head.project or title, right if head.project else "", f"computed {computed}"),
     )

@@ -7,6 +7,8 @@ from html import escape
 
 from geoident.report.text.layout import TextTable
 
+_LINE = 100
+"""Letters of a caption that find room on one line of a printed page."""
 _VOID = ("meta", "br", "hr", "img")
 
 
@@ -56,18 +58,19 @@ def table(table: TextTable, *, caption: str = "") -> Html:
         tag("tr", *(tag("td", cell, class_=side) for cell, side in zip(row, sides, strict=True)))
         for row in table.rows
     ]
-    title = [tag("caption", caption)] if caption else []
+    line = "line" if len(caption) <= _LINE else ""
+    title = [tag("caption", caption, class_=line)] if caption else []
     parts = [*title, tag("thead", tag("tr", *head)), tag("tbody", joined(body, "\n"))]
     return tag("div", tag("table", *parts), class_="wide")
 
 
-def page(title: str, *body: str, margins: tuple[str, str] = ("", "")) -> str:
+def page(title: str, *body: str, margins: tuple[str, str, str] = ("", "", "")) -> str:
     """A whole document that loads nothing, runs nothing and sends nothing.
 
     Args:
         title: of the window.
         body: what stands in it.
-        margins: what stands above the left and the right end of printed pages.
+        margins: what stands above the left and the right end of printed pages, and below the left.
     """
     style = STYLE + _margins(*margins)
     policy = (  # figures of matplotlib have their colours in style attributes
@@ -87,15 +90,16 @@ def page(title: str, *body: str, margins: tuple[str, str] = ("", "")) -> str:
     return f"<!DOCTYPE html>\n{html}\n"
 
 
-def _margins(left: str, right: str) -> str:
+def _margins(left: str, right: str, below: str) -> str:
     """Texts in the margins of printed pages; what could end a string or the style is escaped."""
-    first, second = (
+    first, second, third = (
         "".join(c if c.isalnum() or c == " " else f"\\{ord(c):x} " for c in text)
-        for text in (left, right)
+        for text in (left, right, below)
     )
     return (
         f'@page {{ @top-left {{ content: "{first}"; font: 8pt sans-serif; color: #444 }} '
-        f'@top-right {{ content: "{second}"; font: 8pt sans-serif; color: #444 }} }}\n'
+        f'@top-right {{ content: "{second}"; font: 8pt sans-serif; color: #444 }} '
+        f'@bottom-left {{ content: "{third}"; font: 8pt sans-serif; color: #444 }} }}\n'
     )
 
 
@@ -127,6 +131,7 @@ dd { margin: 0; overflow-wrap: anywhere; }
 .wide { overflow-x: auto; margin: .6em 0 1em; }
 table { border-collapse: collapse; font-size: .92em; }
 caption { text-align: left; font-weight: 600; padding: .3em 0; }
+caption.line { white-space: nowrap; }
 th, td { padding: .22em .8em .22em 0; text-align: left; vertical-align: top; }
 th { border-bottom: 1.5px solid #444; font-weight: 600; white-space: nowrap; }
 td { border-bottom: 1px solid #ddd; max-width: 60ch; }
@@ -175,7 +180,8 @@ a { color: #1f4e79; }
   h2 { margin-top: 1em; }
   h3 { margin-top: .9em; }
   figure, tr, .lead, .warn, .wide:not(:has(tr:nth-child(15))) { break-inside: avoid; }
-  h2, h3, h4, caption, p:has(+ .figures) { break-after: avoid; }
+  h2, h3, h4, caption, p:not(.note):has(+ .figures) { break-after: avoid; }
+  .wide + .note { break-before: avoid; }
   .figures { display: block; margin: .4em 0 .7em; }
   figure { max-width: none; display: flex; flex-wrap: wrap; align-content: flex-start;
     gap: .3em 2%; margin-bottom: 1em; }

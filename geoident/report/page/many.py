@@ -78,6 +78,10 @@ def _campaign(table: CampaignTable) -> tuple[PagePart, ...]:
     )
 
 
+def _versions(versions: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {text}" for name, text in sorted(versions.items()))
+
+
 def _campaign_origin(table: CampaignTable) -> TextTable:
     hosts = sorted({run.host for run in table.runs if run.host})
     rows = [
@@ -85,7 +89,7 @@ def _campaign_origin(table: CampaignTable) -> TextTable:
         ["base case", table.case_file],
         ["command", table.command],
         ["machines", ", ".join(hosts) or "-"],
-        *([name, text] for name, text in table.versions.items()),
+        ["versions", _versions(table.versions)],
     ]
     return TextTable(["", ""], rows)
 
@@ -109,8 +113,7 @@ def _project(result: ProjectResult) -> tuple[PagePart, ...]:
                 parameters_table(result),
             ),
             TitledTable(
-                "Readings used, size of the residuals by their errors, and the probability of a "
-                "section of the same ground to be as far from all others",
+                "Misfit (residuals by their errors), and chance of one ground to lie so far off",
                 sections_table(result),
             ),
         ),
@@ -154,12 +157,15 @@ def _left_out(result: ProjectResult) -> list[Figures | TitledTable]:
 
 def _project_origin(result: ProjectResult) -> TextTable:
     provenance = result.provenance
+    cases: dict[str, list[str]] = {}
+    for one in result.sections:
+        cases.setdefault(one.case_file, []).append(one.name)
     rows = [
         ["project", provenance.case_file],
-        *([one.name, one.case_file] for one in result.sections),
+        *([f"case of {', '.join(names)}", case] for case, names in cases.items()),
         ["cost", f"{result.counts.evaluations} evaluations, {result.counts.factorizations} "
          "factorizations"],
         ["identity", provenance.identity],
-        *([name, text] for name, text in provenance.versions.items()),
+        ["versions", _versions(provenance.versions)],
     ]  # fmt: skip
     return TextTable(["", ""], rows)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from geoident.io.text.yaml_writer import compact_text
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import Album, album, comparison
@@ -200,12 +201,21 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section("Course of the search", Figures(search), appendix=True),
         section(
             f"All {structures.NAME.lower()}",
-            TitledTable(structures.TITLE, structures.force_table(result.members)),
+            *(
+                TitledTable(title, structures.force_table(result.members, per_metre=linings))
+                for title, linings in (
+                    (structures.LININGS_TITLE, True),
+                    (structures.BARS_TITLE, False),
+                )
+            ),
             appendix=True,
         ),
         section(
             "Reactions of supports",
-            TitledTable(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions)),
+            *(
+                TitledTable(structures.REACTIONS_TITLE, one)
+                for one in structures.reaction_tables_by_stage(result.reactions)
+            ),
             appendix=True,
         ),
         section("Notes", joined([tag("p", note) for note in result.notes if note]), appendix=True),
@@ -311,7 +321,7 @@ def _troughs(result: Result) -> tuple[Block, ...]:
     table = trough.trough_table(result)
     if not table.rows:
         return ()
-    return TitledTable(trough.NAME, table), tag("p", trough.trough_note(), class_="note")
+    return TitledTable(trough.NAME, table), _paragraph(trough.trough_note(table), class_="note")
 
 
 def _strength(result: Result) -> tuple[Block, ...]:
@@ -380,5 +390,7 @@ def _hash(text: str) -> Html:
 
 
 def _case(result: Result) -> tuple[Html, ...]:
-    text = result.case_resolved
+    text, entries_of = result.case_resolved, case_entries(result.case_resolved)
+    if entries_of:
+        text = compact_text(entries_of)
     return (tag("p", "With defaults and overrides."), tag("pre", text)) if text else ()

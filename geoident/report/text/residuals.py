@@ -175,10 +175,10 @@ def in_sd_note(result: Result, *, predictions: bool = False) -> str:
         result: whose readings are shown.
         predictions: those beside predictions, too.
     """
-    note = "in sd: residual divided by the standard deviation of the reading."
+    note = "In sd: residual divided by the standard deviation of the reading."
     if as_predicted(result) is not result:
         return (
-            f"{note} unexplained: reading minus its prediction by the last fit before its stage, "
+            f"{note} Unexplained: reading minus its prediction by the last fit before its stage, "
             "in standard deviations of that prediction (parameters, accuracy and model error "
             "together)."
         )
@@ -186,7 +186,7 @@ def in_sd_note(result: Result, *, predictions: bool = False) -> str:
         parts = ["errors that readings share"] if any(result.gauges.errors) else []
         parts += ["the model error"] if result.model_error is not None else []
         note += (
-            f" unexplained: what is left of the residual when {' and '.join(parts)}, as the other "
+            f" Unexplained: what is left of the residual when {' and '.join(parts)}, as the other "
             "readings show them, are taken off, in standard deviations of what remains."
         )
     if predictions and _reads_predictions(result):

@@ -141,7 +141,7 @@ def _fit_parts(result: Result) -> tuple[str, ...]:
 def _troughs(result: Result) -> tuple[str, ...]:
     """The table of troughs, and what its columns mean."""
     table = trough.trough_table(result)
-    return (table.filled.text, sentence(trough.trough_note())) if table.rows else ()
+    return (table.filled.text, sentence(trough.trough_note(table))) if table.rows else ()
 
 
 def _parameters_in_words(result: Result) -> str:

@@ -13,20 +13,21 @@ from geoident.report.text.layout import TextTable, number
 from geoident.report.text.rows import objects
 
 NAME = "Structures"
+LININGS_TITLE = "Walls and linings (kN/m, kNm/m; tension positive)"
+BARS_TITLE = "Struts, anchors and bolts (kN each; tension positive)"
 TITLE = f"{NAME} (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
 REACTIONS_TITLE = "Reactions of supports (kN; per metre in plane strain; on the ground)"
 _KILO = 1e3
+_MOST_COLUMNS = 8  # of reactions across a page
 _ROUNDING = 1e-10
-"""Part of the largest reaction that is rounding of the forces around."""
+"""Part of the largest force that is rounding of the forces around."""
 
 
 def reaction_table(reactions: SupportReactions | None) -> TextTable:
     """The resultant of each support at each state at which it holds."""
     if reactions is None:
         return TextTable(("support", "stage"), [])
-    axes = "xyz"[: reactions.force.shape[2]]
-    rounding = _ROUNDING * np.abs(np.nan_to_num(reactions.force)).max(initial=0.0)
-    force = np.where(np.abs(reactions.force) <= rounding, 0.0, reactions.force)  # of NaN: as it is
+    axes, force = "xyz"[: reactions.force.shape[2]], _without_rounding(reactions)
     rows = [
         [reactions.supports[i], reactions.states[j], *map(_force, force[i, j])]
         for i, j in reactions.holding
@@ -35,12 +36,40 @@ def reaction_table(reactions: SupportReactions | None) -> TextTable:
     return TextTable(header, rows, right="ll" + "r" * len(axes))
 
 
+def reaction_tables_by_stage(reactions: SupportReactions | None) -> list[TextTable]:
+    """A row for each state, a column for each component that a support holds, for a page."""
+    if reactions is None:
+        return []
+    force = _without_rounding(reactions)
+    held = np.argwhere(np.isfinite(force).any(axis=1)).tolist()  # supports and components
+    tables = []
+    for first in range(0, len(held), _MOST_COLUMNS):
+        part = held[first : first + _MOST_COLUMNS]
+        header = ("stage", *(f"{reactions.supports[i]} R_{'xyz'[axis]}" for i, axis in part))
+        rows = [
+            [state, *(_force(force[i, j, axis]) for i, axis in part)]
+            for j, state in enumerate(reactions.states)
+        ]
+        tables.append(TextTable(header, rows, right="l" + "r" * len(part)))
+    return tables
+
+
+def _without_rounding(reactions: SupportReactions) -> Floats:
+    """The forces (n_supports, n_states, dim), N, with zero for rounding; NaN stays."""
+    rounding = _ROUNDING * np.abs(np.nan_to_num(reactions.force)).max(initial=0.0)
+    return np.where(np.abs(reactions.force) <= rounding, 0.0, reactions.force)
+
+
 def _force(force: float) -> str:
     return number(float(force) / _KILO) if np.isfinite(force) else "-"
 
 
-def force_table(forces: MemberForces | None) -> TextTable:
+def force_table(forces: MemberForces | None, *, per_metre: bool | None = None) -> TextTable:
     """The extremes of the forces of each structure at each stage at which it stands.
+
+    Args:
+        forces: of all structures; None without any.
+        per_metre: only walls and linings, or only bars; None for all structures.
 
     Hoop forces are shown if there are shells, the force to which bars were stressed at a stage if
     any were, and the part of the strength of linings that is used if the case gives it.
@@ -53,6 +82,8 @@ def force_table(forces: MemberForces | None) -> TextTable:
         header += ["hoop N from", "hoop N to"] * bool(shells) + ["stressed to"] * bool(stressed)
         header += ["strength used"] * (used is not None)
         for name, members, stage in _present(forces):
+            if per_metre is not None and forces.per_metre[members[0]] != per_metre:
+                continue
             row = _row(forces, name, members, stage)
             row += _range(forces.hoop[members, stage]) if shells else []
             row += _range(forces.prestress[members, stage])[:1] if stressed else []
@@ -116,19 +147,25 @@ def _range(forces: Floats) -> list[str]:
 
 
 def _row(forces: MemberForces, name: str, members: Ints, stage: int) -> list[str]:
-    axial = forces.axial[members, stage]
+    axial, rounding = forces.axial[members, stage], _ROUNDING * _greatest(forces)
     extremes = [float(axial.min()), float(axial.max())]
     if forces.per_metre[members[0]]:
         extremes += [
             _largest(forces.moment[members, :, stage]),
             _largest(forces.shear[members, stage]),
         ]
-    cells = [number(force / _KILO) for force in extremes]
+    cells = [number(force / _KILO if abs(force) > rounding else 0.0) for force in extremes]
     return [name, forces.stages[stage], *cells, *["-"] * (4 - len(cells))]
 
 
+def _greatest(forces: MemberForces) -> float:
+    """The largest force, N, or moment, Nm, of all, which is what rounding goes by."""
+    every = (forces.axial, forces.moment, forces.shear)
+    return max(_largest(np.nan_to_num(each)) for each in every)
+
+
 def _largest(forces: Floats) -> float:
-    return float(np.abs(forces).max())
+    return float(np.abs(forces).max(initial=0.0))
 
 
 def structures_list(forces: MemberForces | None) -> list[dict[str, Any]]:

@@ -28,12 +28,13 @@ from geoident.report.text.instruments import TROUGH, Instrument, lines
 from geoident.report.text.layout import TextTable, decimals, number
 
 NAME = "Settlement troughs"
-NOTE = (
+_WIDTH_NOTE = (
     "i: distance from the middle of the trough to its steepest place, by the Gauss curve "
     "s = s_max exp(-x2 / 2 i2) that meets the settlements best. There is none where it explains "
     "less than {:.0f} % of their scatter, or where they are not known as far as {:g} i on both "
-    "sides. Volume loss: volume of the trough by the area of what is excavated."
+    "sides."
 )
+_LOSS_NOTE = "Volume loss: volume of the trough by the area of what is excavated."
 SURFACE = "ground surface"
 _EXPLAINED = 0.9
 """Part of the scatter of the settlements that a Gauss curve must explain to have a width."""
@@ -119,9 +120,10 @@ def trough_sentence(result: Result) -> str:
     return f"{text}."
 
 
-def trough_note() -> str:
-    """What the columns mean."""
-    return NOTE.format(100.0 * _EXPLAINED, _COVERED)
+def trough_note(table: TextTable) -> str:
+    """What the columns mean that have anything in a table of troughs."""
+    notes = {"i (m)": _WIDTH_NOTE.format(100.0 * _EXPLAINED, _COVERED), "volume loss": _LOSS_NOTE}
+    return " ".join(notes[name] for name in table.filled.header if name in notes)
 
 
 def _of_surface(result: Result, tunnel: _Tunnel) -> Iterator[Trough]:

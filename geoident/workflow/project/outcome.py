@@ -129,7 +129,7 @@ def project_result(
         reason += " The models do not fit the readings: the residuals are "
         reason += f"{total.scale:.2g} times as large as their errors explain."
 
-    notes = [note for one in whole.prepared for note in one.notes]
+    notes = _notes_of_sections(job, whole.prepared)
     notes += [
         f"The prior of {law.parameter} in the cases does not count: the law takes its place."
         for law in joint.laws
@@ -145,7 +145,7 @@ def project_result(
         misfit=total.scale,
         above=total.above,
         findings=(),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(notes),
         project_text=job.text,
         provenance=_provenance(job),
         counts=models.counts,
@@ -171,6 +171,20 @@ def project_result(
     v, J = whole.fit.problem.response.evaluate(outcome.values)
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
     return replace(result, findings=findings(result, gaps))
+
+
+def _notes_of_sections(job: ProjectJob, prepared: Sequence[PreparedSection]) -> list[str]:
+    """Notes that all fitted sections have, as they are; those of some under their names."""
+    names = [section.name for section in job.project.sections]
+    fitted = {section.name for section in job.project.fitted}
+    of_note: dict[str, list[str]] = {}
+    for name, one in zip(names, prepared, strict=True):
+        for note in dict.fromkeys(one.notes):
+            of_note.setdefault(note, []).append(name)
+    return [
+        note if fitted <= {*having} else f"{', '.join(having)}: {note}"
+        for note, having in of_note.items()
+    ]
 
 
 def _provenance(job: ProjectJob) -> Provenance:

@@ -256,7 +256,7 @@ def test_in_sd_and_unexplained_have_one_meaning_in_all_tables_and_sentences(resu
     assert csv[place][7:9] == (pytest.approx(8.0), 2.5)
     assert not [one for one in outliers(given) if one.used]
     assert rms(given) == pytest.approx(np.sqrt((5 * 0.25**2 + 2.5**2) / 6))
-    assert "unexplained: what is left of the residual when the model error" in in_sd_note(given)
+    assert "Unexplained: what is left of the residual when the model error" in in_sd_note(given)
     assert in_sd_note(given) in " ".join(result_text(given).split())
     assert "unexplained" not in in_sd_note(result)  # the fit's own readings: both are the same
     assert "unexplained is the residual in" in in_sd_note(result, predictions=True)

@@ -3,7 +3,12 @@
 import numpy as np
 
 from geoident.model.results.result import MemberForces, SupportReactions
-from geoident.report.text.structures import force_table, reaction_table, structures_list
+from geoident.report.text.structures import (
+    force_table,
+    reaction_table,
+    reaction_tables_by_stage,
+    structures_list,
+)
 
 NAN = np.nan
 
@@ -56,5 +61,18 @@ def test_rounding_of_large_forces_is_no_reaction():
         ["foot", "push", "-", "0"], ["foot", "load", "-", "10000"],
         ["side", "push", "0.0025", "-"], ["side", "load", "-3", "-"],
     ]  # fmt: skip
+    (table,) = reaction_tables_by_stage(SupportReactions(("foot", "side"), ("push", "load"), force))
+    assert table.header == ("stage", "foot R_y", "side R_x")
+    assert [list(row) for row in table.rows] == [["push", "0", "0.0025"], ["load", "10000", "-3"]]
     nothing = SupportReactions(("foot",), ("push",), np.full((1, 1, 2), NAN))
     assert reaction_table(nothing).rows == []
+    assert reaction_tables_by_stage(nothing) == []
+
+
+def test_rounding_of_large_forces_is_no_force_in_a_wall():
+    members = forces()
+    members.axial[0, 1] = -1.8e-10
+    members.axial[1, 1] = 0.0
+    wall = force_table(members, per_metre=True).rows
+    assert [list(row) for row in wall] == [["wall", "second", "0", "0", "7.25", "9.25"]]
+    assert [row[0] for row in force_table(members, per_metre=False).rows] == ["nail", "nail"]

@@ -78,6 +78,15 @@ def test_shared_parameters_over_two_cases_are_one_stack(two):
     np.testing.assert_allclose(result.objective, 2 * known.cost, rtol=1e-7)
 
 
+def test_notes_of_all_sections_stand_alone_and_those_of_some_under_their_names(two):
+    _, result = two
+    forms = [note for note in result.notes if "closed form of a circular opening" in note]
+    assert len(forms) == 1
+    assert forms[0].startswith("closed form")
+    own = [note for note in result.notes if note.startswith(("km 1: ", "km 2: "))]
+    assert all(note.partition(": ")[2] not in result.notes for note in own)
+
+
 def test_the_shipped_project_finds_its_law_and_predicts(shipped):
     common = {row.name: row for row in shipped.common}
     assert shipped.status == "converged"

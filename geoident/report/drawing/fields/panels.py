@@ -25,7 +25,15 @@ from geoident.model.arrays import Bools, Floats
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.scene import SheetView, Window
-from geoident.report.drawing.style import ACCENT, DIVERGING, GAUGE, WIDTH, Picture, hide_unused
+from geoident.report.drawing.style import (
+    ACCENT,
+    DIVERGING,
+    GAUGE,
+    WIDTH,
+    Picture,
+    hide_unused,
+    lay_out,
+)
 from geoident.report.text.layout import number
 
 _SIDE = 0.15
@@ -35,7 +43,9 @@ _BANDS = 12
 _TOP = (0.5, 1.0)
 """Where a panel stands in its room over a scale of colours: under the title, which else is cut."""
 
-_NARROW = 17  # letters over a panel, of four in a row
+_LEAST = 1e-6  # mm that is marked as the largest: less is rounding
+_HALF_PAGE = 4.6  # height of a figure of which two with their captions fill a page, inches
+_NARROW = 20  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
 
@@ -80,9 +90,15 @@ def contours(
 
 
 def field_figure(view: SheetView, quantity: ColouredField, states: Sequence[int]) -> Figure:
-    """A quantity in some states, one scale of colours for all."""
+    """A quantity in some states, one scale of colours for all; laid out once a view and number."""
     figure, panels = panel_figure(view, len(states))
     colour_bar(figure, _draw_all(panels, view, quantity, states), panels, quantity.label)
+    if len(states) not in view.layouts:
+        lay_out(figure)
+        view.layouts[len(states)] = [axes.get_position() for axes in figure.axes]
+    figure.set_layout_engine("none")
+    for axes, place in zip(figure.axes, view.layouts[len(states)], strict=True):
+        axes.set_position(place)
     return figure
 
 
@@ -160,7 +176,7 @@ def mark_largest(axes: Axes, view: SheetView, state: int, value: Floats, unit: s
     """
     points = np.unique(view.areas(state)[0])
     points = points[np.isfinite(value[points])]
-    if not len(points) or not value[points].max() > 0.0:
+    if not len(points) or not value[points].max() > _LEAST:
         return
     place = view.sheet.xy[points[np.argmax(value[points])]]
     axes.plot(*place, "x", color=ACCENT, ms=4.0, mew=1.2, zorder=4, clip_on=False)
@@ -183,7 +199,7 @@ def common_bands(
 
 
 def panel_figure(
-    view: SheetView, n: int, *, extra: float = 0.75, aspect: float | None = None
+    view: SheetView, n: int, *, extra: float = 0.9, aspect: float | None = None
 ) -> tuple[Figure, list[Axes]]:
     """A figure with panels of the aspect of a window.
 
@@ -195,16 +211,19 @@ def panel_figure(
     """
     aspect = aspect or view.window.aspect
     longest = max((len(view.scene.title(state)) for state in view.scene.states), default=0)
-    few = aspect < 0.8 or n in (3, 5, 6) or longest > _NARROW
+    few = aspect < 0.6 or n in (3, 5, 6, 9) or longest > _NARROW
     columns = min(n, 2 if aspect < 0.45 or (n == 4 and few) else 3 if few else 4)
     rows = -(-n // columns)
     width = min(WIDTH / columns, 6.0)
-    height = rows * ((width - 0.45) * aspect + 0.32) + extra
+    panel = width - 0.6 / columns - 0.08  # numbers along y stand beside the first one only
+    height = rows * (panel * aspect + 0.32) + extra
+    if rows > 1:  # two such figures on a page, as long as that leaves the panels large enough
+        height = max(min(height, _HALF_PAGE), 0.75 * height)
     figure = Figure(figsize=(max(width * columns, 4.5), height), layout="compressed")
     panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
     hide_unused(panels, n)
     for k, axes in enumerate(panels[:n]):
-        axes.tick_params(labelbottom=k + columns >= n, labelleft=k % columns == 0)
+        axes.tick_params(labelbottom=k // columns == rows - 1, labelleft=k % columns == 0)
     return figure, panels[:n]
 
 
@@ -294,7 +313,7 @@ def shade(
 def ground_of(
     view: SheetView, state: int, known: Bools | bool = True, *, xy: Floats | None = None
 ) -> Triangulation | None:
-    """The triangles of a sheet that are present in a state; None where there are none.
+    """The triangles of a sheet in the window that are present in a state; None without any.
 
     Args:
         view: what is drawn.
@@ -304,7 +323,11 @@ def ground_of(
     """
     sheet = view.sheet
     present = view.scene.fields.present[state][sheet.element] & known
-    x, y = (sheet.xy if xy is None else xy).T
+    points = sheet.xy if xy is None else xy
+    corners, window = points[sheet.triangles], view.window
+    present &= (corners.max(axis=1) >= window.low).all(axis=1)
+    present &= (corners.min(axis=1) <= window.high).all(axis=1)
+    x, y = points.T
     return Triangulation(x, y, sheet.triangles[present]) if present.any() else None
 
 

@@ -57,8 +57,9 @@ from geoident.units import in_unit
 _MOST_CHANNELS = 8
 """Channels of one instrument that a panel over time shows."""
 
-_PER_FIGURE = 12
+_PER_FIGURE = 15
 _COMPARED_PER_FIGURE = 15
+_HEIGHT, _LOW, _LOW_FROM = 2.05, 1.7, 12  # of panels, inches; lower ones where a page has more
 _LEAST_ROUNDS = 3
 _STYLES = ("-", "--", "-.", ":")
 _BAND = 0.22
@@ -128,7 +129,8 @@ def readings_figure(
     axis = stage_axis(result)
     limits = value_limits(result, shown if ways else [*_over_time(result), *shown])
     extra = 0.8 if ways else 0.7
-    figure, panels = panel_grid(len(shown), height=2.05, extra=extra, sharex=not ways)
+    height = _HEIGHT if len(shown) <= _LOW_FROM else _LOW
+    figure, panels = panel_grid(len(shown), height=height, extra=extra, sharex=not ways)
     for axes, one in zip(panels, shown, strict=True):
         own = replace(axis, at=ways[one.rows[0]], dated=False) if ways else axis
         _draw_instrument(axes, result, one, own)

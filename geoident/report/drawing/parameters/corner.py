@@ -341,13 +341,13 @@ def _corner(
         handles: of the legend.
     """
     n = len(axes)
-    size = max(4.0, min(WIDTH, 2.1 * n))
+    size = max(4.0, min(WIDTH, 1.75 * n))
     figure = Figure(figsize=(size, size))
     panels: Any = figure.subplots(n, n, squeeze=False, sharex="col")
     for i, j in np.ndindex(n, n):
         panel: Axes = panels[i, j]
         if j > i:
-            panel.set_visible(False)
+            panel.remove()
             continue
         if i == j:
             alone(panel, axes[i])

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Set
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
-from scipy.interpolate import RectBivariateSpline, make_interp_spline
-from scipy.ndimage import binary_erosion
 from scipy.sparse import csr_array, identity, vstack
 from scipy.sparse.linalg import spsolve
 from scipy.special import chdtri
@@ -46,6 +44,9 @@ from geoident.report.drawing.style import (
 from geoident.report.text.layout import number
 from geoident.report.text.parameters import unit_of
 from geoident.units import in_unit
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RectBivariateSpline
 
 SHARES = (0.68, 0.95)
 """Of the probability in a region."""
@@ -159,6 +160,8 @@ class _Surface:
 
 
 def _surface(grid: Grid, logs: Set[str]) -> _Surface:
+    from scipy.interpolate import RectBivariateSpline  # noqa: PLC0415 - 0.3 s, and few results scan
+
     first, second = (name in logs for name in grid.names)
     scales = [scaled(axis, log=own) for axis, own in zip(grid.axes, (first, second), strict=True)]
     order = [np.argsort(axis) for axis in scales]
@@ -176,6 +179,8 @@ def _away_from_holes(surface: _Surface) -> _Surface:
 
     Unless the lowest point itself lies beside one.
     """
+    from scipy.ndimage import binary_erosion  # noqa: PLC0415 - 0.2 s, and few results scan
+
     cells = binary_erosion(surface.cells, np.ones((3, 3), dtype=np.bool_), border_value=1)
     i, j = np.unravel_index(np.argmin(surface.misfit), surface.misfit.shape)
     beside = cells[max(i - 1, 0) : i + 1, max(j - 1, 0) : j + 1]
@@ -327,6 +332,8 @@ def _fine_line(at: Floats, phi: Floats, *, log: bool) -> tuple[Floats, Floats]:
     """The misfit (k,) between the points (n,) of a scan over one parameter."""
     if not np.isfinite(phi).all() or len(at) <= _DEGREE:
         return at, phi
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - 0.3 s, and few results scan
+
     nodes = scaled(at, log=log)
     fine = np.linspace(nodes[0], nodes[-1], 20 * _FINE)
     line = make_interp_spline(nodes, phi, k=_DEGREE)(fine)

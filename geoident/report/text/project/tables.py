@@ -19,6 +19,7 @@ from geoident.model.results.many.project import (
 from geoident.report.text.layout import (
     TextTable,
     bullets,
+    decimals,
     number,
     section,
     sections,
@@ -212,7 +213,7 @@ def bands_table(rows: Sequence[SectionReading]) -> TextTable:
     for row in rows:
         of = row.unit, row.dimension
         value, interval = shown_interval(row.computed, row.lower95, row.upper95, *of)
-        read = number(in_unit(row.measured, *of))
+        read = decimals(in_unit(row.measured, *of), len(value.partition(".")[2]))
         verdict = "" if not row.judged else "inside" if row.inside else "OUTSIDE"
         cells.append([row.gauge, row.stage, shown_unit(*of), value, interval, read, verdict])
     header = ["gauge", "stage", "unit", "expected", "95 % band", "read", ""]
