@@ -148,8 +148,8 @@ def solve(
 
 def overstrained(equations: StageEquations, end: Iterate, most: float) -> bool:
     """Whether points that yield have a strain beyond a limit."""
-    strain = np.abs(equations.operators.strain(end.du))
-    return any(strain[:, response.points].max() > most for response in end.flowing)
+    strain = equations.largest_strain(end.du)
+    return any(strain[response.points].max() > most for response in end.flowing)
 
 
 def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Iterate:

@@ -261,6 +261,21 @@ class StageEquations:
         """Whether the plastic strains of all materials follow the normals, so that Pi exists."""
         return all(ground.associated for ground in self.grounds)
 
+    @cached_property
+    def of_ground(self) -> Bools:
+        """(m,) points of the ground, not of structures."""
+        result = np.ones(len(self.volume), dtype=bool)
+        for ground in self.grounds:
+            if ground.of_structure:
+                result[ground.points] = False
+        return result
+
+    def largest_strain(self, du: Floats) -> Floats:
+        """(m,) largest component of the strain at each point; of members also of their rotation."""
+        strain = np.abs(self.operators.strain(du))
+        strain[1:, ~self.of_ground] *= self.volume[~self.of_ground]
+        return np.asarray(strain.max(axis=0))
+
     def under(self, forces: Floats) -> StageEquations:
         """The same ground under other forces (n_dofs,)."""
         return replace(self, forces=forces)
@@ -457,7 +472,11 @@ class StageEquations:
 
     def localising(self, iterate: Iterate) -> float:
         """The part of the strain points that yield at which shear may go into a band."""
-        localising = [response.may_localise() for response in iterate.flowing]
+        localising = [
+            response.may_localise()
+            for response in iterate.flowing
+            if not response.ground.of_structure
+        ]
         return float(np.concatenate(localising).mean()) if localising else 0.0
 
     def spread(self, free: Floats) -> Floats:
