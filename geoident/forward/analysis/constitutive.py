@@ -84,7 +84,8 @@ class MaterialPoints:
         Args:
             stress: (s, m) of all points before the step; its own are overwritten.
             strain: (s, m) of the step.
-            viscosity: part mu of the overstress s* - P(s*) that is kept (`viscous_path`).
+            viscosity: part mu of the overstress s* - P(s*) that is kept (`viscous_path`); of
+                structures none is, whose flow is associated and stable.
 
         Raises:
             NoReturn: non-associated flow leads back to no stress.
@@ -95,6 +96,8 @@ class MaterialPoints:
         if self.law is None:
             stress[:, points] = trial
             return None
+        if self.of_structure:
+            viscosity = 0.0
         projection = self.law.project(trial, self.hardened)
         stress[:, points] = projection.stress
         if viscosity > 0.0:

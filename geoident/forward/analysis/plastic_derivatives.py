@@ -152,13 +152,17 @@ class _AtStep:
 
     def _overstress_alone(self) -> Floats:
         """The same at fixed displacements: o = (s* - sigma) / (1 - mu)."""
-        return np.asarray((self._trial - self._stress) / (1.0 - self._step.viscosity))
+        return self._of_ground((self._trial - self._stress) / (1.0 - self._step.viscosity))
 
     def _overstress_by(self, ddu: Floats) -> Floats:
         """What displacements (n_dofs, ...) add to it."""
         trial = self._elastic(ddu)
         stress, _ = self._returned(trial.copy())
-        return np.asarray((trial - stress) / (1.0 - self._step.viscosity))
+        return self._of_ground((trial - stress) / (1.0 - self._step.viscosity))
+
+    def _of_ground(self, stress: Floats) -> Floats:
+        """Stresses (s, m, ...) without those of structures, which keep no overstress."""
+        return np.asarray(stress * self._equations.of_ground[:, None])
 
     def _elastic(self, ddu: Floats) -> Floats:
         """E C ddu (s, m, n + k)."""

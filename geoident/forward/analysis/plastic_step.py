@@ -30,7 +30,7 @@ from geoident.forward.analysis.equilibrium import LARGE_STRAIN, overstrained, so
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
 from geoident.forward.analysis.stage import StageTask, not_positive_definite
 from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations
-from geoident.forward.analysis.stage_points import StagePoints
+from geoident.forward.analysis.stage_points import StagePoints, Turning
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
 from geoident.forward.ground.elasticity import ModuliAt
@@ -275,16 +275,26 @@ class PlasticSteps:
         grounds = self._grounds(task)
         moduli = {ground.name: ground.elasticity for ground in grounds}
         tangents = StageTangents(self.systems, task, moduli, points)
+        members_of = self._members(points)
+        stress = np.ascontiguousarray(points.carried(slice(0, 1))[..., 0])
+        turning = None
+        if points.members is not None and points.members.n_turns:
+            numbered = range(points.n_ground, points.n_points)
+            alone = [one.restrict(np.array(numbered), points.n_points) for one in members_of]
+            kept = [one for one in alone if one is not None]
+            turning = Turning(points.members, kept, stress[:, points.n_ground :]).balanced
         return StageEquations(
             points,
             volume=points.volume,
             dofs=points.dofs,
-            grounds=[*grounds, *self._members(points)],
-            stress=np.ascontiguousarray(points.carried(slice(0, 1))[..., 0]),
+            grounds=[*grounds, *members_of],
+            stress=stress,
             forces=points.extended(task.forces[:, 0]),
             solver=tangents,
             members=members,
             patches=tangents if points.members is None else None,
+            n_turns=0 if points.members is None else points.members.n_turns,
+            balanced_turns=turning,
         )
 
     def _after_failure(

@@ -13,21 +13,32 @@ nodes, so the pattern stays.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sl
 import scipy.sparse as sp
 
-from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SolverCounts
+from geoident.fem.solvers.direct import Factor, SolverCounts
 from geoident.fem.stiffness import StiffnessPattern
+from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.systems import StageSystems
-from geoident.forward.structures.strain_points import MemberPoints
+from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Floats, Ints
 
-_BEAM = 3
-"""Stresses of a member of a beam, the first of a stress of the ground."""
+_MOST_TURNS, _MOST_CUTS = 60, 40
+"""Newton steps for rotations, and shares of one that are tried; a few are usual."""
+
+_TURNED = 1e-13
+"""Of the largest moment at work: what rotations leave out of balance."""
+
+_STIFF = 1e-10
+"""Part of the elastic stiffness that is left to rotations: two hinges at a node leave one free."""
+
+_FLAT = 0.1
+"""Slope of the potential at the end of a step, as part of that at its beginning, that is none."""
 
 
 class StagePoints:
@@ -150,6 +161,82 @@ class StagePoints:
                 stress[c, place, : task.n] += slopes
 
 
+class Turning:
+    """Rotations in equilibrium with displacements: those at which the potential is least.
+
+    Newton's method with a line search, which ends as the potential is convex and piecewise
+    quadratic. So iterations of the stage see displacements alone: two ends of members that both
+    flow at a node leave its rotation free, and steps in it would mean nothing.
+
+    Args:
+        members: the members.
+        grounds: they as materials, their points numbered among them.
+        stress: (s, m) before the stage.
+    """
+
+    def __init__(
+        self, members: MemberPoints, grounds: Sequence[MaterialPoints], stress: Floats
+    ) -> None:
+        self._members, self._grounds, self._stress = members, grounds, stress
+        self._elastic = np.zeros((len(members), STRESSES, STRESSES))
+        for ground in grounds:
+            numbers = np.arange(len(members))[ground.points]
+            self._elastic[numbers] = ground.elasticity.matrices(numbers)[:, :STRESSES, :STRESSES]
+        self._elastic *= members.weight[:, None, None]
+        self._by = members.turns.toarray().reshape(STRESSES, len(members), -1)
+
+    def balanced(self, u: Floats, turns: Floats) -> Floats:
+        """Rotations (n_turns,) in equilibrium with displacements (n_dofs,), from a first guess."""
+        members = self._members
+        moved = members.strain(u, 0.0 * turns)
+        rest, tangent, scale = self._at(moved, turns)
+        for _ in range(_MOST_TURNS):
+            if np.abs(rest).max() <= _TURNED * scale:
+                break
+            way = sl.cho_solve(sl.cho_factor(tangent), rest)
+            whole, low, high = float(rest @ way), 0.0, 1.0
+            share, at_low, at_high = 1.0, whole, 0.0
+            for _ in range(_MOST_CUTS):
+                rest, tangent, scale = self._at(moved, turns + share * way)
+                descent = float(rest @ way)
+                if (descent > 0.0 and share == 1.0) or abs(descent) <= _FLAT * whole:
+                    break
+                if descent > 0.0:
+                    low, at_low, at_high = share, descent, 0.5 * at_high
+                else:
+                    high, at_high, at_low = share, descent, 0.5 * at_low
+                share = (low * at_high - high * at_low) / (at_high - at_low)
+            turns = turns + share * way
+        return turns
+
+    def _at(self, moved: Floats, turns: Floats) -> tuple[Floats, Floats, float]:
+        """Moments (n_turns,) that are left, their tangent, and the largest moment at work."""
+        members, by = self._members, self._by
+        strain = moved.copy()
+        strain[:STRESSES] += by @ turns
+        stress, blocks = self._stress.copy(), self._elastic.copy()
+        for ground in self._grounds:
+            response = ground.integrate_stress(stress, strain, 0.0)
+            if response is not None:
+                change = (1.0 - _STIFF) * response.tangent_change[:, :STRESSES, :STRESSES]
+                blocks[response.points] += change * members.weight[response.points][:, None, None]
+        weighted = stress[:STRESSES] * members.weight
+        elastic = np.einsum("mij,jm->im", self._elastic, strain[:STRESSES])
+        trial = np.abs(self._stress[:STRESSES] * members.weight) + np.abs(elastic)
+        size = float(np.einsum("imt,im->t", np.abs(by), trial).max())
+        rows, turned = by.reshape(-1, len(turns)), np.einsum("mij,jmt->imt", blocks, by)
+        tangent = rows.T @ turned.reshape(rows.shape)
+        return -(rows.T @ weighted.ravel()), tangent, size
+
+
+def _by_blocks(blocks: Floats) -> sp.csr_array:
+    """(3 m, 3 m) of matrices (m, 3, 3) at points, component by component."""
+    m = len(blocks)
+    columns = np.arange(m)[:, None] + m * np.arange(STRESSES)
+    data, rows = blocks.transpose(1, 0, 2).ravel(), np.arange(STRESSES * m + 1)
+    return sp.csr_array((data, np.tile(columns.ravel(), STRESSES), STRESSES * rows))
+
+
 class MemberTangents:
     """Tangents of the members that yield, on the pattern of K.
 
@@ -163,11 +250,11 @@ class MemberTangents:
         self._members = members
         self._moving = np.unique(members.motion.indices)
         self._motion = sp.csr_array(sp.csc_array(members.motion)[:, self._moving])
-        D = np.zeros((_BEAM, len(members)))
+        D = np.zeros((STRESSES, len(members)))
         for part in members.parts:
             D[: len(part.rows), part.points] = moduli[part.rows]
-        self._elastic = np.zeros((len(members), _BEAM, _BEAM))
-        self._elastic[:, range(_BEAM), range(_BEAM)] = (D * members.weight).T
+        self._elastic = np.zeros((len(members), STRESSES, STRESSES))
+        self._elastic[:, range(STRESSES), range(STRESSES)] = (D * members.weight).T
         lower, n_dofs = pattern.lower, members.motion.shape[1]
         self._n, self._nnz = lower.n, len(lower.indices)
         unknown = np.full(n_dofs, -1, dtype=np.int64)
@@ -192,12 +279,9 @@ class MemberTangents:
         Args:
             points: (q,) members, ascending.
             change: (q, s, s) changes of w D.
-
-        Raises:
-            NotPositiveDefinite: nothing holds a rotation.
         """
         blocks = self._elastic.copy()
-        blocks[points] += change[:, :_BEAM, :_BEAM]
+        blocks[points] += change[:, :STRESSES, :STRESSES]
         stiffness, turning = self._condensed(blocks)
         added = np.zeros(self._nnz)
         np.add.at(added, self._places, (stiffness - self._condensed_elastic)[self._pairs])
@@ -205,23 +289,25 @@ class MemberTangents:
 
     def _condensed(self, blocks: Floats) -> tuple[Floats, _Turning]:
         """S (k, k) of moduli (m, 3, 3) times weights, and how rotations follow."""
-        D = sp.csr_array(
-            sp.block_array(
-                [[sp.diags_array(blocks[:, i, j]) for j in range(_BEAM)] for i in range(_BEAM)]
-            )
-        )
+        D = _by_blocks(blocks)
         turns = self._members.turns
         by_motion, by_turns = D @ self._motion, D @ turns
         coupling = (self._motion.T @ by_turns).toarray()
         stiffness = (self._motion.T @ by_motion).toarray()
         if not self._members.n_turns:
             return stiffness, _Turning(self._n, self._unknowns, coupling, None)
-        try:
-            factor = sl.cho_factor((turns.T @ by_turns).toarray())
-        except np.linalg.LinAlgError as error:
-            raise NotPositiveDefinite from error
-        stiffness -= coupling @ sl.cho_solve(factor, coupling.T)
-        return stiffness, _Turning(self._n, self._unknowns, coupling, factor)
+        scale = self._turn_scale
+        values, modes = np.linalg.eigh((turns.T @ by_turns).toarray() * np.outer(scale, scale))
+        modes *= scale[:, None]
+        inverse = (modes / np.maximum(values, _STIFF)) @ modes.T
+        stiffness -= coupling @ inverse @ coupling.T
+        return stiffness, _Turning(self._n, self._unknowns, coupling, inverse)
+
+    @cached_property
+    def _turn_scale(self) -> Floats:
+        """(n_turns,) rotations at which the elastic stiffness of each is 1."""
+        turns = self._members.turns
+        return np.asarray(1.0 / np.sqrt((turns.T @ _by_blocks(self._elastic) @ turns).diagonal()))
 
 
 class _Turning:
@@ -231,28 +317,26 @@ class _Turning:
         n: number of unknown displacements.
         unknowns: (k,) numbers of the displacements that move members, -1 where fixed.
         coupling: A_ur (k, n_turns).
-        factor: Cholesky factor of A_rr; None where nothing turns.
+        inverse: A_rr^-1 (n_turns, n_turns); None where nothing turns.
     """
 
-    def __init__(
-        self, n: int, unknowns: Ints, coupling: Floats, factor: tuple[Floats, bool] | None
-    ) -> None:
+    def __init__(self, n: int, unknowns: Ints, coupling: Floats, inverse: Floats | None) -> None:
         free = unknowns >= 0
         self._n, self._unknowns = n, unknowns[free]
-        self._coupling, self._factor = coupling[free], factor
+        self._coupling, self._inverse = coupling[free], inverse
 
     def expand(self, factor: Factor) -> Factor:
         """The factor of the tangent of displacements and rotations, of that of the first alone."""
-        turning = self._factor
-        if turning is None:
+        inverse = self._inverse
+        if inverse is None:
             return factor
 
         def solve(rest: Floats) -> Floats:
             forces, moments = rest[: self._n].copy(), rest[self._n :]
-            forces[self._unknowns] -= self._coupling @ sl.cho_solve(turning, moments)
+            forces[self._unknowns] -= self._coupling @ (inverse @ moments)
             u = factor.solve(forces)
             moments = moments - self._coupling.T @ u[self._unknowns]
-            return np.concatenate([u, sl.cho_solve(turning, moments)])
+            return np.concatenate([u, inverse @ moments])
 
         n = self._n + self._coupling.shape[1]
         return Factor(n, SolverCounts(), solve, lambda: factor.valid)

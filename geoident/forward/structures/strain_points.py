@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from geoident.forward.structures.members import StructureMembers
 from geoident.model.arrays import Bools, Floats, Ints
 
-_BEAM = 3
+STRESSES = 3
 """Stresses of a member of a beam."""
 
 
@@ -95,22 +95,22 @@ class MemberPoints:
         ]
         where = np.concatenate(place)
         entries = (np.ones(len(where)), (where, np.arange(len(where))))
-        return sp.csr_array(entries, shape=(_BEAM * m, len(where)))
+        return sp.csr_array(entries, shape=(STRESSES * m, len(where)))
 
     def strain(self, u: Floats, turns: Floats) -> Floats:
         """Strains (s, m, ...) of displacements (n_dofs, ...) and rotations (n_turns, ...)."""
         rows = np.asarray(self.motion @ u + self.turns @ turns)
-        return self._filled(rows.reshape(_BEAM, len(self), *u.shape[1:]))
+        return self._filled(rows.reshape(STRESSES, len(self), *u.shape[1:]))
 
     def forces(self, stress: Floats, weight: Floats) -> tuple[Floats, Floats]:
         """Forces (n_dofs, ...) and moments (n_turns, ...) of stresses (s, m, ...)."""
-        weighted = stress[:_BEAM] * weight.reshape(-1, *(1,) * (stress.ndim - 2))
-        rows = weighted.reshape(_BEAM * len(self), *stress.shape[2:])
+        weighted = stress[:STRESSES] * weight.reshape(-1, *(1,) * (stress.ndim - 2))
+        rows = weighted.reshape(STRESSES * len(self), *stress.shape[2:])
         return np.asarray(self.motion.T @ rows), np.asarray(self.turns.T @ rows)
 
     def of_rows(self, rows: Floats) -> Floats:
         """Stresses or strains (s, m, k) of forces q or strains (n_rows, k) of all structures."""
-        result = np.zeros((_BEAM, len(self), rows.shape[1]))
+        result = np.zeros((STRESSES, len(self), rows.shape[1]))
         for part in self.parts:
             result[: len(part.rows), part.points] = rows[part.rows] * part.scale[..., None]
         return self._filled(result)
@@ -124,5 +124,5 @@ class MemberPoints:
     def _filled(self, components: Floats) -> Floats:
         """(s, m, ...) of the three components (3, m, ...) of a beam."""
         result = np.zeros((self._n_strain, *components.shape[1:]))
-        result[:_BEAM] = components
+        result[:STRESSES] = components
         return result

@@ -23,9 +23,10 @@ ZERO, NOTHING = Scalar(0.0), np.empty(0)
 LENGTH, M_P = 8.0, 150e3
 EA, EI = 4e9, 3e7
 N_BEAM = 16
+HINGES = SectionLimits(M=Scalar(M_P))
 
 
-def _beam_on_air(ends, *loads, limits=SectionLimits(M=Scalar(M_P)), n=N_BEAM, **changes):
+def _beam_on_air(ends, *loads, limits=HINGES, n=N_BEAM, **changes):
     """A beam on a layer without strength or stiffness to speak of, loaded stage by stage."""
     mesh = box("quad4", (n, 1), size=(LENGTH, 0.5))
     held = {"fixed": ("x0", "x1"), "propped": ("x0",)}[ends]
@@ -103,9 +104,7 @@ SECTION = {"compressive_strength": Scalar(20e6), "tensile_strength": Scalar(4e6)
 )
 def test_axial_force_takes_its_part_of_the_section(limits, N, M):
     """A jack holds N while the load of the mechanism 16 M / L^2 is approached."""
-    beam = Beam(
-        "y1", E=Scalar(2e10), thickness=Scalar(0.2), clamped_on=("x0", "x1"), limits=limits
-    )
+    beam = Beam("y1", E=Scalar(2e10), thickness=Scalar(0.2), clamped_on=("x0", "x1"), limits=limits)
     ends = (((LENGTH, 0.5), (LENGTH + 1.0, 0.5)),)
     jack = Struts(ends, Scalar(1.0), EA=Scalar(1e9), second_end="fixed")
 
@@ -187,7 +186,7 @@ def test_prestressed_anchors_yield_at_what_is_left_of_their_capacity():
     )
     mesh = regroup(box("quad4", (6, 2), size=(3.0, 1.0)), ground=lambda c: c[:, 0] > 1)
     stages = [Stage("build", build=("bars",))]
-    for number, pull in enumerate((2e4, 3e5, 4e5)):
+    for number, pull in enumerate((5e3, 3e5, 4e5)):
         load = {f"p{number}": Traction("x0", (Scalar(-pull), ZERO))}
         stages.append(Stage(f"pull {number}", loads=load))
     staged = model(
@@ -248,7 +247,7 @@ def _tied(name, factor=1.0):
 
 
 VALUES = {
-    "E": 3e7, "E_b": 2e10, "t": 0.25, "f_c": 8e6, "f_t": 2e6, "F": 60e3, "d": 0.03, "q": 3e5,
+    "E": 3e7, "E_b": 2e10, "t": 0.25, "f_c": 8e6, "f_t": 2e6, "F": 60e3, "d": 0.01, "q": 3e5,
     "c": 30e3, "N": 4e5, "M": 6e4,
 }  # fmt: skip
 
@@ -262,7 +261,7 @@ def _trench(limits, *yields, **values):
     mesh = replace(mesh, facet_groups={**mesh.facet_groups, "load": loaded})
     beam = Beam("y1", E=_tied("E_b"), thickness=_tied("t"), clamped_on=("x0",), limits=limits)
     bars = Bolts(
-        (((4.0, 3.0), (4.0, 0.5)), ((5.0, 3.0), (6.0, 0.5))),
+        (((4.0, 3.0), (4.0, 0.5)), ((6.5, 3.0), (7.0, 0.5))),
         Scalar(1.0), E=Scalar(2e11), diameter=_tied("d"), capacity=_tied("F"),
     )  # fmt: skip
     down = Traction("load", (ZERO, _tied("q", -1.0)))
@@ -295,25 +294,17 @@ def _trench(limits, *yields, **values):
     return staged, np.array([values[name] for name in names])
 
 
-def _kept(staged, p, acting):
-    """The model with the parameters that act in it, those that do not fixed."""
-    return staged, p, acting
-
-
 @pytest.mark.parametrize(
     ("limits", "yields", "idle"),
     [
         (
-            SectionLimits(
-                compressive_strength=_tied("f_c"), tensile_strength=_tied("f_t")
-            ),
+            SectionLimits(compressive_strength=_tied("f_c"), tensile_strength=_tied("f_t")),
             (),
             ("N", "M", "c"),
         ),
         (SectionLimits(_tied("N"), _tied("M")), (), ("f_c", "f_t", "c")),
         (SectionLimits(_tied("N"), _tied("M"), "linear"), (), ("f_c", "f_t", "c")),
         (SectionLimits(M=_tied("M")), (mohr(_tied("c"), 0.4),), ("f_c", "f_t", "N")),
-        (SectionLimits(M=_tied("M")), (mohr(_tied("c"), 0.4, psi=0.1),), ("f_c", "f_t", "N")),
     ],
 )
 def test_derivatives_by_limits_and_all_else(limits, yields, idle):
@@ -322,11 +313,8 @@ def test_derivatives_by_limits_and_all_else(limits, yields, idle):
     _, jacobian = response.evaluate(p)
     for name in idle:
         assert not jacobian[:, staged.names.index(name)].any()
-    acting = [name for name in staged.names if name not in idle]
-    forces = staged.survey(p, fields=False).members
-    print(np.abs(forces.moment).max(axis=(0, 1)), forces.axial[-2:])
     size = np.abs(jacobian * p).max(axis=0)
-    print(dict(zip(staged.names, size, strict=True)))
+    acting = [name for name in staged.names if name not in idle]
     for name in acting:
-        assert np.abs(jacobian[:, staged.names.index(name)]).max() > 0, name
-    assert_slopes(response.readings, p, jacobian, staged.names, step=2e-5, rtol=1e-7)
+        assert size[staged.names.index(name)] > 1e-5, name
+    assert_slopes(response.readings, p, jacobian, staged.names, step=1e-4, rtol=1e-7)
