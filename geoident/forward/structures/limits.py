@@ -1,4 +1,4 @@
-"""What structures bear before they yield, as planes of generalised stresses (theory 5.6).
+"""What structures bear before they yield, as planes of generalised stresses (theory 5.13).
 
 A member is one strain point of weight L. Its stresses are
 

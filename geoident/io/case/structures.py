@@ -76,11 +76,11 @@ class BeamYieldSection(Section):
         description="Limit of the bending moment per metre, both ways alike; none if missing.",
         examples=["150 kNm/m"],
     )
-    interaction: Literal["section", "linear", "none"] = Field(
-        "section",
+    interaction: Literal["section", "linear", "none"] | None = Field(
+        None,
         description="How N and M use up the section together: `section`, |M|/M_p + (N/N_p)^2 <= 1, "
-        "of a rectangle alike in tension and compression; `linear`, |M|/M_p + |N|/N_p <= 1; "
-        "`none`, each by itself.",
+        "of a rectangle alike in tension and compression, which is taken if missing; `linear`, "
+        "|M|/M_p + |N|/N_p <= 1; `none`, each by itself.",
     )
     compressive_strength: Modulus | None = Field(
         None, description="Compressive strength of the rectangular section.", examples=["20 MPa"]
@@ -93,7 +93,7 @@ class BeamYieldSection(Section):
 
     def check(self, faults: SectionFaults) -> None:
         """An interaction needs both limits; a strength is not negative."""
-        if "interaction" in self.model_fields_set and self.M is None:
+        if self.interaction is not None and self.M is None:
             message = "'interaction' without a limit of M"
             faults.add(("interaction",), "missing-key", message, "Add 'M: 150 kNm/m', or drop it.")
         given = self.tensile_strength
