@@ -49,8 +49,10 @@ def limits(structure: Structure, point: ParameterPoint, n_strain: int) -> YieldP
         point: the parameters.
         n_strain: components of a stress of the ground, to which those of members are filled up.
     """
-    is_bars = isinstance(structure, Bars)
-    planes = _of_bars(structure, point) if is_bars else _of_section(structure, point)
+    if isinstance(structure, Bars):
+        planes = _of_bars(structure, point)
+    else:
+        planes = _of_section(structure, point)
     filled = np.zeros((len(planes), n_strain, point.n_columns))
     filled[:, : planes.normals.columns.shape[1]] = planes.normals.columns
     return replace(planes, normals=Dual(filled))

@@ -86,6 +86,8 @@ def test_hinges_of_a_fixed_beam_form_one_after_the_other():
         at_end = np.abs(moment[x == end])[0, 1:]
         np.testing.assert_allclose(at_end, [0.6 * M_P, M_P, M_P], rtol=1e-6)
     assert np.abs(moment[..., 1:]).max() <= M_P * (1 + 1e-9)
+    used = survey.members.utilisation.max(axis=0)
+    np.testing.assert_allclose(used[1:], [0.6, 1.0, 1.0], rtol=1e-6)
 
 
 SECTION = {"compressive_strength": Scalar(20e6), "tensile_strength": Scalar(4e6)}
@@ -308,7 +310,7 @@ def _trench(limits, *yields, **values):
     ],
 )
 def test_derivatives_by_limits_and_all_else(limits, yields, idle):
-    staged, p = _trench(limits, *yields)
+    staged, p = _trench(limits, *yields, q=2.7e5 if yields else 3e5)
     response = staged.response([(c, s) for c in "abc" for s in ("load", "more", "off")])
     _, jacobian = response.evaluate(p)
     for name in idle:
@@ -317,4 +319,4 @@ def test_derivatives_by_limits_and_all_else(limits, yields, idle):
     acting = [name for name in staged.names if name not in idle]
     for name in acting:
         assert size[staged.names.index(name)] > 1e-5, name
-    assert_slopes(response.readings, p, jacobian, staged.names, step=1e-4, rtol=1e-7)
+    assert_slopes(response.readings, p, jacobian, staged.names, step=3e-4, rtol=1e-7)
