@@ -48,7 +48,7 @@ def collapse_error(
         band: the mode that has lost its stability where diffuse flow ended, or None.
         members: those of structures that yield, or None.
     """
-    mechanism, points = failure.mechanism, on_mesh.discretization.points
+    mechanism = failure.mechanism
     what = "the ground"
     if members is not None:
         ground = any(on_mesh.case.materials[m].yields for m in task.state.materials.values())
@@ -83,6 +83,7 @@ def collapse_error(
         verb = "is carried" if failure.proven else "was brought to equilibrium"
         msg += f"; {100 * fraction:.3g} % of the change of load of this stage {verb}"
         if (end := carried.end) is not None:
+            points = on_mesh.discretization.points
             reached = LastEquilibrium(
                 end.du[: points.n_dofs],
                 end.stress[:, : points.n_points],
@@ -92,7 +93,7 @@ def collapse_error(
     if mechanism is not None:
         if members is not None:
             msg += _describe_hinges(members, mechanism)
-        mechanism = mechanism[: points.n_dofs]
+        mechanism = mechanism[: on_mesh.discretization.points.n_dofs]
         if members is None or ground:
             msg += describe_mechanism(on_mesh, task.system, mechanism)
         mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
