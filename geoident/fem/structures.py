@@ -48,6 +48,19 @@ from geoident.model.mesh import Mesh
 
 
 @dataclass(frozen=True)
+class TurningRows:
+    """The rows e, k and k' of a beam before its rotations are eliminated.
+
+    Args:
+        motion: (n_rows, n_dofs) by displacements, with rotations held.
+        turns: (n_rows, n_turns) by rotations.
+    """
+
+    motion: sp.csr_array
+    turns: sp.csr_array
+
+
+@dataclass(frozen=True)
 class Members:
     """The members of one structure.
 
@@ -58,6 +71,7 @@ class Members:
         ends: (n_members, 2, dim) first and second end, m.
         nodes: (n_members, 2) nodes of the ends of beams; None for bars.
         nu: Poisson's ratio of a shell of revolution; None for all others.
+        turning: rows of a plane beam with its rotations; None for all others.
     """
 
     operator: sp.csr_array
@@ -66,6 +80,7 @@ class Members:
     ends: Floats
     nodes: Ints | None = None
     nu: float | None = None
+    turning: TurningRows | None = None
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -146,12 +161,17 @@ def beams(mesh: Mesh, edges: Ints, clamped: Bools, hinged: Bools | None = None) 
     moving = [sp.csr_array(chord.shape), _by(-12 / length**2) @ chord]
     by_turns, by_motion = (sp.csr_array(sp.vstack(rows)) for rows in (turning, moving))
     bending = by_motion + by_turns @ _follow(by_turns, by_motion, psi_weight)
+    unturned = sp.csr_array((n, by_turns.shape[1]))
     return Members(
         sp.csr_array(sp.vstack([axial, bending])),
         np.concatenate([length, psi_weight]),
         np.repeat([False, True], [n, 2 * n]),
         ends,
         edges,
+        turning=TurningRows(
+            sp.csr_array(sp.vstack([axial, by_motion])),
+            sp.csr_array(sp.vstack([unturned, by_turns])),
+        ),
     )
 
 

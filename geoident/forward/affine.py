@@ -82,9 +82,13 @@ class EquationPart:
 
 def condensation_obstacle(analysis: StagedAnalysis) -> str | None:
     """Why the equations are not affine in displacements and parameters, or None if they are."""
+    case = analysis.case
     for name in analysis.sequence.materials:
-        if analysis.case.materials[name].yields:
+        if case.materials[name].yields:
             return f"{name} yields: its stresses are not linear in the displacements"
+    for name, structure in case.structures.items():
+        if structure.yields:
+            return f"the structure '{name}' yields: its forces are not linear in the displacements"
     return affine_obstacle(analysis)
 
 

@@ -61,6 +61,9 @@ def _obstacles(analysis: StagedAnalysis, point: ParameterPoint) -> Iterator[str]
     why = affine_obstacle(analysis)
     if why:
         yield why
+    for name, structure in case.structures.items():
+        if structure.yields:
+            yield f"the structure '{name}' yields, whose rotations are no unknowns of the equations"
     for material in case.materials.values():
         yield from _yield_obstacles(analysis, material, point)
 

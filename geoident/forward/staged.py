@@ -187,8 +187,8 @@ class StagedKernel(ObservedModel):
 
     @property
     def yields(self) -> bool:
-        """Whether any material of the case has yield limits."""
-        return any(material.yields for material in self.case.materials.values())
+        """Whether any material or structure of the case has yield limits."""
+        return self.case.yields
 
     @property
     def keeps_analysis(self) -> bool:

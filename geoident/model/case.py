@@ -306,6 +306,11 @@ class Case:
     face: FaceProfile | None = None
 
     @property
+    def yields(self) -> bool:
+        """Whether any material or structure has yield limits."""
+        return any(one.yields for one in (*self.materials.values(), *self.structures.values()))
+
+    @property
     def stage_names(self) -> tuple[str, ...]:
         """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))

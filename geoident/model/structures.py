@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 
 from geoident.model.parameter import Scalar, Values, scalars_of
 
-_MAY_BE_ZERO = ("prestress", "density", "weight")
+_MAY_BE_ZERO = ("prestress", "density", "weight", "yield.tensile_strength")
 
 SecondEnd = Literal["joined", "fixed", "symmetry"]
 """What holds the second end of a bar: the mesh, a place that does not move, or its mirror image."""
@@ -25,6 +25,11 @@ class _Structure:
         """The numbers that the case gives of it, by name."""
         return scalars_of(self)
 
+    @property
+    def yields(self) -> bool:
+        """Whether it has yield limits, in an analysis on a mesh."""
+        return False
+
     def breach(self, values: Values) -> str | None:
         """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""
         for name, scalar in self.numbers.items():
@@ -38,6 +43,34 @@ class _Structure:
             elif not number > 0.0:
                 return f"{name} is {number:.6g}, it must be positive"
         return None
+
+
+Interaction = Literal["section", "linear", "none"]
+"""How N and M use up the strength of a section together."""
+
+
+@dataclass(frozen=True)
+class SectionLimits:
+    """What a section of a beam bears before it yields, per metre.
+
+    Either limits of N and M, or the strengths of a rectangular section, with the thickness of the
+    beam.
+
+    Args:
+        N: limit of the axial force, pull and push alike, N/m; None: no limit.
+        M: limit of the bending moment, N m/m; None: no limit.
+        interaction: of N and M where both are limited: that of a rectangular section alike in
+            tension and compression, |M| / M_p + (N / N_p)^2 <= 1; linear, |M| / M_p + |N| / N_p
+            <= 1; or none, each by itself.
+        compressive_strength: of the rectangular section, Pa.
+        tensile_strength: likewise, Pa.
+    """
+
+    N: Scalar | None = None
+    M: Scalar | None = None
+    interaction: Interaction = "section"
+    compressive_strength: Scalar | None = None
+    tensile_strength: Scalar = Scalar(0.0)
 
 
 @dataclass(frozen=True)
@@ -60,6 +93,7 @@ class Beam(_Structure):
         weight: of a square metre of it, Pa, where no thickness is given.
         compressive_strength: of its section, Pa; None: how far it is used is not asked for.
         tensile_strength: likewise.
+        limits: what its section bears before it yields; None: it is elastic.
     """
 
     group: str
@@ -74,6 +108,18 @@ class Beam(_Structure):
     weight: Scalar | None = None
     compressive_strength: float | None = None
     tensile_strength: float = 0.0
+    limits: SectionLimits | None = None
+
+    @property
+    def numbers(self) -> dict[str, Scalar]:
+        """Those of its yield limits among them."""
+        limits = {} if self.limits is None else scalars_of(self.limits)
+        return scalars_of(self) | {f"yield.{name}": scalar for name, scalar in limits.items()}
+
+    @property
+    def yields(self) -> bool:
+        """Whether its section has limits."""
+        return self.limits is not None
 
     @property
     def has_weight(self) -> bool:
@@ -95,6 +141,7 @@ class Bars(_Structure):
         area: of the section of one bar, m2.
         number: of bars around the axis, in place of the spacing.
         prestress: force of one bar at building, N: a pull, of struts a push.
+        capacity: force of one bar, pull or push, at which it yields, N; None: it is elastic.
     """
 
     ends: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
@@ -105,11 +152,33 @@ class Bars(_Structure):
     area: Scalar | None = None
     number: Scalar | None = None
     prestress: Scalar | None = None
+    capacity: Scalar | None = None
 
     sense: ClassVar[float] = 1.0
     """Axial force (tension positive) per prestress."""
 
     second_end: SecondEnd = field(default="joined", kw_only=True)
+
+    @property
+    def yields(self) -> bool:
+        """Whether its bars have a capacity."""
+        return self.capacity is not None
+
+    def breach(self, values: Values) -> str | None:
+        """Bars are not stressed beyond what they bear, either."""
+        reason = super().breach(values)
+        if reason is None and self.prestress is not None:
+            reason = self.overstressed(self.prestress, values)
+        return reason
+
+    def overstressed(self, force: Scalar, values: Values) -> str | None:
+        """Which force of the jack is beyond the capacity, half a sentence, or None."""
+        if self.capacity is None:
+            return None
+        prestress, capacity = force.value(values), self.capacity.value(values)
+        if prestress <= capacity:
+            return None
+        return f"the prestress is {prestress:.6g}, beyond the capacity {capacity:.6g}"
 
 
 @dataclass(frozen=True)

@@ -217,7 +217,7 @@ class AnalysisRun:
         n_strain = systems.discretization.points.n_strain
         self._ground = ModuliAt(analysis.on_mesh, point, n_strain)
         self._plastic: PlasticSteps | None = None
-        if any(material.yields for material in analysis.case.materials.values()):
+        if analysis.case.yields:
             self._plastic = PlasticSteps(
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,

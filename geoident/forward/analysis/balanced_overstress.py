@@ -173,7 +173,8 @@ class _Bordered:
         """What displacements (n_dofs,) more change in the work of what is left."""
         more = self.equations.operators.strain(way)
         # V do = V (1 - T) E C d, of which the tangent has minus its part 1 - mu
-        points, change = tangent.points, tangent.change
+        kept = self.equations.of_ground[tangent.points]
+        points, change = tangent.points[kept], tangent.change[kept]
         of_overstress = -np.einsum("qst,tq,sq->", change, more[:, points], strain[:, points])
         of_overstress /= 1.0 - self.equations.viscosity
         return self.work(step.left, more) + float(of_overstress)

@@ -57,7 +57,8 @@ def band_at(equations: StageEquations, iterate: Iterate) -> ShearBand | None:
         equations: of the stage, with the viscosity at which the state is in equilibrium.
         iterate: the state.
     """
-    n, yielding = len(equations.dofs), sum(response.points.size for response in iterate.flowing)
+    flowing = [one for one in iterate.flowing if not one.ground.of_structure]
+    n, yielding = len(equations.dofs), sum(response.points.size for response in flowing)
     if n <= _MODES + 1 or not yielding:
         return None
     tangent = equations.tangent(iterate)
@@ -80,7 +81,7 @@ def band_at(equations: StageEquations, iterate: Iterate) -> ShearBand | None:
     held = np.zeros(equations.operators.n_points)
     for part in (mode.real, mode.imag):
         strain = equations.operators.strain(equations.spread(part))
-        held += (strain**2).sum(axis=0) * equations.volume
+        held += (strain**2).sum(axis=0) * equations.volume * equations.of_ground
     held = np.sort(held)[::-1].cumsum()
     points = int(np.searchsorted(held, _HALF * held[-1])) + 1
     stiffness = float(own[least].real)

@@ -132,7 +132,7 @@ def _end_of_arc(
             continue
         t_next, du_next = following
         softer = alpha > _SOFTER * compliance * t_next
-        if softer and np.abs(unloaded.operators.strain(du_next)).max() > LARGE_STRAIN:
+        if softer and unloaded.largest_strain(du_next).max() > LARGE_STRAIN:
             break
         if t_next >= 1.0:
             t, du, is_limit = 1.0, du_next, False

@@ -13,8 +13,12 @@ from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_equations import NoEquilibrium
 from geoident.forward.analysis.systems import StageSystem
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.strain_points import MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.results.yielded import Mechanism
+
+_HINGES = 6
+"""Members that are named as hinges at most."""
 
 _STRONG = 0.5
 """Part of the largest rate of shear from which on a mechanism shears strongly."""
@@ -29,6 +33,7 @@ def collapse_error(
     carried: CarriedPart | None = None,
     residual: float = np.nan,
     band: ShearBand | None = None,
+    members: MemberPoints | None = None,
 ) -> CollapseError:
     """The error of a stage without equilibrium.
 
@@ -41,10 +46,16 @@ def collapse_error(
         residual: part of the change of load that stress beyond the yield surface carried where the
             search ended with flow that is not associated; NaN where not known.
         band: the mode that has lost its stability where diffuse flow ended, or None.
+        members: those of structures that yield, or None.
     """
     mechanism = failure.mechanism
+    what = "the ground"
+    if members is not None:
+        ground = any(on_mesh.case.materials[m].yields for m in task.state.materials.values())
+        names = ", ".join(f"'{part.name}'" for part in members.parts)
+        what = f"the ground with {names}" if ground else names
     if failure.proven:
-        msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
+        msg = f"at stage '{task.state.name}' {what} cannot carry the loads: plastic collapse"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
     elif associated:
@@ -72,10 +83,19 @@ def collapse_error(
         verb = "is carried" if failure.proven else "was brought to equilibrium"
         msg += f"; {100 * fraction:.3g} % of the change of load of this stage {verb}"
         if (end := carried.end) is not None:
-            reached = LastEquilibrium(end.du, end.stress, end.yielded())
+            points = on_mesh.discretization.points
+            reached = LastEquilibrium(
+                end.du[: points.n_dofs],
+                end.stress[:, : points.n_points],
+                end.yielded()[: points.n_points],
+            )
     motion = None
     if mechanism is not None:
-        msg += describe_mechanism(on_mesh, task.system, mechanism)
+        if members is not None:
+            msg += _describe_hinges(members, mechanism)
+        mechanism = mechanism[: on_mesh.discretization.points.n_dofs]
+        if members is None or ground:
+            msg += describe_mechanism(on_mesh, task.system, mechanism)
         mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
         motion = _mechanism_on_mesh(on_mesh, task, mechanism, fraction)
     return CollapseError(
@@ -87,6 +107,28 @@ def collapse_error(
         motion=motion,
         reached=reached,
     )
+
+
+def _describe_hinges(members: MemberPoints, velocities: Floats) -> str:
+    """Where structures flow in a mechanism: at the members that turn or stretch most.
+
+    Args:
+        members: those that yield.
+        velocities: (n_dofs + n_turns,).
+    """
+    u, turns = np.split(velocities, [members.motion.shape[1]])
+    axial, *bent = members.strain(u, turns)[:3] * members.weight
+    rate = np.maximum(np.abs(axial), np.hypot(*bent))
+    text = ""
+    for part in members.parts:
+        own = rate[part.points]
+        if own.max() <= _STRONG * rate.max():
+            continue
+        most = np.argsort(own)[::-1][:_HINGES]
+        places = part.ends[most[own[most] > _STRONG * own.max()]].mean(axis=1).round(3)
+        where = ", ".join(dict.fromkeys(format_point(place) for place in places))
+        text += f"; the structure '{part.name}' yields near {where}"
+    return text
 
 
 def describe_mechanism(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> str:

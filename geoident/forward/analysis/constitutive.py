@@ -7,16 +7,16 @@ of planes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from geoident.fem.elasticity import Moduli
-from geoident.fem.yielding.law import ReturnStep, YieldLaw
+from geoident.fem.yielding.law import ReturnStep, YieldLaw, YieldLimits
 from geoident.fem.yielding.localisation import may_localise
 from geoident.forward.stages import Index, numbers
-from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.yielding import Activity
 
@@ -31,6 +31,7 @@ class MaterialPoints:
         elasticity: E at these points.
         law: its yield law, or None.
         hardened: (y, m) multipliers of earlier stages at these points, or None.
+        of_structure: they are members of a structure, with generalised strains.
     """
 
     name: str
@@ -38,6 +39,7 @@ class MaterialPoints:
     elasticity: Moduli
     law: YieldLaw | None = None
     hardened: Floats | None = None
+    of_structure: bool = False
 
     @property
     def associated(self) -> bool:
@@ -71,7 +73,8 @@ class MaterialPoints:
             return None
         law = None if self.law is None else self.law.at(rows)
         hardened = None if self.hardened is None else self.hardened[:, rows]
-        return MaterialPoints(self.name, kept, self.elasticity.at(rows), law, hardened)
+        elasticity = self.elasticity.at(rows)
+        return MaterialPoints(self.name, kept, elasticity, law, hardened, self.of_structure)
 
     def integrate_stress(
         self, stress: Floats, strain: Floats, viscosity: float
@@ -81,7 +84,8 @@ class MaterialPoints:
         Args:
             stress: (s, m) of all points before the step; its own are overwritten.
             strain: (s, m) of the step.
-            viscosity: part mu of the overstress s* - P(s*) that is kept (`viscous_path`).
+            viscosity: part mu of the overstress s* - P(s*) that is kept (`viscous_path`); of
+                structures none is, whose flow is associated and stable.
 
         Raises:
             NoReturn: non-associated flow leads back to no stress.
@@ -92,6 +96,8 @@ class MaterialPoints:
         if self.law is None:
             stress[:, points] = trial
             return None
+        if self.of_structure:
+            viscosity = 0.0
         projection = self.law.project(trial, self.hardened)
         stress[:, points] = projection.stress
         if viscosity > 0.0:
@@ -150,12 +156,12 @@ class ReachedPlanes:
     """Which yield planes the strain points of an analysis reach.
 
     Args:
-        laws: of all materials that yield, at the parameters of the analysis.
+        planes: of all materials and structures that yield, at the parameters of the analysis.
         stages: names of the stages.
     """
 
-    def __init__(self, laws: YieldLaws, stages: tuple[str, ...]) -> None:
-        self._planes, self._stages = laws.limits, stages
+    def __init__(self, planes: Mapping[str, YieldLimits], stages: tuple[str, ...]) -> None:
+        self._planes, self._stages = planes, stages
         ends = np.cumsum([0, *map(len, self._planes.values())])
         self._rows = {
             name: slice(int(first), int(last))

@@ -29,6 +29,7 @@ from geoident.forward.analysis.stage_equations import (
     StageEquations,
     Tangent,
 )
+from geoident.forward.analysis.stage_points import StagePoints
 from geoident.forward.analysis.systems import StageSystems
 from geoident.model.arrays import Floats
 
@@ -37,13 +38,20 @@ _DERIVATIVES = slice(1, None)
 
 
 def plastic_derivatives(
-    task: StageTask, systems: StageSystems, equations: StageEquations, balance: Balance
+    task: StageTask,
+    systems: StageSystems,
+    points: StagePoints,
+    equations: StageEquations,
+    balance: Balance,
 ) -> Floats:
     """Derivatives (n_dofs, n + k) of the displacement step; updates those of what is carried.
+
+    Where members yield rotations follow the displacements.
 
     Args:
         task: the stage; its state is still that of before.
         systems: the equations of the stages.
+        points: all that is strained in it.
         equations: those of this stage, with the viscosity at its end.
         balance: their solution.
 
@@ -53,9 +61,9 @@ def plastic_derivatives(
     steps = balance.steps or (BalancedStep(balance.end, balance.viscosity),)
     field = None  # derivatives of o'
     for step in steps[:-1]:
-        before = _AtStep(task, systems, equations.viscous(step.viscosity), step)
+        before = _AtStep(task, systems, points, equations.viscous(step.viscosity), step)
         field = before.overstress(before.solve(None, field)[0])
-    last = _AtStep(task, systems, equations, steps[-1])
+    last = _AtStep(task, systems, points, equations, steps[-1])
     ddu, multiples = last.solve(balance.tangent, field)
     last.carry(ddu, multiples, field)
     return ddu
@@ -67,18 +75,24 @@ class _AtStep:
     Args:
         task: the stage.
         systems: the equations of the stages.
+        points: all that is strained in it.
         equations: those of this stage, with the viscosity of the solution.
         step: the solution.
     """
 
     def __init__(
-        self, task: StageTask, systems: StageSystems, equations: StageEquations, step: BalancedStep
+        self,
+        task: StageTask,
+        systems: StageSystems,
+        points: StagePoints,
+        equations: StageEquations,
+        step: BalancedStep,
     ) -> None:
         self._task, self._equations, self._step = task, equations, step
-        self._points, self._structures = systems.discretization.points, systems.structures
-        trial = task.carried.stress[..., _DERIVATIVES].copy()
+        self._points = points
+        trial = points.carried(_DERIVATIVES)
         self._members = task.carried.members[:, _DERIVATIVES].copy()
-        task.add_stiffness_derivatives(systems, step.iterate.du, trial, self._members)
+        points.add_stiffness_derivatives(systems, step.iterate.du, trial, self._members)
         self._trial, self._stress = trial, trial.copy()
         self._multipliers = []
         for response in step.iterate.flowing:
@@ -99,15 +113,12 @@ class _AtStep:
         Raises:
             ModelError: the consistent tangent is singular.
         """
-        task, equations, step, volume = (
-            self._task,
-            self._equations,
-            self._step,
-            self._task.system.volume,
-        )
-        rest = task.forces[:, _DERIVATIVES] - self._points.forces(self._stress, volume)
-        if self._structures.n_rows:
-            rest -= self._structures.nodal_forces(self._members)
+        task, equations, step = self._task, self._equations, self._step
+        volume = self._points.volume
+        rest = self._points.extended(task.forces[:, _DERIVATIVES])
+        rest = rest - self._points.forces(self._stress, volume)
+        if len(self._members):
+            rest -= self._points.elastic_forces(self._members)
         if field is not None and step.field is not None:
             part = step.viscosity * step.multiple
             along = step.viscosity * self._points.forces(step.field, volume)
@@ -141,13 +152,17 @@ class _AtStep:
 
     def _overstress_alone(self) -> Floats:
         """The same at fixed displacements: o = (s* - sigma) / (1 - mu)."""
-        return np.asarray((self._trial - self._stress) / (1.0 - self._step.viscosity))
+        return self._of_ground((self._trial - self._stress) / (1.0 - self._step.viscosity))
 
     def _overstress_by(self, ddu: Floats) -> Floats:
         """What displacements (n_dofs, ...) add to it."""
         trial = self._elastic(ddu)
         stress, _ = self._returned(trial.copy())
-        return np.asarray((trial - stress) / (1.0 - self._step.viscosity))
+        return self._of_ground((trial - stress) / (1.0 - self._step.viscosity))
+
+    def _of_ground(self, stress: Floats) -> Floats:
+        """Stresses (s, m, ...) without those of structures, which keep no overstress."""
+        return np.asarray(stress * self._equations.of_ground[:, None])
 
     def _elastic(self, ddu: Floats) -> Floats:
         """E C ddu (s, m, n + k)."""
@@ -175,9 +190,8 @@ class _AtStep:
         if field is not None and step.field is not None:
             taken = step.multiple * field + np.multiply.outer(step.field, multiples)
             stress -= step.viscosity * taken
-        carried.stress[..., _DERIVATIVES] = stress
         carried.members[:, _DERIVATIVES] = self._members
-        self._task.add_member_forces(self._structures, ddu, _DERIVATIVES)
+        self._points.carry(stress, ddu, _DERIVATIVES)
         for response, dlam in (*self._multipliers, *multipliers):
             if dlam is not None and response.ground.hardens:
                 carried.add_multipliers(response.ground.name, response.points, _DERIVATIVES, dlam)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.fem.elasticity import UniformModuli
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
@@ -29,10 +30,12 @@ from geoident.forward.analysis.equilibrium import LARGE_STRAIN, overstrained, so
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
 from geoident.forward.analysis.stage import StageTask, not_positive_definite
 from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations
+from geoident.forward.analysis.stage_points import StagePoints, Turning
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, numbers
+from geoident.forward.structures.limits import StructureLaws
 from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
@@ -138,7 +141,7 @@ class PlasticFindings:
 
 @dataclass(eq=False)
 class PlasticSteps:
-    """Solves the stages of one analysis in which materials yield.
+    """Solves the stages of one analysis in which materials or structures yield.
 
     Args:
         case: the case.
@@ -161,10 +164,16 @@ class PlasticSteps:
 
     def __post_init__(self) -> None:
         self._laws = YieldLaws(self.moduli)
-        self.findings = PlasticFindings(ReachedPlanes(self._laws, self.case.stage_names[1:]))
+        n_strain = self.systems.discretization.points.n_strain
+        self._structure_laws = StructureLaws(self.case, self.moduli.point, n_strain)
+        own = self._structure_laws.limits
+        planes = self._laws.limits | {_of_structure(name): one for name, one in own.items()}
+        self.findings = PlasticFindings(ReachedPlanes(planes, self.case.stage_names[1:]))
 
     def yields(self, state: ConstructionState) -> bool:
-        """Whether any material of a state yields."""
+        """Whether any material of a state yields, or a structure that works with its stiffness."""
+        if self.systems.structures.yielding(state):
+            return True
         return any(self.case.materials[m].yields for m in state.materials.values())
 
     def step(self, task: StageTask) -> tuple[Floats, Bools]:
@@ -179,7 +188,8 @@ class PlasticSteps:
             ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
         with self._faults_named(task):
-            equations = self._equations(task)
+            points = StagePoints(self.systems, task)
+            equations = self._equations(task, points)
             try:
                 starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
                 balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
@@ -187,12 +197,11 @@ class PlasticSteps:
                 balance = self._after_failure(task, equations, error)
             end = balance.end
             equations = equations.viscous(balance.viscosity)
-            du = np.zeros_like(task.forces)
+            du = np.zeros((len(end.du), task.forces.shape[1]))
             du[:, 0] = end.du
             if du.shape[1] > 1:
-                du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
-            task.carried.stress[..., 0] = end.stress
-            task.add_member_forces(self.systems.structures, du[:, :1], slice(0, 1))
+                du[:, 1:] = plastic_derivatives(task, self.systems, points, equations, balance)
+            points.carry(end.stress[..., None], du[:, :1], slice(0, 1))
             for response in end.flowing:
                 if response.ground.hardens:
                     more = response.projection.multipliers.T[..., None]
@@ -206,7 +215,7 @@ class PlasticSteps:
                     self.findings.planes.note_excess(ground.name, excess)
             self._note_what_is_left(task, equations, balance)
             self.warm.keep(task, du)
-            return du, end.yielded()
+            return du[: points.n_dofs], end.yielded()[: points.n_ground]
 
     @contextmanager
     def _faults_named(self, task: StageTask) -> Iterator[None]:
@@ -238,28 +247,54 @@ class PlasticSteps:
             grounds.append(MaterialPoints(name, points, moduli[name], law, hardened))
         return grounds
 
-    def _equations(self, task: StageTask) -> StageEquations:
+    def _members(self, points: StagePoints) -> list[MaterialPoints]:
+        """The structures that yield in a stage."""
+        if points.members is None:
+            return []
+        laws, first = self._structure_laws, points.n_ground
+        return [
+            MaterialPoints(
+                _of_structure(part.name),
+                slice(first + part.points.start, first + part.points.stop),
+                UniformModuli(laws.elasticity(part.name).value),
+                laws.law(part.name),
+                of_structure=True,
+            )
+            for part in points.members.parts
+        ]
+
+    def _equations(self, task: StageTask, points: StagePoints) -> StageEquations:
         structures, members = self.systems.structures, None
-        if structures.n_rows:
-            carried = task.carried.members[:, :1].copy()
+        if structures.n_rows and (points.members is None or not points.members.yields.all()):
+            carried, n_dofs = task.carried.members[:, :1].copy(), points.n_dofs
 
             def members(du: Floats) -> Floats:
-                more = task.rigidities[:, :1] * structures.strain(du)[:, None]
-                return structures.nodal_forces(carried + more)[:, 0]
+                more = task.rigidities[:, :1] * structures.strain(du[:n_dofs])[:, None]
+                return points.elastic_forces(carried + more)[:, 0]
 
         grounds = self._grounds(task)
         moduli = {ground.name: ground.elasticity for ground in grounds}
-        tangents = StageTangents(self.systems, task, moduli)
+        tangents = StageTangents(self.systems, task, moduli, points)
+        members_of = self._members(points)
+        stress = np.ascontiguousarray(points.carried(slice(0, 1))[..., 0])
+        turning = None
+        if points.members is not None and points.members.n_turns:
+            numbered = range(points.n_ground, points.n_points)
+            alone = [one.restrict(np.array(numbered), points.n_points) for one in members_of]
+            kept = [one for one in alone if one is not None]
+            turning = Turning(points.members, kept, stress[:, points.n_ground :]).balanced
         return StageEquations(
-            self.systems.discretization.points,
-            volume=task.system.volume,
-            dofs=task.system.dofs,
-            grounds=grounds,
-            stress=np.ascontiguousarray(task.carried.stress[..., 0]),
-            forces=task.forces[:, 0],
+            points,
+            volume=points.volume,
+            dofs=points.dofs,
+            grounds=[*grounds, *members_of],
+            stress=stress,
+            forces=points.extended(task.forces[:, 0]),
             solver=tangents,
             members=members,
-            patches=tangents,
+            patches=tangents if points.members is None else None,
+            n_turns=0 if points.members is None else points.members.n_turns,
+            balanced_turns=turning,
         )
 
     def _after_failure(
@@ -310,6 +345,7 @@ class PlasticSteps:
         raise collapse_error(
             self.systems.on_mesh, task, failure,
             associated=associated, carried=carried, residual=residual, band=band,
+            members=self.systems.member_points(task.state),
         ) from failure  # fmt: skip
 
     def _near_the_end(self, equations: StageEquations, failure: NoEquilibrium) -> Balance | None:
@@ -337,9 +373,10 @@ class PlasticSteps:
         findings.overstressed[name] = balance.residual
         text, band = "", band_at(equations, balance.end) if self.explain else None
         if band is not None:
+            mode = band.mode[: len(task.forces)]
             text = f"a band has lost its stability, with half of its strain in {band.points} of "
             text += f"the {band.yielding} strain points that yield"
-            text += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
+            text += describe_mechanism(self.systems.on_mesh, task.system, mode)
         part = equations.localising(balance.end)
         findings.localising[name] = Localisation(part, balance.short, bool(balance.steps), text)
 
@@ -374,6 +411,11 @@ class PlasticSteps:
             hint = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
             path = ("materials", ground.name, "yield")
             raise ModelError(msg, hint, location=source.locate(path), path=format_path(path))
+
+
+def _of_structure(name: str) -> str:
+    """A structure that yields, beside the materials that do."""
+    return f"structure {name}"
 
 
 def _far(one: Values, other: Values) -> float:

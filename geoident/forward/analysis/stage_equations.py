@@ -184,7 +184,7 @@ class BalancedStep:
         """The trial stress less the stress on the yield surface, o (s, m), Pa."""
         overstress = np.zeros_like(self.iterate.stress)
         for response in self.iterate.responses:
-            if response is not None:
+            if response is not None and not response.ground.of_structure:
                 projection = response.projection
                 overstress[:, response.ground.points] = projection.trial - projection.stress
         return overstress
@@ -243,6 +243,10 @@ class StageEquations:
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
         viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
         patches: parts that can be solved by themselves; None for none.
+        n_turns: how many of the unknowns, the last ones, are rotations of members that yield.
+        balanced_turns: rotations in equilibrium with displacements (n_dofs,), from a first guess;
+            None where nothing turns. They are asked for where there is no potential, whose
+            minimum needs no such help.
     """
 
     operators: Operators
@@ -255,11 +259,28 @@ class StageEquations:
     members: Callable[[Floats], Floats] | None = None
     viscosity: float = 0.0
     patches: Patches | None = None
+    n_turns: int = 0
+    balanced_turns: Callable[[Floats, Floats], Floats] | None = None
 
     @cached_property
     def associated(self) -> bool:
         """Whether the plastic strains of all materials follow the normals, so that Pi exists."""
         return all(ground.associated for ground in self.grounds)
+
+    @cached_property
+    def of_ground(self) -> Bools:
+        """(m,) points of the ground, not of structures."""
+        result = np.ones(len(self.volume), dtype=bool)
+        for ground in self.grounds:
+            if ground.of_structure:
+                result[ground.points] = False
+        return result
+
+    def largest_strain(self, du: Floats) -> Floats:
+        """(m,) largest component of the strain at each point; of members also of their rotation."""
+        strain = np.abs(self.operators.strain(du))
+        strain[1:, ~self.of_ground] *= self.volume[~self.of_ground]
+        return np.asarray(strain.max(axis=0))
 
     def under(self, forces: Floats) -> StageEquations:
         """The same ground under other forces (n_dofs,)."""
@@ -327,6 +348,9 @@ class StageEquations:
         Raises:
             NoEquilibrium: non-associated flow leads back to no stress.
         """
+        if self.balanced_turns is not None and not self.associated:
+            u, turns = np.split(du, [len(du) - self.n_turns])
+            du = np.concatenate([u, self.balanced_turns(u, turns)])
         stress, strain = self.stress.copy(), self.operators.strain(du)
         try:
             responses = [
@@ -391,8 +415,11 @@ class StageEquations:
         parts = ELASTIC_PARTS if self.associated else (0.0, *ELASTIC_PARTS[1:])
         for part in (part for part in parts if part >= least):
             try:
+                left = np.full(len(points), part)
+                if part == parts[0]:  # structures are so much stiffer that it would be seen
+                    left[~self.of_ground[points]] = 0.0
                 factor = self.solver.factorize(
-                    points, (1.0 - part) * change, symmetric=self.associated
+                    points, (1.0 - left)[:, None, None] * change, symmetric=self.associated
                 )
             except NotPositiveDefinite:
                 if part == parts[-1] or not len(points):
@@ -435,6 +462,10 @@ class StageEquations:
         change = self.operators.forces(stress, np.ones_like(self.volume))[self.dofs]
         return np.asarray(self.elastic_forces(free) + change)
 
+    def length(self, free: Floats) -> float:
+        """Of values (n,) at the unknowns: of displacements, not of rotations."""
+        return float(np.linalg.norm(free[: len(free) - self.n_turns]))
+
     def serves(self, tangent: Tangent, iterate: Iterate) -> bool:
         """Whether a tangent is that at another iterate: on the same pieces of the projection."""
         points, change = self._changes(iterate)
@@ -457,7 +488,11 @@ class StageEquations:
 
     def localising(self, iterate: Iterate) -> float:
         """The part of the strain points that yield at which shear may go into a band."""
-        localising = [response.may_localise() for response in iterate.flowing]
+        localising = [
+            response.may_localise()
+            for response in iterate.flowing
+            if not response.ground.of_structure
+        ]
         return float(np.concatenate(localising).mean()) if localising else 0.0
 
     def spread(self, free: Floats) -> Floats:

@@ -35,6 +35,7 @@ from geoident.forward.actions.supports import fixed_dofs
 from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index, numbers
 from geoident.forward.structures.members import Structures
+from geoident.forward.structures.strain_points import MemberPoints
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
@@ -112,6 +113,7 @@ class StageSystems:
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
         self._tangents: dict[SystemKey, TangentPattern] = {}
+        self._member_points: dict[tuple[str, ...], MemberPoints | None] = {}
         self._symbolic_of_system: dict[tuple[SystemKey, int], SymbolicFactorization | None] = {}
         self._symbolic_of_pattern: dict[tuple[bytes, int], SymbolicFactorization] = {}
 
@@ -137,6 +139,15 @@ class StageSystems:
         if system.key not in self._tangents:
             self._tangents[system.key] = TangentPattern(self._point_blocks, system.pattern)
         return self._tangents[system.key]
+
+    def member_points(self, state: ConstructionState) -> MemberPoints | None:
+        """Members that yield in a state, as strain points; None for none."""
+        parts = self.structures.yielding(state)
+        key = tuple(part.name for part in parts)
+        if key not in self._member_points:
+            n_rows, n_strain = self.structures.n_rows, self.discretization.points.n_strain
+            self._member_points[key] = MemberPoints(parts, n_rows, n_strain) if parts else None
+        return self._member_points[key]
 
     @property
     def solver_counts(self) -> SolverCounts:

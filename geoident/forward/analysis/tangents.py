@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.elasticity import Moduli
@@ -11,6 +12,7 @@ from geoident.fem.patches import Patch, PatchTangents, patch_around
 from geoident.fem.solvers.direct import Factor
 from geoident.fem.solvers.splu import general_factor
 from geoident.forward.analysis.stage import StageTask
+from geoident.forward.analysis.stage_points import MemberTangents, StagePoints
 from geoident.forward.analysis.systems import StageSystems
 from geoident.model.arrays import Floats, Ints
 
@@ -22,17 +24,37 @@ class StageTangents:
         systems: the equations of the stages.
         task: the stage.
         moduli: E of its materials, Pa.
+        points: all that is strained in it.
     """
 
     def __init__(
-        self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Moduli]
+        self,
+        systems: StageSystems,
+        task: StageTask,
+        moduli: Mapping[str, Moduli],
+        points: StagePoints,
     ) -> None:
-        self._systems, self._system = systems, task.system
+        self._systems, self._system, self._n_ground = systems, task.system, points.n_ground
+        self._members: MemberTangents | None = None
+        if points.members is not None:
+            rigidities = task.rigidities[:, 0]
+            self._members = MemberTangents(points.members, rigidities, task.system.pattern)
         self._elastic = systems.stiffness_values(task.system, task.state, moduli, task.point.values)
 
     def factorize(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
-        """Factor of K plus changes (q, s, s) of V E at some points (q,)."""
-        values = self._elastic
+        """Factor of K plus changes (q, s, s) of V E at some points (q,).
+
+        With members that yield it is that of displacements and rotations.
+        """
+        if self._members is None:
+            return self._factor(self._elastic, points, change, symmetric=symmetric)
+        n = int(np.searchsorted(points, self._n_ground))
+        added, turning = self._members.added(points[n:] - self._n_ground, change[n:])
+        values = self._elastic + added
+        return turning.expand(self._factor(values, points[:n], change[:n], symmetric=symmetric))
+
+    def _factor(self, values: Floats, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+        """Factor of values (nnz,) plus changes at some points of the ground."""
         if len(points):
             tangents = self._systems.tangents(self._system)
             below, above = tangents.added(points, change, symmetric=symmetric)

@@ -146,11 +146,11 @@ def newton(
         except NotPositiveDefinite:
             return Balance(iterate, converged=False, viscosity=equations.viscosity)
         d = tangent.solve(iterate.residual)
-        length, share, following = float(np.linalg.norm(d)), min(1.0, _FASTER * share), None
+        length, share, following = equations.length(d), min(1.0, _FASTER * share), None
         while share > _SHORTEST:
             following = _moved(equations, iterate, share * d)
             if following is not None:
-                ahead = float(np.linalg.norm(tangent.solve(following.residual)))
+                ahead = equations.length(tangent.solve(following.residual))
                 if ahead <= (1.0 - _SHORTENED * share) * length:
                     break
             share, following = 0.5 * share, None

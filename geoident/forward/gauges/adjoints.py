@@ -70,6 +70,8 @@ class ReadingAdjoints:
             for name in built.materials.values():
                 if analysis.case.materials[name].yields:
                     return f"{name} yields"
+            for part in analysis.systems.structures.yielding(built):
+                return f"the structure '{part.name}' yields"
         discretization, structures = analysis.systems.discretization, analysis.systems.structures
         points = discretization.points
         nothing = StageEnd(

@@ -204,6 +204,9 @@ def _obstacles(analysis: StagedAnalysis) -> Iterator[str]:
     for name in analysis.sequence.materials:
         if case.materials[name].yields:
             yield f"{name} yields: its stresses are not linear in the displacements"
+    for name, structure in case.structures.items():
+        if structure.yields:
+            yield f"the structure '{name}' yields: its forces are not linear in the displacements"
     for field in analysis.on_mesh.fields:
         yield f"{field.constant} of {field.material} is a field"
     for growth in case.growths:

@@ -6,12 +6,20 @@ import numpy as np
 
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.capacity import utilisation
+from geoident.forward.structures.limits import limits
 from geoident.forward.structures.members import StructureMembers, Structures, bar_share
+from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.results.result import MemberForces
 from geoident.model.structures import Bars, Beam
+
+_ROUNDING = 1e-9
+"""Of the terms of a yield function: what is left of one that is zero."""
+
+_AT_LIMIT = 1e-6
+"""Off 1, of a utilisation at the limit: that of a member that yields."""
 
 
 class MemberRecorder:
@@ -78,6 +86,8 @@ class MemberRecorder:
         if part.members.nu is not None:
             table[4] = section.hoop
         beam = part.structure
+        if beam.yields:
+            table[6] = self._of_limits(part, forces)
         if (
             isinstance(beam, Beam)
             and beam.compressive_strength is not None
@@ -92,3 +102,19 @@ class MemberRecorder:
             around = utilisation(table[4], np.zeros_like(used), **strength)
             table[6] = np.fmax(used, around)  # NaN is the hoop force of a lining in the plane
         return table
+
+    def _of_limits(self, part: StructureMembers, forces: Floats) -> Floats:
+        """The part of what a beam bears before it yields that N and M use, (n_members,).
+
+        At the ends at which they are held against it (`limits`); 1 where it yields.
+        """
+        point = ParameterPoint(self._values, ())
+        planes = limits(part.structure, point, n_strain=STRESSES)
+        stress = MemberPoints([part], self._structures.n_rows, STRESSES).of_rows(forces[:, None])
+        drives = planes.normals.value @ stress[..., 0]
+        bears = planes.distances.value[:, None]
+        rounding = _ROUNDING * np.abs(planes.normals.value) @ np.abs(stress[..., 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            used = np.where(drives <= rounding, 0.0, drives / bears)
+        used = used.max(axis=0)
+        return np.asarray(np.where(np.abs(used - 1.0) < _AT_LIMIT, 1.0, used))

@@ -269,6 +269,10 @@ class Structures:
                 result[part.rows] = (force / bar_share(part.structure, point)).columns
         return result
 
+    def yielding(self, state: ConstructionState) -> list[StructureMembers]:
+        """Structures that work with their stiffness at a state, and yield."""
+        return [part for _, part in self._stiff(state) if part.structure.yields]
+
     def _stiff(self, state: ConstructionState) -> Iterator[tuple[int, StructureMembers]]:
         """Parts that stand and whose force is not given."""
         return (
@@ -327,6 +331,10 @@ def inadmissible(case: Case, values: Values) -> str | None:
                     f"at stage '{stage.name}' the prestress of the structure '{name}' is "
                     f"{scalar.value(values):.6g}, it must not be negative"
                 )
+            bars = case.structures[name]
+            beyond = bars.overstressed(scalar, values) if isinstance(bars, Bars) else None
+            if beyond:
+                return f"at stage '{stage.name}' of the structure '{name}' {beyond}"
     return None
 
 

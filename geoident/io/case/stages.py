@@ -19,9 +19,13 @@ from geoident.io.case.actions import (
 )
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.structures import (
+    AnchorSection,
     BeamSection,
+    BoltSection,
     OpeningSupportSection,
     StructureSection,
+    StrutSection,
+    beyond_capacity,
     negative_force,
 )
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
@@ -350,6 +354,8 @@ class _Ground:
                 hint = "Leave out the prestress, or dismantle the structure at a later stage."
             self.faults.add(place, "no-such-structure", message, hint, key=True)
         fault = negative_force(force)
+        if fault is None and isinstance(section, BoltSection | StrutSection | AnchorSection):
+            fault = beyond_capacity(force, section.capacity)
         if fault:
             self.faults.add(place, "out-of-range", *fault)
 

@@ -31,6 +31,7 @@ from geoident.io.schema.values import (
     Stress,
     TextOrList,
     Time,
+    WallMoment,
     WallStiffness,
     WallSubgrade,
 )
@@ -42,11 +43,67 @@ from geoident.model.structures import (
     Bolts,
     Ribs,
     Ring,
+    SectionLimits,
     Struts,
     SupportLine,
 )
 
 Hinge = TextOrList[Name, Coordinates]
+
+
+class BeamYieldSection(Section):
+    """What the section of a beam bears before it yields: it keeps that force and moment then.
+
+    Either limits of the axial force and the bending moment, or the strengths of a rectangular
+    section, with the thickness of the beam. Plastic strain follows the normal of the surface in N
+    and M (associated flow), and a beam that is unloaded is elastic again.
+    """
+
+    one_of = (
+        Alternatives(
+            "N M? interaction?", "M", "compressive_strength tensile_strength?",
+            hint="Give N, M or both, or the strengths of the rectangular section.",
+        ),
+    )  # fmt: skip
+
+    N: WallStiffness | None = Field(
+        None,
+        description="Limit of the axial force per metre, pull and push alike; none if missing.",
+        examples=["2 MN/m"],
+    )
+    M: WallMoment | None = Field(
+        None,
+        description="Limit of the bending moment per metre, both ways alike; none if missing.",
+        examples=["150 kNm/m"],
+    )
+    interaction: Literal["section", "linear", "none"] | None = Field(
+        None,
+        description="How N and M use up the section together: `section`, |M|/M_p + (N/N_p)^2 <= 1, "
+        "of a rectangle alike in tension and compression, which is taken if missing; `linear`, "
+        "|M|/M_p + |N|/N_p <= 1; `none`, each by itself.",
+    )
+    compressive_strength: Modulus | None = Field(
+        None, description="Compressive strength of the rectangular section.", examples=["20 MPa"]
+    )
+    tensile_strength: Stress | None = Field(
+        None,
+        description="Tensile strength beside it; 0 if missing: then N must press where M bends.",
+        examples=["2 MPa"],
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """An interaction needs both limits; a strength is not negative."""
+        if self.interaction is not None and self.M is None:
+            message = "'interaction' without a limit of M"
+            faults.add(("interaction",), "missing-key", message, "Add 'M: 150 kNm/m', or drop it.")
+        given = self.tensile_strength
+        if given is not None and given.parameter is None and given.factor < 0:
+            faults.add(("tensile_strength",), "out-of-range", f"'{given.text}' is negative",
+                       "Drop the -.")  # fmt: skip
+
+    def for_model(self, context: Context) -> SectionLimits:
+        """The limits."""
+        return self.to_model(SectionLimits, context)
 
 
 class BeamSection(Section):
@@ -107,6 +164,13 @@ class BeamSection(Section):
         "sprayed concrete; what fibres bear in the crack; of steel that in compression.",
         examples=["0.8 MPa"],
     )
+    limits: BeamYieldSection | None = Field(
+        None,
+        alias="yield",
+        description="What its section bears before it yields, as hinges do; it is elastic if "
+        "missing. Not of shells of revolution.",
+        examples=["{N: 2 MN/m, M: 150 kNm/m}"],
+    )
 
     def check(self, faults: SectionFaults) -> None:
         """Its weight is given in one way and not negative; its strength has a section."""
@@ -121,6 +185,10 @@ class BeamSection(Section):
         if self.tensile_strength is not None and self.tensile_strength.factor < 0:
             message = f"'{self.tensile_strength.text}' is negative"
             faults.add(("tensile_strength",), "out-of-range", message, "Drop the -.")
+        if self.limits is not None and self.limits.compressive_strength and not self.thickness:
+            message = "strengths of a section without a thickness, which makes the section"
+            hint = "Give E and thickness in place of EA and EI, or limits of N and M."
+            faults.add(("yield",), "missing-key", message, hint)
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; expected density with a thickness, or weight"
@@ -135,6 +203,11 @@ class BeamSection(Section):
         """A lining or wall, in the plane or about an axis."""
         if context.analysis is Analysis.SOLID:
             _refuse("beams", "plane-strain or axisymmetric", context)
+        if context.analysis is Analysis.AXISYMMETRIC and self.limits is not None:
+            message = "yield limits of a shell of revolution; they are available in plane-strain "
+            message += "analysis only"
+            hint = "Leave them out; 'compressive_strength' says how far its strength is used."
+            context.at("yield").refuse("wrong-analysis", message, hint, key=True)
         if context.analysis is Analysis.AXISYMMETRIC and self.nu and self.nu.parameter:
             message = "nu of a shell of revolution couples its meridian and hoops; it cannot be a "
             message += "parameter"
@@ -180,9 +253,17 @@ class _BarSection(Section):
         "strut the push of its jack. It is held during that stage and locked off at its end.",
         examples=["300 kN"],
     )
+    capacity: AxialStiffness | None = Field(
+        None,
+        description="Force of one bar at which it yields, pull and push alike: it keeps it then. "
+        "It is elastic if missing.",
+        examples=["250 kN"],
+    )
 
     def check(self, faults: SectionFaults) -> None:
-        """The bars have a length, and are pulled or pushed by a positive force."""
+        """The bars have a length, and are pulled or pushed by a positive force they can bear."""
+        if self.prestress is not None and (fault := beyond_capacity(self.prestress, self.capacity)):
+            faults.add(("prestress",), "out-of-range", *fault)
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):
                 message = f"the {self.what} begins and ends at one point"
@@ -226,6 +307,18 @@ class _BarSection(Section):
                 elif k == 0 and point[0].factor == 0 and self.spacing is not None:
                     message = "the first end lies on the axis, where bars have no spacing"
                     place.refuse("zero-length", message, "Give their 'number'.")
+
+
+def beyond_capacity(force: CaseNumber, capacity: CaseNumber | None) -> tuple[str, str] | None:
+    """What is wrong with a prestress beyond a capacity, where neither is a parameter."""
+    if capacity is None or force.parameter is not None or capacity.parameter is not None:
+        return None
+    if force.factor <= capacity.factor:
+        return None
+    return (
+        f"'{force.text}' is beyond the capacity '{capacity.text}' of the bar, which yields there",
+        "Stress it less, or correct its capacity.",
+    )
 
 
 def negative_force(given: CaseNumber) -> tuple[str, str] | None:

@@ -62,6 +62,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "line load": "100 kN/m",
     "area": "600 mm2",
     "bending stiffness": "30 MNm2/m",
+    "moment per length": "150 kNm/m",
     "angle": "30 deg",
     "temperature": "10 degC",
     "expansion": "1e-5 1/K",
@@ -577,6 +578,7 @@ Multiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=0.
 AxialStiffness = Annotated[CaseNumber, QuantityType("force", tied=True, above=0.0)]
 WallStiffness = Annotated[CaseNumber, QuantityType("line load", tied=True, above=0.0)]
 WallSubgrade = Annotated[CaseNumber, QuantityType("unit weight", tied=True, above=0.0)]
+WallMoment = Annotated[CaseNumber, QuantityType("moment per length", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
 Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
 FixedStress = Annotated[CaseNumber, QuantityType("pressure")]

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.parameter import Values
 from geoident.model.results.result import MemberForces, Result
 from geoident.model.structures import Beam
 from geoident.report.drawing.labels import place_labels
@@ -94,22 +95,42 @@ def _strength_pictures(result: Result, forces: MemberForces) -> tuple[Picture, .
     if case is None:
         return ()
     values = dict(zip(result.parameters.names, result.parameters.values.tolist(), strict=True))
-    shown = [
-        (name, beam, beam.thickness.value(values))
+    curves = {
+        name: _limit_curve(beam, values)
         for name, beam in case.structures.items()
-        if isinstance(beam, Beam) and beam.thickness is not None and name in forces.structures
-        if beam.compressive_strength is not None
-    ]
+        if isinstance(beam, Beam) and name in forces.structures
+    }
+    shown = [(name, curve) for name, curve in curves.items() if curve is not None]
     return tuple(
         Picture(
             f"strength-{number}",
             f"N and M of {name} against its strength",
-            "Line: what the rectangular section bears. Dots: both ends of all pieces; beyond the "
+            "Line: what the section bears. Dots: both ends of all pieces; beyond the "
             f"line the strength is exceeded. {_some_stages(_of(forces, name), _MOST_STAGES)}",
-            partial(_strength_figure, forces, name, beam, thickness),
+            partial(_strength_figure, forces, name, curve),
         )
-        for number, (name, beam, thickness) in enumerate(shown, start=1)
+        for number, (name, curve) in enumerate(shown, start=1)
     )
+
+
+def _limit_curve(beam: Beam, values: Values) -> tuple[Floats, Floats] | None:
+    """N and M that use up a section, tension positive, N/m and N; None where either has no limit.
+
+    Its strengths for the report come before its yield limits.
+    """
+    given, part = beam.limits, np.linspace(-1.0, 1.0, 61)
+    compressive, tensile = beam.compressive_strength, beam.tensile_strength
+    if compressive is None and given is not None and given.compressive_strength is not None:
+        compressive = given.compressive_strength.value(values)
+        tensile = given.tensile_strength.value(values)
+    if compressive is not None and beam.thickness is not None:
+        h = beam.thickness.value(values)
+        middle, half = 0.5 * (tensile - compressive) * h, 0.5 * (tensile + compressive) * h
+        return middle + half * part, 0.25 * half * h * (1.0 - part**2)
+    if given is None or given.N is None or given.M is None:
+        return None
+    curve = {"section": 1.0 - part**2, "linear": 1.0 - np.abs(part), "none": np.ones(len(part))}
+    return given.N.value(values) * part, given.M.value(values) * curve[given.interaction]
 
 
 def _of(forces: MemberForces, name: str) -> Ints:
@@ -117,15 +138,13 @@ def _of(forces: MemberForces, name: str) -> Ints:
     return _present(forces, np.array(forces.structures) == name)
 
 
-def _strength_figure(forces: MemberForces, name: str, beam: Beam, thickness: float) -> Figure:
-    """The limit of a rectangular section, and N and M of a lining, compression upwards."""
-    compressive, tensile = beam.compressive_strength or 0.0, beam.tensile_strength
-    c = np.linspace(0.0, thickness, 60)  # depth of what is in compression
-    axial = tensile * (thickness - c) - compressive * c
-    moment = 0.5 * (compressive + tensile) * c * (thickness - c)
+def _strength_figure(forces: MemberForces, name: str, curve: tuple[Floats, Floats]) -> Figure:
+    """The limit of a section, and N and M of a lining, compression upwards."""
+    axial, moment = curve
     figure = Figure(figsize=(5.0, 3.6))
     axes = figure.subplots()
-    limit = np.r_[moment, -moment[::-1]] / _KILO, np.r_[axial, axial[::-1]] / _KILO
+    limit = np.r_[moment, -moment[::-1], moment[0]], np.r_[axial, axial[::-1], axial[0]]
+    limit = limit[0] / _KILO, limit[1] / _KILO
     axes.plot(*limit, color="black", lw=1.3)
     members = np.flatnonzero(np.array(forces.structures) == name)
     for k, stage in enumerate(_spread(_of(forces, name), _MOST_STAGES)):

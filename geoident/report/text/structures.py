@@ -93,9 +93,11 @@ def force_table(forces: MemberForces | None, *, per_metre: bool | None = None) -
 
 
 STRENGTH_NOTE = (
-    "Used is the part of N and M that grows to the limit of the rectangular section, both by the "
-    "same factor: a block of compressive strength on one side, of tensile strength (none if the "
-    "case gives none) on the other. Strengths as the case gives them, without further factors."
+    "Used is the part of N and M that grows to the limit of the section, both by the same factor. "
+    "Where the case gives yield limits it is they, and 100 % is where it yields; else that of the "
+    "rectangular section: a block of compressive strength on one side, of tensile strength (none "
+    "if the case gives none) on the other. Strengths as the case gives them, without further "
+    "factors."
 )
 
 

@@ -1,0 +1,342 @@
+"""All that is strained in a stage where something may yield: ground, and members that yield.
+
+Members that yield are further strain points behind those of the ground, and the rotations of their
+beams further unknowns behind the displacements (`MemberPoints`). So the equations of a stage, their
+potential, collapse and derivatives hold for them as they stand. The elastic stiffness K has no
+rotations; a tangent is condensed,
+
+    S = A_uu - A_ur A_rr^-1 A_ru ,     A = B^T w T D B ,
+
+and takes the place of the condensed elastic stiffness of the beam in K: both couple all of its
+nodes, so the pattern stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as sl
+import scipy.sparse as sp
+
+from geoident.fem.solvers.direct import Factor, SolverCounts
+from geoident.fem.stiffness import StiffnessPattern
+from geoident.forward.analysis.constitutive import MaterialPoints
+from geoident.forward.analysis.stage import StageTask
+from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.structures.strain_points import STRESSES, MemberPoints
+from geoident.model.arrays import Floats, Ints
+
+_MOST_TURNS, _MOST_CUTS = 60, 40
+"""Newton steps for rotations, and shares of one that are tried; a few are usual."""
+
+_TURNED = 1e-13
+"""Of the largest moment at work: what rotations leave out of balance."""
+
+_STIFF = 1e-10
+"""Part of the elastic stiffness that is left to rotations: two hinges at a node leave one free."""
+
+_FLAT = 0.1
+"""Slope of the potential at the end of a step, as part of that at its beginning, that is none."""
+
+
+class StagePoints:
+    """Strain points of the ground, and of members that yield; displacements, and their rotations.
+
+    Args:
+        systems: the equations of the stages.
+        task: the stage.
+
+    Attributes:
+        members: those that yield, or None.
+        volume: (m,) of all points.
+        dofs: (n,) places of the unknowns among displacements and rotations.
+    """
+
+    def __init__(self, systems: StageSystems, task: StageTask) -> None:
+        self._ground, self._structures = systems.discretization.points, systems.structures
+        self._task, self.members = task, systems.member_points(task.state)
+        self.volume, self.dofs = task.system.volume, task.system.dofs
+        if self.members is not None:
+            self.volume = np.concatenate([self.volume, self.members.weight])
+            turns = self.n_dofs + np.arange(self.members.n_turns)
+            self.dofs = np.concatenate([self.dofs, turns])
+
+    @property
+    def n_ground(self) -> int:
+        """Number of strain points of the ground."""
+        return self._ground.n_points
+
+    @property
+    def n_points(self) -> int:
+        """Number m of all strain points."""
+        return len(self.volume)
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of displacements."""
+        return self._ground.n_dofs
+
+    def extended(self, forces: Floats) -> Floats:
+        """Forces (n_dofs, ...) with the moments on rotations, which are zero."""
+        if self.members is None:
+            return forces
+        return np.concatenate([forces, np.zeros((self.members.n_turns, *forces.shape[1:]))])
+
+    def strain(self, u: Floats) -> Floats:
+        """Strains (s, m, ...) of displacements and rotations (n_dofs + n_turns, ...)."""
+        strain = self._ground.strain(u[: self.n_dofs])
+        if self.members is None:
+            return strain
+        more = self.members.strain(u[: self.n_dofs], u[self.n_dofs :])
+        return np.concatenate([strain, more], axis=1)
+
+    def forces(self, stress: Floats, volume: Floats) -> Floats:
+        """Forces and moments (n_dofs + n_turns, ...) of stresses (s, m, ...)."""
+        n = self.n_ground
+        forces = self._ground.forces(stress[:, :n], volume[:n])
+        if self.members is None:
+            return forces
+        more, moments = self.members.forces(stress[:, n:], volume[n:])
+        return np.concatenate([forces + more, moments])
+
+    def elastic_forces(self, forces: Floats) -> Floats:
+        """Forces and moments (n_dofs + n_turns, k) of structures that do not yield.
+
+        Args:
+            forces: q (n_rows, k) of all structures.
+        """
+        if self.members is not None:
+            forces = np.where(self.members.yields[:, None], 0.0, forces)
+        return self.extended(self._structures.nodal_forces(forces))
+
+    def carried(self, columns: slice) -> Floats:
+        """Stresses (s, m, c) with which the stage begins, a copy."""
+        carried = self._task.carried
+        stress = carried.stress[..., columns]
+        if self.members is None:
+            return stress.copy()
+        return np.concatenate([stress, self.members.of_rows(carried.members[:, columns])], axis=1)
+
+    def carry(self, stress: Floats, du: Floats, columns: slice) -> None:
+        """Carry on the stresses (s, m, c) at the end of the stage, and the forces of structures.
+
+        Args:
+            stress: at its end.
+            du: (n_dofs + n_turns, c) displacement steps.
+            columns: c columns of what is carried.
+        """
+        carried = self._task.carried
+        carried.stress[..., columns] = stress[:, : self.n_ground]
+        self._task.add_member_forces(self._structures, du[: self.n_dofs], columns)
+        if self.members is not None:
+            rows = carried.members[:, columns]  # a view
+            self.members.into_rows(stress[:, self.n_ground :], rows)
+
+    def add_stiffness_derivatives(
+        self, systems: StageSystems, du: Floats, stress: Floats, members: Floats
+    ) -> None:
+        """Add dE/dp_h eps of all points, see `StageTask`.
+
+        Args:
+            systems: the equations of the stages.
+            du: (n_dofs + n_turns,) displacement step, without what supports impose.
+            stress: dsigma/dp (s, m, n + k), changed in place.
+            members: derivatives (n_rows, n + k) of the forces of structures, changed in place.
+        """
+        task, n = self._task, self.n_ground
+        u = du[: self.n_dofs]
+        task.add_stiffness_derivatives(systems, u, stress[:, :n], members)
+        if self.members is None:
+            return
+        strain = self.members.strain(u, du[self.n_dofs :])
+        if task.motion is not None:
+            imposed = self._structures.strain(task.motion[:, :1])
+            strain += self.members.of_rows(imposed)[..., 0]
+        for part in self.members.parts:
+            place = slice(n + part.points.start, n + part.points.stop)
+            for c, rows in enumerate(part.rows):
+                slopes = task.rigidities[rows, 1:] * strain[c, part.points, None]
+                stress[c, place, : task.n] += slopes
+
+
+class Turning:
+    """Rotations in equilibrium with displacements: those at which the potential is least.
+
+    Newton's method with a line search, which ends as the potential is convex and piecewise
+    quadratic. So iterations of the stage see displacements alone: two ends of members that both
+    flow at a node leave its rotation free, and steps in it would mean nothing.
+
+    Args:
+        members: the members.
+        grounds: they as materials, their points numbered among them.
+        stress: (s, m) before the stage.
+    """
+
+    def __init__(
+        self, members: MemberPoints, grounds: Sequence[MaterialPoints], stress: Floats
+    ) -> None:
+        self._members, self._grounds, self._stress = members, grounds, stress
+        self._elastic = np.zeros((len(members), STRESSES, STRESSES))
+        for ground in grounds:
+            numbers = np.arange(len(members))[ground.points]
+            self._elastic[numbers] = ground.elasticity.matrices(numbers)[:, :STRESSES, :STRESSES]
+        self._elastic *= members.weight[:, None, None]
+        self._by = members.turns.toarray().reshape(STRESSES, len(members), -1)
+
+    def balanced(self, u: Floats, turns: Floats) -> Floats:
+        """Rotations (n_turns,) in equilibrium with displacements (n_dofs,), from a first guess."""
+        members = self._members
+        moved = members.strain(u, 0.0 * turns)
+        rest, tangent, scale = self._at(moved, turns)
+        for _ in range(_MOST_TURNS):
+            if np.abs(rest).max() <= _TURNED * scale:
+                break
+            way = sl.cho_solve(sl.cho_factor(tangent), rest)
+            whole, low, high = float(rest @ way), 0.0, 1.0
+            share, at_low, at_high = 1.0, whole, 0.0
+            for _ in range(_MOST_CUTS):
+                rest, tangent, scale = self._at(moved, turns + share * way)
+                descent = float(rest @ way)
+                if (descent > 0.0 and share == 1.0) or abs(descent) <= _FLAT * whole:
+                    break
+                if descent > 0.0:
+                    low, at_low, at_high = share, descent, 0.5 * at_high
+                else:
+                    high, at_high, at_low = share, descent, 0.5 * at_low
+                share = (low * at_high - high * at_low) / (at_high - at_low)
+            turns = turns + share * way
+        return turns
+
+    def _at(self, moved: Floats, turns: Floats) -> tuple[Floats, Floats, float]:
+        """Moments (n_turns,) that are left, their tangent, and the largest moment at work."""
+        members, by = self._members, self._by
+        strain = moved.copy()
+        strain[:STRESSES] += by @ turns
+        stress, blocks = self._stress.copy(), self._elastic.copy()
+        for ground in self._grounds:
+            response = ground.integrate_stress(stress, strain, 0.0)
+            if response is not None:
+                change = (1.0 - _STIFF) * response.tangent_change[:, :STRESSES, :STRESSES]
+                blocks[response.points] += change * members.weight[response.points][:, None, None]
+        weighted = stress[:STRESSES] * members.weight
+        elastic = np.einsum("mij,jm->im", self._elastic, strain[:STRESSES])
+        trial = np.abs(self._stress[:STRESSES] * members.weight) + np.abs(elastic)
+        size = float(np.einsum("imt,im->t", np.abs(by), trial).max())
+        rows, turned = by.reshape(-1, len(turns)), np.einsum("mij,jmt->imt", blocks, by)
+        tangent = rows.T @ turned.reshape(rows.shape)
+        return -(rows.T @ weighted.ravel()), tangent, size
+
+
+def _by_blocks(blocks: Floats) -> sp.csr_array:
+    """(3 m, 3 m) of matrices (m, 3, 3) at points, component by component."""
+    m = len(blocks)
+    columns = np.arange(m)[:, None] + m * np.arange(STRESSES)
+    data, rows = blocks.transpose(1, 0, 2).ravel(), np.arange(STRESSES * m + 1)
+    return sp.csr_array((data, np.tile(columns.ravel(), STRESSES), STRESSES * rows))
+
+
+class MemberTangents:
+    """Tangents of the members that yield, on the pattern of K.
+
+    Args:
+        members: the members.
+        moduli: (n_rows,) D of all structures.
+        pattern: of K.
+    """
+
+    def __init__(self, members: MemberPoints, moduli: Floats, pattern: StiffnessPattern) -> None:
+        self._members = members
+        self._moving = np.unique(members.motion.indices)
+        self._motion = sp.csr_array(sp.csc_array(members.motion)[:, self._moving])
+        D = np.zeros((STRESSES, len(members)))
+        for part in members.parts:
+            D[: len(part.rows), part.points] = moduli[part.rows]
+        self._elastic = np.zeros((len(members), STRESSES, STRESSES))
+        self._elastic[:, range(STRESSES), range(STRESSES)] = (D * members.weight).T
+        lower, n_dofs = pattern.lower, members.motion.shape[1]
+        self._n, self._nnz = lower.n, len(lower.indices)
+        unknown = np.full(n_dofs, -1, dtype=np.int64)
+        unknown[pattern.dofs] = np.arange(lower.n)
+        self._unknowns = unknown[self._moving]
+        keys = (np.repeat(np.arange(lower.n), np.diff(lower.indptr)) << 32) | lower.indices
+        i, j = np.tril_indices(len(self._moving))
+        one, other = self._unknowns[i], self._unknowns[j]
+        key = (np.minimum(one, other) << 32) | np.maximum(one, other)
+        place = np.minimum(np.searchsorted(keys, key), self._nnz - 1)
+        held = (np.minimum(one, other) < 0) | (keys[place] != key)
+        self._pairs, self._places = (i[~held], j[~held]), place[~held]
+
+    @cached_property
+    def _condensed_elastic(self) -> Floats:
+        """(k, k) of the displacements that move members: what K has of them."""
+        return self._condensed(self._elastic)[0]
+
+    def added(self, points: Ints, change: Floats) -> tuple[Floats, _Turning]:
+        """What changes at some members add to K, (nnz,), and how rotations follow.
+
+        Args:
+            points: (q,) members, ascending.
+            change: (q, s, s) changes of w D.
+        """
+        blocks = self._elastic.copy()
+        blocks[points] += change[:, :STRESSES, :STRESSES]
+        stiffness, turning = self._condensed(blocks)
+        added = np.zeros(self._nnz)
+        np.add.at(added, self._places, (stiffness - self._condensed_elastic)[self._pairs])
+        return added, turning
+
+    def _condensed(self, blocks: Floats) -> tuple[Floats, _Turning]:
+        """S (k, k) of moduli (m, 3, 3) times weights, and how rotations follow."""
+        D = _by_blocks(blocks)
+        turns = self._members.turns
+        by_motion, by_turns = D @ self._motion, D @ turns
+        coupling = (self._motion.T @ by_turns).toarray()
+        stiffness = (self._motion.T @ by_motion).toarray()
+        if not self._members.n_turns:
+            return stiffness, _Turning(self._n, self._unknowns, coupling, None)
+        scale = self._turn_scale
+        values, modes = np.linalg.eigh((turns.T @ by_turns).toarray() * np.outer(scale, scale))
+        modes *= scale[:, None]
+        inverse = (modes / np.maximum(values, _STIFF)) @ modes.T
+        stiffness -= coupling @ inverse @ coupling.T
+        return stiffness, _Turning(self._n, self._unknowns, coupling, inverse)
+
+    @cached_property
+    def _turn_scale(self) -> Floats:
+        """(n_turns,) rotations at which the elastic stiffness of each is 1."""
+        turns = self._members.turns
+        return np.asarray(1.0 / np.sqrt((turns.T @ _by_blocks(self._elastic) @ turns).diagonal()))
+
+
+class _Turning:
+    """How rotations follow displacements in a tangent.
+
+    Args:
+        n: number of unknown displacements.
+        unknowns: (k,) numbers of the displacements that move members, -1 where fixed.
+        coupling: A_ur (k, n_turns).
+        inverse: A_rr^-1 (n_turns, n_turns); None where nothing turns.
+    """
+
+    def __init__(self, n: int, unknowns: Ints, coupling: Floats, inverse: Floats | None) -> None:
+        free = unknowns >= 0
+        self._n, self._unknowns = n, unknowns[free]
+        self._coupling, self._inverse = coupling[free], inverse
+
+    def expand(self, factor: Factor) -> Factor:
+        """The factor of the tangent of displacements and rotations, of that of the first alone."""
+        inverse = self._inverse
+        if inverse is None:
+            return factor
+
+        def solve(rest: Floats) -> Floats:
+            forces, moments = rest[: self._n].copy(), rest[self._n :]
+            forces[self._unknowns] -= self._coupling @ (inverse @ moments)
+            u = factor.solve(forces)
+            moments = moments - self._coupling.T @ u[self._unknowns]
+            return np.concatenate([u, inverse @ moments])
+
+        n = self._n + self._coupling.shape[1]
+        return Factor(n, SolverCounts(), solve, lambda: factor.valid)

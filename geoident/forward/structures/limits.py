@@ -1,0 +1,146 @@
+"""What structures bear before they yield, as planes of generalised stresses (theory 5.13).
+
+A member is one strain point of weight L. Its stresses are
+
+    s = (N, M, Q L / sqrt(12)) ,     E = diag(EA, EI, EI) ,
+
+M at mid-length, so that its work is that of the rows N, M and Q of `fem.structures`. M varies
+linearly along it, with M -+ Q L / 2 = s_2 -+ sqrt(3) s_3 at its ends. There it is held against what
+the section bears: each limit of M gives one plane for each end. Plastic strain along the normal of
+such a plane is a hinge at that end, so that what a chain of members bears under loads at its nodes
+is exact.
+
+The limit of a rectangular section, ideally plastic with the strengths f_c and f_t, is a parabola,
+
+    |M| / M_p + ((N - N_0) / N_p)^2 = 1 ,
+    N_0 = (f_t - f_c) h / 2 ,   N_p = (f_c + f_t) h / 2 ,   M_p = (f_c + f_t) h^2 / 8 ,
+
+as `capacity` has it. Chords between `_CHORDS` + 1 points of it are the planes, which are exact at
+these points and elsewhere at most M_p / 64 on the safe side. A bar has the one stress N.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from geoident.fem.yielding.plane_laws import PolyhedralLaw
+from geoident.fem.yielding.planes import YieldPlanes
+from geoident.forward.structures.members import bar_share, rigidities
+from geoident.model.case import Case
+from geoident.model.dual import Dual, ParameterPoint, stacked
+from geoident.model.structures import Bars, Beam, Interaction, Structure
+
+_CHORDS = 8
+"""Chords of the parabola of a section from pure tension to pure compression."""
+
+_END = np.sqrt(3.0)
+"""M at an end less M in the middle, per third stress."""
+
+
+def limits(structure: Structure, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+    """The planes of a structure that yields, with their derivatives.
+
+    Args:
+        structure: it yields.
+        point: the parameters.
+        n_strain: components of a stress of the ground, to which those of members are filled up.
+    """
+    if isinstance(structure, Bars):
+        planes = _of_bars(structure, point)
+    else:
+        planes = _of_section(structure, point)
+    filled = np.zeros((len(planes), n_strain, point.n_columns))
+    filled[:, : planes.normals.columns.shape[1]] = planes.normals.columns
+    return replace(planes, normals=Dual(filled))
+
+
+class StructureLaws:
+    """Yield laws of the structures of a case at one parameter vector, each made once.
+
+    Args:
+        case: the case.
+        point: the parameters.
+        n_strain: components of a stress of the ground.
+    """
+
+    def __init__(self, case: Case, point: ParameterPoint, n_strain: int) -> None:
+        self._structures = {n: one for n, one in case.structures.items() if one.yields}
+        self._point, self._n_strain = point, n_strain
+        self._laws: dict[str, PolyhedralLaw] = {}
+
+    @cached_property
+    def limits(self) -> dict[str, YieldPlanes]:
+        """Planes of all structures that yield."""
+        return {name: self.law(name).planes for name in self._structures}
+
+    def law(self, name: str) -> PolyhedralLaw:
+        """The law of a structure that yields."""
+        if name not in self._laws:
+            planes = limits(self._structures[name], self._point, self._n_strain)
+            self._laws[name] = PolyhedralLaw(self.elasticity(name), planes)
+        return self._laws[name]
+
+    def elasticity(self, name: str) -> Dual:
+        """E (s, s) of its members; components that they do not have are as stiff as others."""
+        axial, bending = rigidities(self._structures[name], self._point)
+        bears = [axial] if isinstance(self._structures[name], Bars) else [axial, bending, bending]
+        columns = np.zeros((self._n_strain, self._n_strain, self._point.n_columns))
+        for k in range(self._n_strain):
+            columns[k, k] = bears[k].columns if k < len(bears) else 0.0
+            columns[k, k, 0] = bears[min(k, len(bears) - 1)].value
+        return Dual(columns)
+
+
+def _of_bars(bars: Bars, point: ParameterPoint) -> YieldPlanes:
+    """|N| <= capacity, of the forces that are carried per metre."""
+    assert bars.capacity is not None
+    limit = point.number(bars.capacity) / bar_share(bars, point)
+    normals = Dual.constant(np.array([[1.0], [-1.0]]), point.n_columns - 1)
+    return YieldPlanes(normals, stacked([limit, limit]), names=("tension", "compression"))
+
+
+def _of_section(structure: Structure, point: ParameterPoint) -> YieldPlanes:
+    """Planes a N +- M <= k at the first and at the second ends of members, and those of N alone."""
+    assert isinstance(structure, Beam)
+    given = structure.limits
+    assert given is not None
+    N, M, shift = given.N, given.M, point.constant(0.0)
+    axial, moment = (None if one is None else point.number(one) for one in (N, M))
+    if given.compressive_strength is not None and structure.thickness is not None:
+        h = point.number(structure.thickness)
+        f_c, f_t = point.number(given.compressive_strength), point.number(given.tensile_strength)
+        axial, moment = ((f_c + f_t) * h).times(0.5), ((f_c + f_t) * h * h).times(0.125)
+        shift = ((f_t - f_c) * h).times(0.5)
+    zero, one = point.constant(0.0), point.constant(1.0)
+    normals: list[Dual] = []
+    distances: list[Dual] = []
+    names: list[str] = []
+    if moment is not None:
+        slope, chords = zero, [(0.0, 1.0)]  # a N_p / M_p of each chord, and k / M_p
+        if axial is not None and given.interaction != "none":
+            slope, chords = moment / axial, _chords(given.interaction)
+        for part, reach in chords:
+            along = slope.times(part)
+            for sign, word in ((1.0, "M+"), (-1.0, "M-")):
+                for end, at in ((-1.0, "first"), (1.0, "second")):
+                    normals.append(stacked([along, one.times(sign), one.times(sign * end * _END)]))
+                    distances.append(moment.times(reach) + along * shift)
+                    beside = f", N/N_p about {part / 2:.3g}" if len(chords) > 1 else ""
+                    names.append(f"{word} at {at} ends{beside}")
+    if axial is not None and (moment is None or given.interaction == "none"):
+        normals += [stacked([one.times(sign), zero, zero]) for sign in (1.0, -1.0)]
+        distances += [axial, axial]
+        names += ["tension", "compression"]
+    return YieldPlanes(stacked(normals), stacked(distances), names=tuple(names))
+
+
+def _chords(interaction: Interaction) -> list[tuple[float, float]]:
+    """Chords |M| / M_p + a N / N_p <= k of the curve on which N and M use up a section: a and k."""
+    if interaction == "linear":
+        return [(1.0, 1.0), (-1.0, 1.0)]
+    n = np.linspace(-1.0, 1.0, _CHORDS + 1).tolist()
+    return [(one + two, 1.0 + one * two) for one, two in pairwise(n)]
