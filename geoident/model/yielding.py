@@ -350,6 +350,10 @@ def _beyond_90_deg(strengths: Numbers, name: str) -> Breach | None:
     return Breach(name, strengths[name], "it must be from 0 to below 90 deg")
 
 
+OF_STRUCTURE = "structure "
+"""Beginning of the names of the planes of structures, whose k is a force and not a stress."""
+
+
 @dataclass(frozen=True)
 class Activity:
     """Which yield planes are reached where, at one parameter vector.

@@ -40,6 +40,7 @@ from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
+from geoident.model.yielding import OF_STRUCTURE
 
 _CONFIRMING_STEPS = 100
 """Newton steps to confirm that associated flow has no equilibrium.
@@ -415,7 +416,7 @@ class PlasticSteps:
 
 def _of_structure(name: str) -> str:
     """A structure that yields, beside the materials that do."""
-    return f"structure {name}"
+    return f"{OF_STRUCTURE}{name}"
 
 
 def _far(one: Values, other: Values) -> float:

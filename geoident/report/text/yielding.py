@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.results.result import ParameterTable
-from geoident.model.yielding import Certificate
+from geoident.model.yielding import OF_STRUCTURE, Certificate
 from geoident.report.text.layout import TextTable, bullets, number
 from geoident.units import in_unit, shown_unit
 
@@ -53,10 +53,10 @@ def plane_table(certificate: Certificate) -> TextTable:
     rows = [
         [
             name,
-            number(float(activity.distances[r]) / _PA_PER_MPA) if _reached(certificate, r) else "-",
+            _distance(certificate, r),
             *map(str, activity.points[r].tolist()),
             str(int(activity.biactive[r].sum())),
-            "" if _reached(certificate, r) else _from_below(float(activity.reached[r])),
+            "" if _reached(certificate, r) else _from_below(name, float(activity.reached[r])),
         ]
         for r, name in enumerate(activity.planes)
     ]
@@ -69,10 +69,18 @@ def _reached(certificate: Certificate, r: int) -> bool:
     return bool(activity.points[r].any() or activity.biactive[r].any())
 
 
-def _from_below(reached: float) -> str:
+def _distance(certificate: Certificate, r: int) -> str:
+    """The strength of a plane; those of a structure are forces and moments, which it says itself."""
+    activity = certificate.activity
+    if activity.planes[r].startswith(OF_STRUCTURE) or not _reached(certificate, r):
+        return "-"
+    return number(float(activity.distances[r]) / _PA_PER_MPA)
+
+
+def _from_below(name: str, reached: float) -> str:
     if not np.isfinite(reached):
         return "no strain point has this material"
-    if reached <= 0.0:
+    if reached <= 0.0 or name.startswith(OF_STRUCTURE):
         return "never reached"
     return f"never reached: k >= {number(reached / _PA_PER_MPA)} MPa"
 
