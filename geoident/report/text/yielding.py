@@ -70,7 +70,7 @@ def _reached(certificate: Certificate, r: int) -> bool:
 
 
 def _distance(certificate: Certificate, r: int) -> str:
-    """The strength of a plane; those of a structure are forces and moments, which it says itself."""
+    """The strength of a plane; of a structure it is a force, which the structure says itself."""
     activity = certificate.activity
     if activity.planes[r].startswith(OF_STRUCTURE) or not _reached(certificate, r):
         return "-"
