@@ -354,6 +354,34 @@ def with_posterior(
     )
 
 
+def with_numbers_of(known: Assessment, own: Assessment, j: int, problem: Problem) -> Assessment:
+    """An assessment with what another knows of parameter j.
+
+    Args:
+        known: of all parameters.
+        own: of the same, by a posterior that is right for j.
+        j: the parameter.
+        problem: the parameters.
+    """
+    name = problem.parameters[j].name
+
+    def taken(of_all: Any, of_own: Any) -> Any:
+        of_all = of_all.copy()
+        of_all[j] = of_own[j]
+        return of_all
+
+    columns = ("sd", "lower95", "upper95", "beyond_bounds", "determined", "gaps_x")
+    numbers = {each: taken(getattr(known, each), getattr(own, each)) for each in columns}
+    for each in ("covariance", "correlation"):
+        table = taken(getattr(known, each), getattr(own, each))
+        numbers[each] = taken(table.T, getattr(own, each).T).T
+    before = {finding for finding in known.findings if finding.subject == name}
+    of_own = {finding for finding in own.findings if finding.subject == name}
+    findings = [one for one in known.findings if one not in before or one in of_own]
+    findings += [one for one in own.findings if one in of_own and one not in before]
+    return replace(known, findings=tuple(findings), **numbers)
+
+
 _GAPS = ("not-determined", "not-separated")
 """Findings on what the readings leave open."""
 

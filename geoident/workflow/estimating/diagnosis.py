@@ -9,7 +9,6 @@ import numpy as np
 
 from geoident.forward.observed import Survey
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
-from geoident.identify.assessment.linearity import interval_ends
 from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.assessment.unknown_variances import OverAccuracies
@@ -266,30 +265,6 @@ def _by_chance(probability: float) -> str:
     if probability < 1e-6:
         return "by chance in less than one of a million fits"
     return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
-
-
-def linearity_findings(
-    problem: Problem, assessment: Assessment, values: Floats
-) -> tuple[Finding, ...]:
-    """A finding if the model is not linear over the interval of the least known parameter.
-
-    Args:
-        problem: of the fit.
-        assessment: of the model linearised at the estimate.
-        values: (n,) the estimate, SI.
-    """
-    ends = interval_ends(problem, assessment, values)
-    if ends is None or not ends.doubtful:
-        return ()
-    name = problem.parameters[ends.parameter].name
-    rises = " and ".join(f"{rise:.2g}" for rise in (ends.below, ends.above))
-    sentence = (
-        f"The model is not linear over the interval of {name}. At its ends the misfit rises by "
-        f"{rises} instead of 3.8, so intervals and bands may contain less or more than 95 %. "
-        "`geoident sample` draws from the posterior itself."
-    )
-    numbers = {"rise_below": ends.below, "rise_above": ends.above}
-    return (Finding("nonlinear", name, sentence, numbers),)
 
 
 def why_poor(
