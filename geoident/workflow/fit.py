@@ -62,7 +62,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
-from geoident.workflow.running.plausible import plausible_notes
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
@@ -198,6 +198,11 @@ def _result(
     judged = named[from_readings]  # of others no reading changes what is known
     correlated = len(together) > 0
     few, rests = _freedom(setup, estimate, parameters)
+    known = {
+        name: float(parameters.values[i])
+        for i, name in enumerate(parameters.names)
+        if np.isfinite(parameters.sd[i])
+    }
     alarms = alarm_states(case, gauges, prediction)
     return Result(
         kind="fit",
@@ -237,6 +242,7 @@ def _result(
             *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
+            *implausible_findings(case, known),
             *(
                 accuracy_findings(setup.accuracies, correlated=correlated)
                 if setup.accuracies is not None
@@ -272,7 +278,6 @@ def _result(
         alarms=alarms,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
-            *plausible_notes(case),
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *estimate.survey.notes, *estimate.outcome.remarks)),
             *model_error_notes(setup.model_error, case, estimate.readings, job.methods),

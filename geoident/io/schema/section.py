@@ -27,8 +27,8 @@ class Alternatives:
     """Ways to say one thing, of which a section takes exactly one; the order of keys is free.
 
     Args:
-        ways: the keys of each way as users write them, those that may be left out with a question mark, such
-            as ``dip dip_direction?``; empty where nothing needs to be said.
+        ways: the keys of each way as users write them, those that may be left out with a question
+            mark, such as ``dip dip_direction?``; empty where nothing needs to be said.
         hint: the remedy where the keys given are none of the ways.
     """
 

@@ -20,6 +20,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
+from geoident.model.results.findings import sentences_of
 from geoident.model.results.many.project import SectionReading
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import assess_fit
@@ -29,6 +30,7 @@ from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import build_model, load_inputs
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.readings import select_readings, times_of
 
 PREPARE, EVALUATE, SHARPEN, SHOWN = "prepare", "evaluate", "sharpen", "shown"
@@ -290,6 +292,12 @@ class _OneSection:
             if unreadable(channel.name, stage) is None
         )  # fmt: skip
 
+    @property
+    def _notes(self) -> tuple[str, ...]:
+        """What is to be known of the case, whatever its readings."""
+        case = self._setup.case
+        return (*sentences_of(implausible_findings(case)), *case.notes)
+
     def _prepared(self, stop: StopRequest) -> PreparedSection:
         setup, case = self._setup, self._setup.case
         n = len(case.parameters)
@@ -310,7 +318,7 @@ class _OneSection:
             path.unlink(missing_ok=True)
             return PreparedSection(
                 case.parameters, readings.value[used], problem.sd, problem.shared,
-                self._shown_rows(), start, nothing, "", case.notes,
+                self._shown_rows(), start, nothing, "", self._notes,
             )  # fmt: skip
         require_possible(setup.model, case, case.fit.methods)
         with log:
@@ -323,5 +331,5 @@ class _OneSection:
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
             self._shown_rows(), estimate.outcome.values, alone, estimate.outcome.status,
-            (*case.notes, *setup.model.notes),
+            (*self._notes, *setup.model.notes),
         )  # fmt: skip
