@@ -170,7 +170,8 @@ def project_result(
     )
     v, J = whole.fit.problem.response.evaluate(outcome.values)
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
-    return replace(result, findings=findings(result, gaps))
+    of_sections = (finding for one in whole.prepared for finding in one.findings)
+    return replace(result, findings=(*findings(result, gaps), *of_sections))
 
 
 def _provenance(job: ProjectJob) -> Provenance:

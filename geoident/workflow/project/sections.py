@@ -20,11 +20,14 @@ from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
-from geoident.model.results.findings import sentences_of
+from geoident.model.results.findings import Finding, sentences_of
 from geoident.model.results.many.project import SectionReading
+from geoident.model.results.result import STOPPED
+from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import parameter_table
-from geoident.workflow.estimating.estimate import assess_fit
-from geoident.workflow.estimating.search import estimated
+from geoident.workflow.estimating.estimate import Estimate, assess_fit
+from geoident.workflow.estimating.model_error import model_error_notes
+from geoident.workflow.estimating.search import SearchState, estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.worker import STOP
@@ -129,6 +132,7 @@ class PreparedSection:
         alone: (3, n) the same where it determines them, lower and upper ends of 95 %; else NaN.
         status: how its own fit ended; empty where there was none.
         notes: sentences.
+        findings: on the residuals of its own fit.
     """
 
     parameters: tuple[Parameter, ...]
@@ -140,6 +144,7 @@ class PreparedSection:
     alone: Floats
     status: str
     notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -298,6 +303,26 @@ class _OneSection:
         case = self._setup.case
         return (*sentences_of(implausible_findings(case)), *case.notes)
 
+    def _together(self, state: SearchState, estimate: Estimate) -> tuple[Finding, ...]:
+        """Residuals of its own fit that come in runs of one sign.
+
+        Args:
+            state: how that ended.
+            estimate: what is known there.
+        """
+        if state.outcome.status == STOPPED:
+            return ()
+        values, name = estimate.outcome.values, self._section.name
+        found = correlated_findings(state.setup.case, state.problem, values, estimate.readings)
+        return tuple(
+            replace(
+                one,
+                subject=f"{name}, {one.subject}",
+                sentence=f"In the section {name} by itself: {one.sentence}",
+            )
+            for one in found
+        )
+
     def _prepared(self, stop: StopRequest) -> PreparedSection:
         setup, case = self._setup, self._setup.case
         n = len(case.parameters)
@@ -327,9 +352,13 @@ class _OneSection:
         table = parameter_table(case.parameters, estimate.outcome.values, estimate.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan
-        problem = state.problem
+        problem, methods = state.problem, case.fit.methods
+        few = (
+            f"Section {self._section.name}: {note}"
+            for note in model_error_notes(state.setup.model_error, case, readings, methods)
+        )
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
             self._shown_rows(), estimate.outcome.values, alone, estimate.outcome.status,
-            (*self._notes, *setup.model.notes),
+            (*self._notes, *setup.model.notes, *few), self._together(state, estimate),
         )  # fmt: skip
