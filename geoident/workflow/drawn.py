@@ -102,6 +102,7 @@ class DrawnPosterior:
             evidence=None,
             rivals=None,
             certificate=None,
+            convergence=(),
             reduced=None,
             sensitivity=None,
             grid=None,

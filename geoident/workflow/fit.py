@@ -66,7 +66,7 @@ from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
-from geoident.workflow.scoring.convergence import convergence_notes
+from geoident.workflow.scoring.convergence import convergence_notes, convergence_states
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
@@ -204,6 +204,7 @@ def _result(
         if np.isfinite(parameters.sd[i])
     }
     alarms = alarm_states(case, gauges, prediction)
+    convergence = convergence_states(setup.model, estimate)
     return Result(
         kind="fit",
         status=status,
@@ -276,13 +277,14 @@ def _result(
         backtest=last.backtest,
         left_out=scored,
         alarms=alarms,
+        convergence=convergence,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *estimate.survey.notes, *estimate.outcome.remarks)),
             *model_error_notes(setup.model_error, case, estimate.readings, job.methods),
             *surface_notes(setup.surface),
-            *convergence_notes(setup.model, estimate),
+            *convergence_notes(convergence),
             *unused_notes(estimate.readings),
             *score(gauges, prediction, left_out),
             *(scored.sentences if scored else ()),

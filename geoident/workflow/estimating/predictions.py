@@ -45,13 +45,17 @@ def predicted_stages(gauges: GaugeTable) -> Bools:
 
 
 def predicted_places(gauges: GaugeTable, left_out: Bools) -> Bools:
-    """(n_channels, n_stages) what a fit predicts: stages it did not use, and gauges left out.
+    """(n_channels, n_stages) what a fit predicts: all that it has no reading of.
+
+    These are stages that it did not use, gauges left out, and at fitted stages gauges that nobody
+    has read there.
 
     Args:
         gauges: with the readings of the fit.
         left_out: (n_channels,) channels that it was told to leave out.
     """
-    return np.asarray(predicted_stages(gauges)[None] | left_out[:, None])
+    unread = ~gauges.used & np.isnan(gauges.measured)
+    return np.asarray(predicted_stages(gauges)[None] | left_out[:, None] | unread)
 
 
 def chosen_stages(gauges: GaugeTable, names: Sequence[str]) -> Bools:
