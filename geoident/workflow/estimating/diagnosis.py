@@ -184,12 +184,21 @@ def _most_influential(
     elif abs(change[k]) >= WORTH_SAYING:
         sentence = (
             f"The most influential reading is {channel} at {stage}: without it {parameters[k]} "
-            f"would be {abs(change[k]):.2g} of its standard deviations "
+            f"would be {_in_sd(abs(change[k]))} of its standard deviations "
             f"{'lower' if change[k] > 0.0 else 'higher'}."
         )
     else:
         return
     yield Finding("influential-reading", f"{channel}, {stage}", sentence)
+
+
+def _in_sd(change: float) -> str:
+    """Two digits, and no power of ten below a million.
+
+    >>> _in_sd(0.273), _in_sd(138.2)
+    ('0.27', '140')
+    """
+    return f"{float(f'{change:.2g}'):g}"
 
 
 def _far_off(diagnostics: Diagnostics, gauges: GaugeTable) -> Iterator[Finding]:

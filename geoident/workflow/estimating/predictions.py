@@ -417,7 +417,7 @@ def nonlinear_finding(ends: IntervalEnds, name: str) -> Finding:
         ends: rise of the misfit at the ends of the interval.
         name: of the parameter.
     """
-    rises = " and ".join(f"{rise:.2g}" for rise in (ends.below, ends.above))
+    rises = " and ".join(f"{rise:.3g}" for rise in (ends.below, ends.above))
     sentence = (
         f"The model is not linear over the interval of {name}. At its ends the misfit rises by "
         f"{rises} instead of 3.8, so intervals and bands may contain less or more than 95 %. "
