@@ -28,16 +28,18 @@ def convergence_states(model: ObservedModel, estimate: Estimate) -> tuple[Conver
     p = estimate.outcome.values
     lost, final = model.lost(p), model.final(p)
     columns = [_interval(estimate, numbers) for numbers in (lost, final, final - lost)]
-    return tuple(
-        ConvergenceState(
-            channel.name,
-            channel.zero if zero else "",
-            *(float(x) for rows in columns for x in rows[j]),
-            channel.unit,
-            channel.dimension,
+    states = []
+    for j, (channel, zero) in enumerate(zip(model.case.channels, model.rule.zero, strict=True)):
+        (a, a_low, a_high), (b, b_low, b_high), (c, c_low, c_high) = (
+            rows[j].tolist() for rows in columns
         )
-        for j, (channel, zero) in enumerate(zip(model.case.channels, model.rule.zero, strict=True))
-    )
+        states.append(
+            ConvergenceState(
+                channel.name, channel.zero if zero else "", a, a_low, a_high, b, b_low, b_high,
+                c, c_low, c_high, channel.unit, channel.dimension,
+            )
+        )  # fmt: skip
+    return tuple(states)
 
 
 def _interval(estimate: Estimate, numbers: Dual) -> Floats:
