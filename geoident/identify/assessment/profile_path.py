@@ -111,12 +111,14 @@ class Nonlinearity:
         deviation: (m, l) of the readings from linear there, SI.
         drawn: (K,) t of the draws.
         undetermined: the parameter t is not determined.
+        used_deviation: (m, g) of the used readings from linear, SI.
     """
 
     t: Floats
     deviation: Floats
     drawn: Floats
     undetermined: bool
+    used_deviation: Floats
 
     def of(self, chosen: Bools) -> Nonlinearity:
         """Of some of the readings (l,)."""
@@ -140,6 +142,7 @@ class _Point:
         within: phi at dx.
         log_density: of t, without the bounds of the others.
         deviation: (l,) of the readings at dx from linear.
+        used_deviation: (g,) of the used readings likewise.
     """
 
     t: float
@@ -149,6 +152,7 @@ class _Point:
     within: float
     log_density: float
     deviation: Floats
+    used_deviation: Floats
 
 
 def path_parameter(assessment: Assessment, problem: Problem) -> int | None:
@@ -236,6 +240,7 @@ def with_profile(
             np.array([point.deviation for point in points]),
             known.posterior.shift[i],
             undetermined=not known.determined[i] | known.from_prior[i],
+            used_deviation=np.array([point.used_deviation for point in points]),
         )
     others = _truncated(assessment, problem) & assessment.determined
     others |= _loose(assessment, problem) & assessment.at_bound
@@ -362,10 +367,16 @@ class _Profile:
         mean = dx + step
         inside = np.clip(mean, self.lower, self.upper) if t != 0.0 else dx
         phi, within = (float(np.sum((r + A @ (to - dx)) ** 2)) for to in (mean, inside))
-        computed = readings.all + readings.all_jacobian @ (dp_dx * (inside - dx))
-        linear = self.at.all + self.at.all_jacobian @ (self.assessment.dp_dx * inside)
-        deviation = np.nan_to_num(computed - linear)
-        return _Point(t, inside, mean, phi, within, log_volume - 0.5 * phi, deviation)
+        deviations = [
+            there + slope @ (dp_dx * (inside - dx))
+            - (here + own_slope @ (self.assessment.dp_dx * inside))
+            for there, slope, here, own_slope in (
+                (readings.all, readings.all_jacobian, self.at.all, self.at.all_jacobian),
+                (readings.used, readings.used_jacobian, self.at.used, self.at.used_jacobian),
+            )
+        ]  # fmt: skip
+        log_density = log_volume - 0.5 * phi
+        return _Point(t, inside, mean, phi, within, log_density, *map(np.nan_to_num, deviations))
 
     def _rows(self, values: Floats, readings: PathReadings) -> tuple[Floats, Floats]:
         """Whitened residuals and priors (r,) at parameters (n,), and their derivatives in x."""

@@ -91,6 +91,8 @@ def predict_stages(
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
+        if curved is not None:
+            curved = known.left_of(np.argwhere(wanted), curved)
         wider = known.wider(np.argwhere(wanted), sensitivity, assessment)
         band = predict_band(assessment, later.jacobian, later.sd, curved, wider)
     else:
@@ -186,6 +188,20 @@ class KnownErrors:
         return given_used(
             problem, self.computed, self.jacobian, later=later, later_jacobian=sensitivity
         )
+
+    def left_of(self, places: Ints, curved: Nonlinearity) -> Nonlinearity:
+        """Deviations from linear less what the used readings, which deviate too, tell of them.
+
+        Args:
+            places: (l, 2) numbers of the channels and stages of the later ones.
+            curved: of these, along a path.
+        """
+        if not self.rows:
+            return curved
+        problem, later = self.with_later(places)
+        used, at_later = curved.used_deviation.T, curved.deviation.T
+        left = given_used(problem, self.computed, used, later=later, later_jacobian=at_later)
+        return replace(curved, deviation=left.jacobian.T)
 
     def with_later(self, places: Ints) -> tuple[Problem, ErrorStructure]:
         """The used readings and the errors of later ones, with the same columns for what is shared.
