@@ -76,7 +76,7 @@ def test_predict_has_the_bands_of_the_fit(tmp_path):
         [(p["gauge"], p["stage"], p["lower95"], p["upper95"]) for p in made["predictions"]]
         for made in (fit, json.loads(again.stdout))
     ]
-    assert len(bands[0]) == 3, bands
+    assert len(bands[0]) == 4
     for (*name, low, high), (*other, low2, high2) in zip(*bands, strict=True):
         assert name == other
         assert [low2, high2] == pytest.approx([low, high], rel=1e-6)

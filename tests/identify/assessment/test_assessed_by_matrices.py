@@ -194,7 +194,7 @@ def test_a_band_follows_what_deviates_from_linear(wide, undetermined):
 
 def test_what_another_posterior_finds_too_wide_is_not_determined():
     """More than half of the range to one side; two of three, named together."""
-    three = (*Q, Parameter("c", 4.0, 1.0, 9.0))
+    three = (*(replace(q, prior=None) for q in Q), Parameter("c", 4.0, 1.0, 9.0))
     J = np.hstack([A, RNG.normal(size=(7, 1))]) * 20.0
     problem = Problem(None, Y, SD, three)
     at = np.array([*AT, 4.0])
