@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from geoident.model.arrays import Floats
+from geoident.model.results.bands import NORMAL_95
 
 Scale = Literal["linear", "log"]
 
@@ -104,6 +105,14 @@ class Prior:
         if self.kind == "normal":
             return self.mean + self.sd * score
         return float(self.mean * np.exp(self.sd / self.mean * score))
+
+    def narrows(self, lower: float, upper: float) -> bool:
+        """Whether an end of its 95 % interval lies within bounds, SI: else only these limit.
+
+        >>> Prior(8.0, 2.0).narrows(5.0, 20.0), Prior(8.0, 9.0).narrows(5.0, 20.0)
+        (True, False)
+        """
+        return self.at_score(-NORMAL_95) > lower or self.at_score(NORMAL_95) < upper
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model, job_provenance
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.readings import reading_table, select_readings, unused_notes
 from geoident.workflow.scoring.trials import (
     FitLog,
@@ -241,6 +242,7 @@ def _result(
             *restless,
             *last.extrapolates,  # to stages that nobody has read yet
             *dict.fromkeys(collapses),
+            *implausible_findings(case),
         ),
         parameters=opened(table, outcome.certificate),
         gauges=last.gauges,

@@ -44,7 +44,7 @@ from geoident.workflow.programs.program import executed
 from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
-from geoident.workflow.running.plausible import plausible_notes
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.reading_units import computed_at_start, unit_doubts
 from geoident.workflow.running.readings import (
     bad_notes,
@@ -133,7 +133,7 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
     cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
     wrong = _mistakes(model, readings, cost)
     units = wrong or _unit_notes(model, readings, cost)
-    doubtful = (*plausible_notes(case), *units, *silent_gauges(model))
+    doubtful = (*sentences_of(implausible_findings(case)), *units, *silent_gauges(model))
     kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
     notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
     return CaseSummary(

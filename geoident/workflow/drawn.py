@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.findings import only_prior
 from geoident.identify.assessment.later_readings import simulated_readings
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.draws import Draws
@@ -83,7 +85,7 @@ class DrawnPosterior:
             exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
             method=f"{posterior.sampler} sampling",
             reason=reason,
-            findings=(*_findings(table), *fit.findings),
+            findings=_findings(table, fit.findings),
             notes=(*granted(fit, case.parameters), *by_reduced, *case.notes),
             parameters=table,
             counts=self._counts(),
@@ -100,6 +102,7 @@ class DrawnPosterior:
             evidence=None,
             rivals=None,
             certificate=None,
+            convergence=(),
             reduced=None,
             sensitivity=None,
             grid=None,
@@ -251,15 +254,35 @@ def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str
     return ("converged" if good else "not-converged"), sentence
 
 
-def _findings(table: ParameterTable) -> list[Finding]:
-    loose = ", ".join(table.names[i] for i in table.named if not table.determined[i])
-    if not loose:
-        return []
-    sentence = (
-        f"{loose}: the draws are as far apart as prior and bounds allow; the readings "
-        "do not determine it alone."
-    )
-    return [Finding("not-determined", loose, sentence)]
+_OF_DRAWS = ("not-determined", "not-separated", "only-prior", "nonlinear")
+"""Findings of a fit of which the draws have their own."""
+
+
+def _findings(table: ParameterTable, of_fit: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Those of the draws, and those of the fit that they do not replace.
+
+    Args:
+        table: the parameters as their draws have them.
+        of_fit: findings of the fit.
+    """
+    loose = [i for i in table.named.tolist() if not table.determined[i]]
+    priors = [(table.names[i], table.priors[i], table.lower[i], table.upper[i]) for i in loose]
+    held = [name for name, q, lower, upper in priors if q is not None and q.narrows(lower, upper)]
+    unknown = [table.names[i] for i in loose if table.names[i] not in held]
+    findings = [only_prior(name) for name in held]
+    if unknown:
+        sentence = (
+            f"{', '.join(unknown)}: the draws are as far apart as the bounds allow; the readings "
+            "do not determine it alone."
+        )
+        findings.append(Finding("not-determined", ", ".join(unknown), sentence))
+    still = {table.names[i] for i in loose}
+
+    def stands(finding: Finding) -> bool:
+        about = finding.subject.split(", ")
+        return finding.kind not in _OF_DRAWS or (len(about) > 1 and bool(still & set(about)))
+
+    return (*findings, *filter(stands, of_fit))
 
 
 def granted(fit: Result, parameters: tuple[Parameter, ...]) -> list[str]:

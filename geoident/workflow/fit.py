@@ -22,7 +22,6 @@ from geoident.workflow.estimating.accuracies import accuracy_findings, freedom_n
 from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import (
     bound_findings,
-    linearity_findings,
     misfit_findings,
     opened,
     over_all_stages,
@@ -58,25 +57,20 @@ from geoident.workflow.estimating.wrong_readings import (
     gross_readings,
     opposite_findings,
 )
-from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
-from geoident.workflow.running.plausible import plausible_notes
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
-from geoident.workflow.scoring.convergence import convergence_notes
+from geoident.workflow.scoring.convergence import convergence_notes, convergence_states
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
 from geoident.workflow.scoring.trials import LastStage, last_stage
-
-ENOUGH = 1e-4
-"""Estimate of the relative error in energy with which the reduced model tells whether the model is
-linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 
 @one_thread()
@@ -96,7 +90,7 @@ def _fit(job: Job, control: Control) -> Finished:
     """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
-        estimate = with_curvature(setup, problem, assess_fit(setup, problem, outcome, fields=True))
+        estimate = assess_fit(setup, problem, outcome, fields=True)
         last = _last_stage(job, setup, problem, outcome, log, control)
         wrong = _mistakes(job, setup, problem, outcome)
         doubts = () if wrong else _unit_findings(setup, estimate, log)
@@ -108,24 +102,6 @@ def _fit(job: Job, control: Control) -> Finished:
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
     return searched(job, control, result)
-
-
-def with_curvature(setup: Setup, problem: Problem, estimate: Estimate) -> Estimate:
-    """An estimate with the finding that the model is not linear over an interval, where it is so.
-
-    Args:
-        setup: model and readings.
-        problem: of the search.
-        estimate: the estimate.
-    """
-    if estimate.outcome.status != "converged":
-        return estimate
-    before = setup.model.counts
-    with substituting(problem.response, ENOUGH):
-        findings = linearity_findings(problem, estimate.assessment, estimate.outcome.values)
-    assessment = replace(estimate.assessment, findings=(*estimate.assessment.findings, *findings))
-    counts = estimate.counts.joined(setup.model.counts.since(before))
-    return replace(estimate, assessment=assessment, counts=counts)
 
 
 def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
@@ -222,7 +198,13 @@ def _result(
     judged = named[from_readings]  # of others no reading changes what is known
     correlated = len(together) > 0
     few, rests = _freedom(setup, estimate, parameters)
+    known = {
+        name: float(parameters.values[i])
+        for i, name in enumerate(parameters.names)
+        if np.isfinite(parameters.sd[i])
+    }
     alarms = alarm_states(case, gauges, prediction)
+    convergence = convergence_states(setup.model, estimate)
     return Result(
         kind="fit",
         status=status,
@@ -261,6 +243,7 @@ def _result(
             *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
+            *implausible_findings(case, known),
             *(
                 accuracy_findings(setup.accuracies, correlated=correlated)
                 if setup.accuracies is not None
@@ -294,14 +277,14 @@ def _result(
         backtest=last.backtest,
         left_out=scored,
         alarms=alarms,
+        convergence=convergence,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
-            *plausible_notes(case),
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *estimate.survey.notes, *estimate.outcome.remarks)),
             *model_error_notes(setup.model_error, case, estimate.readings, job.methods),
             *surface_notes(setup.surface),
-            *convergence_notes(setup.model, estimate),
+            *convergence_notes(convergence),
             *unused_notes(estimate.readings),
             *score(gauges, prediction, left_out),
             *(scored.sentences if scored else ()),

@@ -17,7 +17,7 @@ from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
-from geoident.model.results.result import Result
+from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.another_case import (
     pick_assessment,
@@ -42,14 +42,14 @@ from geoident.workflow.estimating.predictions import (
     KnownErrors,
     chosen_stages,
     collapse_findings,
-    follow_bound,
+    follow_model,
     predict_stages,
     predicted_places,
     score,
     strength_findings,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
-from geoident.workflow.estimating.setup import problem_of_result, setup_of_result
+from geoident.workflow.estimating.setup import problem_of_result, setup_of_result, used_response
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
@@ -313,15 +313,20 @@ def _of_one_minimum(
     """
     p, readings = fit.parameters.values, fit.gauges.readings
     setup = setup_of_result(fit, task.origin.case, model)
-    problem = problem_of_result(fit, setup.case, model.response(()))
+    same_case = task.request.case is None
+    response = used_response(setup) if same_case else model.response(())
+    problem = problem_of_result(fit, setup.case, response)
     computed, jacobian = at_used(readings)
     over = over_accuracies(setup, problem, p, computed, jacobian)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     assessment = pick_assessment(assess_robustly(problem, p, computed, jacobian, over), order)
     nonlinearity = None
-    if task.request.case is None:  # where a bound truncates the posterior, as the fit has it
+    if same_case:  # where the model is not linear, as the fit has it
         at_p = with_computed(readings, case, model, survey, p)
-        assessment, nonlinearity = follow_bound(model, case, problem, p, survey, at_p, assessment)
+        assessment, nonlinearity = follow_model(
+            model, case, problem, p, survey, at_p, assessment,
+            converged=fit.status not in (STOPPED, "not-converged"),
+        )  # fmt: skip
     error = setup.model_error
     if error is not None and task.others:
         error = error.of_nothing_used()

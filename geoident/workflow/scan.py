@@ -17,6 +17,7 @@ from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.readings import unused_notes
 from geoident.workflow.running.reduced_scan import ReadingsByReduced
 
@@ -56,7 +57,7 @@ def _result(
         method=" + ".join(method_name(options) for options in job.methods),
         reason=outcome.reason,
         objective=outcome.objective,
-        findings=(),
+        findings=implausible_findings(setup.case),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),

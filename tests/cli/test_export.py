@@ -21,7 +21,7 @@ def fitted(after):
 
 MISSING = (
     *("accuracies", "left-out", "grid", "structures", "backtest", "backtest-parameters"),
-    *("posterior", "draws", "fields", "yielded", "alarms", "troughs"),
+    *("posterior", "draws", "fields", "yielded", "alarms", "troughs", "convergence"),
     *("opening", "ground-reaction", "opening-stresses", "opening-supports"),
     *("face", "face-profile"),
 )

@@ -153,7 +153,7 @@ def test_the_page_has_no_time_but_that_of_the_result(plane_page):
 def test_what_is_not_determined_is_said_in_words(plane_page):
     text = Reader(plane_page).text
     assert "sigma_v MPa as its prior - 8 ± 0.8 8 2 to 20" in text
-    assert "The readings do not determine sigma_v" in text
+    assert "sigma_v is known only from its prior" in text
     assert "6.543" not in text  # the value at which the search happened to stop
     assert "ST-1 bench 2 3.50 not determined - - - - predicted" in text
 

@@ -39,10 +39,23 @@ def test_its_readings_take_no_part(fitted):
     assert not left.gauges.used[row].any()
     others = np.delete(np.arange(len(left.gauges.channels)), row)
     assert left.gauges.used[others].all()
-    # measured and computed at these parameters, by propagation of the covariance
-    J = left.sensitivity[row]
-    variance = np.einsum("sn,nm,sm->s", J, left.parameters.covariance, J) + 1e-5**2
-    np.testing.assert_allclose(left.prediction.sd[row], np.sqrt(variance), rtol=1e-6)
+    # motions are (a + b K0) / E: the posterior on a grid, and the error of the gauge
+    E, K0 = left.parameters.values
+    log_E, K = np.meshgrid(np.log(E) + np.linspace(-1, 2, 1500), np.linspace(0.2, 4, 1000))
+    computed, per_K0, measured = (
+        left.gauges.computed,
+        left.sensitivity[..., 1],
+        left.gauges.measured,
+    )
+
+    def motion(i, j):
+        return E / np.exp(log_E) * (computed[i, j] + per_K0[i, j] * (K - K0))
+
+    off = sum(((motion(i, j) - measured[i, j]) / 1e-5) ** 2 for i in others for j in (0, 1))
+    weight = np.exp(-0.5 * (off - off.min()))
+    for j in (0, 1):
+        square = np.average((motion(row, j) - computed[row, j]) ** 2, weights=weight) + 1e-5**2
+        np.testing.assert_allclose(left.prediction.sd[row, j], np.sqrt(square), rtol=0.02)
     assert np.isnan(left.prediction.mean[others]).all()
 
 
@@ -54,7 +67,8 @@ def test_it_is_scored_everywhere(fitted):
     row = result.gauges.channels.index("S")
     measured, bands = result.gauges.measured[row], result.prediction
     inside = np.sum((measured >= bands.lower95[row]) & (measured <= bands.upper95[row]))
-    z = (measured - bands.mean[row]) / bands.sd[row]
+    ends = np.where(measured < bands.mean[row], bands.lower95[row], bands.upper95[row])
+    z = 1.96 * (measured - bands.mean[row]) / np.abs(ends - bands.mean[row])
     table = result.left_out
     assert table.names == ("S",)
     assert table.readings.tolist() == [2]

@@ -35,18 +35,18 @@ def test_an_ordinary_case_is_not_doubted(notes):
     ("old", "new", "said"),
     [
         ("point: [1 m, 4 m], accuracy: 0.01 mm", "point: [1 m, 4 m], accuracy: 0.1 m",
-         "the accuracy of S is 100 mm; gauges of the kind settlement have about 0.3 mm"),
+         "The accuracy of S is 100 mm; gauges of the kind settlement have about 0.3 mm"),
         ("{start: 2 GPa, bounds: [0.1 GPa, 50 GPa]", "{start: 2 kPa, bounds: [0.1 kPa, 50 kPa]",
          "E of 'rock' is 2 kPa, softer than any ground: check its unit"),
         ("K0: {start: 1.0, bounds: [0.2, 4]}", "K0: {start: 100, bounds: [20, 400]}",
          "K0 is 100: the horizontal stress is 100 times the vertical one; per cent need"),
         ("K0: {start: 1.0, bounds: [0.2, 4]}",
          "K0: {start: 1.0, bounds: [0.2, 4], prior: {mean: 4.1, sd: 1}}",
-         "the mean of the prior of K0 is outside its bounds, which exclude what is likeliest"),
+         "The mean of the prior of K0 is outside its bounds, which exclude what is likeliest"),
         ("K0: {start: 1.0, bounds: [0.2, 4]}", "K0: {start: 0, bounds: [-1, 4]}",
          "K0 is 0: ground with hardly any horizontal stress is seldom meant"),
         ("nu: 0.25}", "nu: 0.25, density: 19000 kg/m3}",
-         "the density of 'rock' is 19000 kg/m3, heavier than any ground: check its unit (a unit "
+         "The density of 'rock' is 19000 kg/m3, heavier than any ground: check its unit (a unit "
          "weight of 19 kN/m3 is a density of 1940 kg/m3)"),
         ("excavate: [lower]", "excavate: [lower], release: {lower: 0.7}",
          "70 % of the stress of 'lower' is released in the last stage that names it, and the rest "
@@ -54,11 +54,33 @@ def test_an_ordinary_case_is_not_doubted(notes):
         ("materials:\n", "materials:\n  fault: {elastic: isotropic, E: 1 GPa, nu: 0.3}\n",
          "no group is of the material 'fault': its constants, and parameters that only they"),
         ("vertical: 1 MPa", "vertical: 1 GPa",
-         "the vertical in-situ stress is 1 GPa, more than 12 km of rock weigh: check its unit"),
+         "The vertical in-situ stress is 1 GPa, more than 12 km of rock weigh: check its unit"),
     ],
 )  # fmt: skip
 def test_a_unit_that_nobody_meant_is_noted(notes, old, new, said):
     assert said in notes((old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("K0: {start: 1.0, bounds: [0.2, 4]}",
+         "K0: {start: 1.0, bounds: [0.2, 4], prior: {mean: 4.1, sd: 1}}",
+         "The mean of the prior of K0 is outside its bounds, which exclude what is likeliest"),
+        ("{start: 2 GPa, bounds: [0.1 GPa, 50 GPa]",
+         "{start: 2 GPa, bounds: [1 kPa, 9 GPa], prior: {kind: lognormal, mean: 10 kPa, sd: 9 kPa}",
+         "With the mean of the prior of E, E of 'rock' is 10 kPa, softer than any ground: check"),
+        ("nu: 0.25}", "nu: 0.25, density: 19000 kg/m3}",
+         "The density of 'rock' is 19000 kg/m3, heavier than any ground"),
+    ],
+)  # fmt: skip
+def test_a_fit_and_what_follows_from_it_repeat_what_check_says(tmp_path, notes, old, new, said):
+    assert said in notes((old, new))
+    case = tmp_path / "case.yaml"
+    for command, path in (("fit", case), ("predict", tmp_path / "case.fit.h5")):
+        made = json.loads(run_command(command, path, "--json", "-q", "--force").stdout)
+        (sentence,) = [f["sentence"] for f in made["findings"] if f["kind"] == "implausible"]
+        assert said in sentence
 
 
 def test_an_in_situ_stress_with_the_sign_of_compression_positive_is_noted(notes):

@@ -132,8 +132,9 @@ def test_a_series_that_begins_with_0_was_perhaps_zeroed_there(tmp_path, zero, co
     readings = path.with_name("readings.csv")
     readings.write_text(readings.read_text().replace("S,first,-0.1226", "S,first,0.00"))
     said = (
-        "The first reading of S, at 'first', is 0, and counts as a motion of 0 since 'virgin'. If "
-        "it was zeroed then, write 'zero: first' at the gauge."
+        "The first reading of S, at 'first', is 0. It is used as a reading: no motion since the "
+        "zero at 'virgin'. If it is the zero reading itself, write 'zero: first' at the gauge; if "
+        "nothing was read then, leave its value empty."
     )
     summary = check(str(path)).summary
     assert (said in summary.notes) == counts

@@ -28,6 +28,7 @@ TABLES = (
     "structures",
     "reactions",
     "alarms",
+    "convergence",
     "troughs",
     "yielded",
     "opening",

@@ -29,18 +29,13 @@ ON_PLANE = 1e-6
 
 
 def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """Structures that no stage builds; linings that end at supports and turn freely there.
-
-    Also what a lining takes that is built with its excavation, or behind a face.
-    """
+    """Linings that end at supports and turn freely there, and `built_notes`."""
     mesh = on_mesh.mesh
     built = {name for state in on_mesh.sequence.states for name in state.structures}
     held = np.logical_or.reduce(fixed_dofs(on_mesh).reshape(-1, mesh.dim), axis=1)
     notes = []
     for name, structure in on_mesh.case.structures.items():
-        if name not in built:
-            notes.append(f"no stage builds the structure '{name}'")
-        elif isinstance(structure, Beam):
+        if name in built and isinstance(structure, Beam):
             nodes, count = np.unique(straight_pieces(mesh, structure.group), return_counts=True)
             free = held & ~clamped_nodes(mesh, structure)
             free &= ~on_mesh.kinematics.on_axis(mesh.points)
@@ -54,8 +49,18 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
 
 
 def built_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """From where behind the face structures stand; linings that are built with their excavation."""
-    states, notes = on_mesh.sequence.states, []
+    """Structures that no stage builds, with a mesh or without one.
+
+    Also from where behind the face others stand, and linings that are built with their excavation.
+    """
+    states = on_mesh.sequence.states
+    built = {name for state in states for name in state.structures}
+    notes = [
+        f"no stage builds the structure '{name}', so it supports nothing: name it under 'build' of "
+        "a stage"
+        for name in on_mesh.case.structures
+        if name not in built
+    ]
     for state in states[1:]:
         before = states[state.base]
         distances = [x for x in before.release.values() if isinstance(x, FaceDistance)]

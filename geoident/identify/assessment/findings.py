@@ -21,7 +21,7 @@ from geoident.identify.assessment.spectrum import SingularDirections, sparse_bas
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.findings import Finding, FindingKind
+from geoident.model.results.findings import Finding
 
 NOTICEABLE = 0.15
 """Entries below this part of the largest are not named."""
@@ -161,17 +161,26 @@ def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[Finding, ...]:
     held = list(known.directions(without(known.readings.undetermined_vectors, gaps)))
     reported = {d.indices[0] for d in remaining + held if len(d.indices) == 1}
     return (
-        *(_gap(d, _determined_pair(known, d, covariance)) for d in remaining),
+        *(_gap(known, d, _determined_pair(known, d, covariance)) for d in remaining),
         *(_held(known, d, _determined_pair(known, d, covariance)) for d in held),
         *_prior_only(known, reported),
         *_bounds(known),
     )
 
 
-def _gap(direction: Direction, pair: str) -> Finding:
+def _gap(known: Knowledge, direction: Direction, pair: str) -> Finding:
     """A direction that nothing determines."""
-    kind: FindingKind = "not-determined" if len(direction.names) == 1 else "not-separated"
-    return Finding(kind, ", ".join(direction.names), f"{_unseen(direction)}.{pair}")
+    if len(direction.names) > 1:
+        return Finding("not-separated", ", ".join(direction.names), f"{_unseen(direction)}.{pair}")
+    (i,) = direction.indices
+    q, sentence = known.parameters[i], f"{_unseen(direction)}."
+    if q.prior is not None and q.prior.narrows(q.lower, q.upper):
+        sentence = f"{_unseen(direction)}: it is known only from its prior, which is wide."
+    elif q.prior is not None:
+        sentence = (
+            f"{_unseen(direction)}, and its prior is as wide as its bounds: only these limit it."
+        )
+    return Finding("not-determined", q.name, sentence)
 
 
 def _held(known: Knowledge, direction: Direction, pair: str) -> Finding:
@@ -233,11 +242,18 @@ def _prior_only(known: Knowledge, reported: set[int]) -> Iterator[Finding]:
             if j != i and not known.from_prior[j] and leans[j]
         ]
         also = f" The results for {join(leaning)} rest mainly on that prior." if leaning else ""
-        yield Finding(
-            "only-prior",
-            parameter.name,
-            f"{parameter.name} is known only from its prior: the readings hardly add to it.{also}",
-        )
+        yield only_prior(parameter.name, also)
+
+
+def only_prior(name: str, also: str = "") -> Finding:
+    """That a parameter is hardly better known than by its prior.
+
+    Args:
+        name: of the parameter.
+        also: a further sentence, after a blank.
+    """
+    sentence = f"{name} is known only from its prior: the readings hardly add to it.{also}"
+    return Finding("only-prior", name, sentence)
 
 
 def _bounds(known: Knowledge) -> Iterator[Finding]:

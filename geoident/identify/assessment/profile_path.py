@@ -1,17 +1,19 @@
-"""The posterior along a parameter that its bound truncates, where the model is not linear there.
+"""The posterior along a parameter over which the model is not linear.
 
-On a bound the linearised model is known on one side only, at its end: it tells little of
-predictions far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
-most, the posterior itself is computed at a few points of a path on which the other parameters
-follow: at each the model is evaluated, one Gauss-Newton step of the others gives the least phi
-there (without their bounds, which the draws keep) and their conditional covariance C, and
+On a bound the linearised model is known on one side only, at its end, and over a wide interval it
+tells little of what is far from the estimate (theory 6.3). So for one parameter t, whose bounds
+decide most of the posterior or that is known least, the posterior itself is computed at a few
+points of a path on which the other parameters follow: at each the model is evaluated, one
+Gauss-Newton step of the others gives the least phi there (without their bounds, which the draws
+keep) and their conditional covariance C, and
 
     density(t) ~ exp(-phi(t) / 2) |C(t)|^(1/2)
 
 (Laplace's approximation for the others, given t). Between the points log density, parameters and
 the deviations of the readings from linear are interpolated (monotone cubics, Fritsch and Carlson).
 All else is the truncated normal, whose draws are weighted by the density of their t in place of the
-normal one.
+normal one. Other parameters that a bound truncates, or that are known little, have intervals of
+paths of their own.
 
 The farthest point comes first: where phi and the predictions are linear up to there, that is the
 only evaluation.
@@ -24,14 +26,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.identify.assessment.linearity import OFF
+from geoident.identify.assessment.linearity import UNCERTAIN
 from geoident.identify.assessment.spectrum import admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
-from geoident.identify.assessment.uncertainty import Assessment, is_field, with_posterior
+from geoident.identify.assessment.uncertainty import (
+    Assessment,
+    is_field,
+    with_numbers_of,
+    with_posterior,
+)
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.findings import Finding
 
 FIRST_POINTS = 3
 """Points to each side up to the end of the linear interval; beyond, steps grow."""
@@ -58,6 +64,9 @@ density is then off by a quarter where it is a seventh of the highest: ends by a
 
 _AT_ESTIMATE = 1e-3
 """Distance, in standard deviations, below which an end of the path is the estimate."""
+
+_FOLLOWS = 0.8
+"""Part of the variance of a parameter that goes with another from which on it follows that."""
 
 _ROUNDING = 1e-12
 """Distance from a bound in x that is rounding."""
@@ -102,12 +111,14 @@ class Nonlinearity:
         deviation: (m, l) of the readings from linear there, SI.
         drawn: (K,) t of the draws.
         undetermined: the parameter t is not determined.
+        used_deviation: (m, g) of the used readings from linear, SI.
     """
 
     t: Floats
     deviation: Floats
     drawn: Floats
     undetermined: bool
+    used_deviation: Floats
 
     def of(self, chosen: Bools) -> Nonlinearity:
         """Of some of the readings (l,)."""
@@ -131,6 +142,7 @@ class _Point:
         within: phi at dx.
         log_density: of t, without the bounds of the others.
         deviation: (l,) of the readings at dx from linear.
+        used_deviation: (g,) of the used readings likewise.
     """
 
     t: float
@@ -140,12 +152,14 @@ class _Point:
     within: float
     log_density: float
     deviation: Floats
+    used_deviation: Floats
 
 
-def most_truncated(assessment: Assessment, problem: Problem) -> int | None:
-    """The parameter whose bound truncates the posterior most; None where no bound does.
+def path_parameter(assessment: Assessment, problem: Problem) -> int | None:
+    """The parameter whose bounds decide most of the posterior; None where none do.
 
-    One on its bound comes before one that is not; of these the least known in its range counts.
+    It is one that a bound truncates, or that only its bounds limit while others have numbers that
+    depend on it. One on its bound comes first; of these the least known in its range counts.
 
     Args:
         assessment: of a linearised model.
@@ -153,7 +167,7 @@ def most_truncated(assessment: Assessment, problem: Problem) -> int | None:
     """
     scaling = Scaling(problem.parameters)
     width = scaling.upper - scaling.lower
-    candidates = _truncated(assessment, problem)
+    candidates = _truncated(assessment, problem) | _loose(assessment, problem)
     if not candidates.any():
         return None
     width = np.where(np.isfinite(width), width, 1.0)
@@ -163,15 +177,44 @@ def most_truncated(assessment: Assessment, problem: Problem) -> int | None:
 
 def _truncated(assessment: Assessment, problem: Problem) -> Bools:
     """(n,) parameters whose posterior a bound truncates."""
-    varies = np.array([q.lower < q.upper for q in problem.parameters], dtype=np.bool_)
     near = assessment.at_bound | assessment.beyond_bounds
-    return near & varies & ~is_field(problem)
+    return near & _varying(problem)
+
+
+def _loose(assessment: Assessment, problem: Problem) -> Bools:
+    """(n,) parameters that only their bounds limit, beside others that have numbers."""
+    numbered = np.isfinite(assessment.sd)
+    finite = np.isfinite([q.upper - q.lower for q in problem.parameters])
+    return ~numbered & finite & _varying(problem) & bool((numbered & _varying(problem)).any())
+
+
+def _varying(problem: Problem) -> Bools:
+    """(n,) parameters that are free, and no modes of fields."""
+    varies = np.array([q.lower < q.upper for q in problem.parameters], dtype=np.bool_)
+    return varies & ~is_field(problem)
+
+
+def _little_known(assessment: Assessment, problem: Problem, values: Floats) -> Bools:
+    """(n,) parameters, of those determined, over whose interval a model may be far from linear."""
+    little = np.nan_to_num(assessment.sd) > UNCERTAIN * np.abs(values)
+    return np.asarray(little & assessment.determined & _varying(problem), dtype=np.bool_)
+
+
+def _led(assessment: Assessment, i: int) -> Bools:
+    """(n,) parameters that mostly follow parameter i, so that its path tells their intervals."""
+    C = assessment.posterior.covariance
+    return np.asarray(C[i] ** 2 > _FOLLOWS * C[i, i] * np.diag(C), dtype=np.bool_)
 
 
 def with_profile(
-    assessment: Assessment, problem: Problem, values: Floats, at: PathReadings, evaluate: Evaluate
+    assessment: Assessment,
+    problem: Problem,
+    values: Floats,
+    at: PathReadings,
+    evaluate: Evaluate,
+    i: int | None = None,
 ) -> tuple[Assessment, Nonlinearity | None]:
-    """The assessment with the posterior itself along the parameter that its bound truncates most.
+    """The assessment with the posterior itself along a parameter where the model is not linear.
 
     Args:
         assessment: of the model linearised at the estimate.
@@ -179,35 +222,37 @@ def with_profile(
         values: (n,) the estimate, SI.
         at: the model there.
         evaluate: the model elsewhere.
+        i: the parameter; None for that of `path_parameter`.
 
     Returns:
-        The assessment, as it is where nothing is truncated or all is linear; how readings deviate
-        from linear along the path, or None.
+        The assessment, as it is where there is no such parameter or all is linear; how readings
+        deviate from linear along the path, or None.
     """
-    i = most_truncated(assessment, problem)
+    i = path_parameter(assessment, problem) if i is None else i
     if i is None:
         return assessment, None
     profile = _Profile(assessment, problem, values, at, evaluate, i)
-    # an estimate on its bound and an end there are one place
-    by_t = {point.t: point for point in reversed(profile.points())}
+    known, curved = assessment, None
+    if points := profile.points():
+        known = with_posterior(assessment, problem, values, profile.posterior(points))
+        curved = Nonlinearity(
+            np.array([point.t for point in points]),
+            np.array([point.deviation for point in points]),
+            known.posterior.shift[i],
+            undetermined=not known.determined[i] | known.from_prior[i],
+            used_deviation=np.array([point.used_deviation for point in points]),
+        )
     others = _truncated(assessment, problem) & assessment.determined
+    others |= _loose(assessment, problem) & assessment.at_bound
+    if curved is not None:
+        others |= _little_known(assessment, problem, values) & ~_led(assessment, i)
     others[i] = False
-    findings = [
-        _Profile(assessment, problem, values, at, evaluate, j).nonlinear_end()
-        for j in np.flatnonzero(others).tolist()
-    ]
-    if curved := tuple(finding for finding in findings if finding is not None):
-        assessment = replace(assessment, findings=(*assessment.findings, *curved))
-    if len(by_t) < 3:
-        return assessment, None
-    points = [by_t[t] for t in sorted(by_t)]
-    known = with_posterior(assessment, problem, values, profile.posterior(points))
-    return known, Nonlinearity(
-        np.array([point.t for point in points]),
-        np.array([point.deviation for point in points]),
-        known.posterior.shift[i],
-        undetermined=not known.determined[i] | known.from_prior[i],
-    )
+    for j in np.flatnonzero(others).tolist():
+        profile = _Profile(assessment, problem, values, at, evaluate, j)
+        if points := profile.points():
+            own = with_posterior(assessment, problem, values, profile.posterior(points))
+            known = with_numbers_of(known, own, j, problem)
+    return known, curved
 
 
 class _Profile:
@@ -235,7 +280,10 @@ class _Profile:
         self.estimate = self._relaxed(0.0, np.zeros(len(values)), values, at)
 
     def points(self) -> list[_Point]:
-        """All of them; none where the linearised model agrees with the farthest."""
+        """All of them in order; none where the linearised model agrees with the farthest.
+
+        Nor are there any where the model has no solution beside the estimate.
+        """
         low, high = float(self.lower[self.i]), float(self.upper[self.i])
         ends = [float(np.clip(_BEYOND * end, low, high)) for end in self._linear_ends()]
         ends = [end for end in ends if abs(end) > _AT_ESTIMATE * self.sd]
@@ -245,7 +293,9 @@ class _Profile:
         points = [self.estimate]
         for end in ends:
             points += self._side(end, low if end < 0.0 else high)
-        return points
+        # an estimate on its bound and an end there are one place
+        by_t = {point.t: point for point in reversed(points)}
+        return [by_t[t] for t in sorted(by_t)] if len(by_t) > 2 else []
 
     def _linear_ends(self) -> tuple[float, float]:
         """The interval of t by the linearised model, from the estimate."""
@@ -253,29 +303,6 @@ class _Profile:
         limits = self.lower[[self.i]], self.upper[[self.i]]
         linear = self.assessment.posterior.summary(unit, limits=limits)
         return float(linear.lower95[0]), float(linear.upper95[0])
-
-    def nonlinear_end(self) -> Finding | None:
-        """A finding where phi at the farther end of the interval is not as the linearised has it.
-
-        For parameters beside the one whose path is followed: their intervals are linearised.
-        """
-        end = max(self._linear_ends(), key=abs)
-        point = self._point(end) if abs(end) > _AT_ESTIMATE * self.sd else None
-        if point is None:
-            return None
-        r, A = self._rows(self.values, self.at)
-        linear = r + A @ point.dx
-        expected, rise = float(linear @ linear - r @ r), point.within - float(r @ r)
-        if expected / OFF**2 - _SAME_PHI <= rise <= expected * OFF**2 + _SAME_PHI:
-            return None
-        name = self.problem.parameters[self.i].name
-        sentence = (
-            f"The model is not linear over the interval of {name}, which a bound limits as that of "
-            f"another parameter: at its end the misfit rises by {rise:.2g} instead of "
-            f"{expected:.2g}, so intervals and bands may contain less or more than 95 %. "
-            "`geoident sample` draws from the posterior itself."
-        )
-        return Finding("nonlinear", name, sentence, {"rise": rise, "expected": expected})
 
     def _growth(self, point: _Point) -> float:
         """Growth of phi from the estimate, with what the room for the others contributes."""
@@ -340,10 +367,16 @@ class _Profile:
         mean = dx + step
         inside = np.clip(mean, self.lower, self.upper) if t != 0.0 else dx
         phi, within = (float(np.sum((r + A @ (to - dx)) ** 2)) for to in (mean, inside))
-        computed = readings.all + readings.all_jacobian @ (dp_dx * (inside - dx))
-        linear = self.at.all + self.at.all_jacobian @ (self.assessment.dp_dx * inside)
-        deviation = np.nan_to_num(computed - linear)
-        return _Point(t, inside, mean, phi, within, log_volume - 0.5 * phi, deviation)
+        deviations = [
+            there + slope @ (dp_dx * (inside - dx))
+            - (here + own_slope @ (self.assessment.dp_dx * inside))
+            for there, slope, here, own_slope in (
+                (readings.all, readings.all_jacobian, self.at.all, self.at.all_jacobian),
+                (readings.used, readings.used_jacobian, self.at.used, self.at.used_jacobian),
+            )
+        ]  # fmt: skip
+        log_density = log_volume - 0.5 * phi
+        return _Point(t, inside, mean, phi, within, log_density, *map(np.nan_to_num, deviations))
 
     def _rows(self, values: Floats, readings: PathReadings) -> tuple[Floats, Floats]:
         """Whitened residuals and priors (r,) at parameters (n,), and their derivatives in x."""

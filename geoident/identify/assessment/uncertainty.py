@@ -47,7 +47,7 @@ from geoident.identify.assessment.conflicts import (
     prior_conflicts,
     tied_findings,
 )
-from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
+from geoident.identify.assessment.findings import Knowledge, describe_gaps, join, only_prior
 from geoident.identify.assessment.spectrum import SingularDirections, admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
 from geoident.identify.assessment.unknown_variances import OverAccuracies
@@ -327,7 +327,10 @@ def with_posterior(
     numbered = np.isfinite(assessment.sd)
     gained = named & ~numbered & ~by_prior & (high - low <= 0.5 * width) & (width > 0.0)
     numbers = _numbers(scaling, values, posterior, (numbered & ~lost) | gained, assessment.wider)
-    determined = (assessment.determined & ~lost) | gained
+    # known from its prior, or better, other than the linearised model says
+    held = named & assessment.determined & ~lost & by_prior
+    freed = named & assessment.from_prior & ~by_prior & (high - low <= 0.5 * width)
+    determined = (assessment.determined & ~lost & ~held) | gained | freed
     names = [q.name for q in problem.parameters]
     known = {name for name, is_known in zip(names, determined.tolist(), strict=True) if is_known}
     findings = tuple(
@@ -335,6 +338,11 @@ def with_posterior(
         for finding in assessment.findings
         if finding.kind not in _GAPS or not gained.any() or set(finding.subject.split(", ")) - known
     )
+    better = {names[i] for i in np.flatnonzero(freed)}
+    findings = tuple(
+        one for one in findings if one.kind != "only-prior" or one.subject not in better
+    )
+    findings += tuple(only_prior(names[i]) for i in np.flatnonzero(held))
     if lost.any():
         undetermined = [names[i] for i in np.flatnonzero(lost)]
         verb, seem = ("is", "it seems") if len(undetermined) == 1 else ("are", "they seem")
@@ -347,11 +355,42 @@ def with_posterior(
         assessment,
         posterior=posterior,
         determined=determined,
+        from_prior=(assessment.from_prior & ~freed) | held,
         beyond_bounds=assessment.beyond_bounds & ~lost,
         gaps_x=np.where(gained[:, None], 0.0, assessment.gaps_x),
         findings=findings,
         **numbers,
     )
+
+
+def with_numbers_of(known: Assessment, own: Assessment, j: int, problem: Problem) -> Assessment:
+    """An assessment with what another knows of parameter j.
+
+    Args:
+        known: of all parameters.
+        own: of the same, by a posterior that is right for j.
+        j: the parameter.
+        problem: the parameters.
+    """
+    name = problem.parameters[j].name
+
+    def taken(of_all: Any, of_own: Any) -> Any:
+        of_all = of_all.copy()
+        of_all[j] = of_own[j]
+        return of_all
+
+    columns = (
+        "sd", "lower95", "upper95", "beyond_bounds", "determined", "from_prior", "gaps_x"
+    )  # fmt: skip
+    numbers = {each: taken(getattr(known, each), getattr(own, each)) for each in columns}
+    for each in ("covariance", "correlation"):
+        table = taken(getattr(known, each), getattr(own, each))
+        numbers[each] = taken(table.T, getattr(own, each).T).T
+    before = {finding for finding in known.findings if finding.subject == name}
+    of_own = {finding for finding in own.findings if finding.subject == name}
+    findings = [one for one in known.findings if one not in before or one in of_own]
+    findings += [one for one in own.findings if one in of_own and one not in before]
+    return replace(known, findings=tuple(findings), **numbers)
 
 
 _GAPS = ("not-determined", "not-separated")

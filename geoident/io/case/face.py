@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
@@ -65,6 +65,8 @@ class FaceBase(Section):
 class OtherProfilesSection(Section):
     """Weights of other profiles, the usual constants of which are taken."""
 
+    model_config = ConfigDict(populate_by_name=False)
+
     def averaged(self, radius: Scalar) -> tuple[tuple[FaceProfile, Scalar], ...]:
         """The profiles that are named, each with its weight."""
         constants: dict[ProfileLaw, tuple[Scalar, ...]] = {
@@ -98,18 +100,22 @@ class BesideVlachopoulosDiederichsSection(OtherProfilesSection):
 class BesidePanetSection(OtherProfilesSection):
     """Weights of other profiles, the usual constants of which are taken."""
 
-    one_of = (Alternatives("vlachopoulos_diederichs chern?", "chern", hint=_NAME_ONE),)
+    one_of = (Alternatives("vlachopoulos-diederichs chern?", "chern", hint=_NAME_ONE),)
 
-    vlachopoulos_diederichs: Coefficient | None = Field(None, description=_VLACHOPOULOS_DIEDERICHS)
+    vlachopoulos_diederichs: Coefficient | None = Field(
+        None, alias="vlachopoulos-diederichs", description=_VLACHOPOULOS_DIEDERICHS
+    )
     chern: Coefficient | None = Field(None, description=_CHERN)
 
 
 class BesideChernSection(OtherProfilesSection):
     """Weights of other profiles, the usual constants of which are taken."""
 
-    one_of = (Alternatives("vlachopoulos_diederichs panet?", "panet", hint=_NAME_ONE),)
+    one_of = (Alternatives("vlachopoulos-diederichs panet?", "panet", hint=_NAME_ONE),)
 
-    vlachopoulos_diederichs: Coefficient | None = Field(None, description=_VLACHOPOULOS_DIEDERICHS)
+    vlachopoulos_diederichs: Coefficient | None = Field(
+        None, alias="vlachopoulos-diederichs", description=_VLACHOPOULOS_DIEDERICHS
+    )
     panet: Coefficient | None = Field(None, description=_PANET)
 
 

@@ -27,8 +27,8 @@ class Alternatives:
     """Ways to say one thing, of which a section takes exactly one; the order of keys is free.
 
     Args:
-        ways: names of the keys of each way, those that may be left out with a question mark, such
-            as ``dip dip_direction?``; empty where nothing needs to be said.
+        ways: the keys of each way as users write them, those that may be left out with a question
+            mark, such as ``dip dip_direction?``; empty where nothing needs to be said.
         hint: the remedy where the keys given are none of the ways.
     """
 
@@ -106,8 +106,9 @@ class Section(BaseModel):
     def _judge(self) -> Self:
         """Refuse keys that are none of the ways in which something can be said; then `check`."""
         faults = SectionFaults()
+        names = {f.alias or name: name for name, f in type(self).model_fields.items()}
         for one in self.one_of:
-            given = [key for key in one.keys if getattr(self, key) is not None]
+            given = [key for key in one.keys if getattr(self, names[key]) is not None]
             if not one.fits(given):
                 keys = _listed(given, "") if given else one.nothing
                 message = f"found {keys}; expected {one.words()}"

@@ -18,6 +18,8 @@ FindingKind = Literal[
     "surface-error", "model-error", "model-error-doubt",
     # of predictions
     "bands", "extrapolation", "collapse", "other-case", "alarm",
+    # of numbers of the case
+    "implausible",
     # of structures
     "strength",
     # of the result itself
@@ -32,8 +34,8 @@ class Finding:
 
     Args:
         kind: what it is about.
-        subject: names of the parameters, channels, stages or sections that it speaks of, joined by
-            ``, ``; empty where it speaks of all.
+        subject: names of the parameters, channels, materials, stages or sections that it speaks of,
+            joined by ``, ``; empty where it speaks of all.
         sentence: the finding, for people.
         numbers: those of the sentence that a program may want, by name, SI.
     """

@@ -20,6 +20,7 @@ from geoident.model.results.alarms import AlarmState
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import column, derived, select
+from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
 from geoident.model.results.left_out import LeftOutTable
@@ -828,6 +829,7 @@ class Result:
         surface: the response surfaces of a table of runs, or None.
         left_out: how well gauges that the fit left out are predicted, or None.
         alarms: what is known of each alarm value of each channel.
+        convergence: what a convergence law says of each channel.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -919,6 +921,9 @@ class Result:
     )
     alarms: tuple[AlarmState, ...] = field(
         default=(), metadata=column("alarm", group="alarms", optional=True)
+    )
+    convergence: tuple[ConvergenceState, ...] = field(
+        default=(), metadata=column("law_gauge", group="convergence", optional=True)
     )
 
     @property

@@ -26,7 +26,7 @@ from geoident.report.text.layout import (
     shown_interval,
     with_unit,
 )
-from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
+from geoident.report.text.parameters import NOT_DETERMINED, unknown_words
 from geoident.report.text.rows import by_stage, objects
 from geoident.units import si_unit
 
@@ -103,7 +103,7 @@ def _interval(result: Result, step: BacktestStep, i: int) -> str:
     """Value and 95 % interval of a parameter in its unit; in words where it is not determined."""
     table = result.parameters
     if not step.determined[i]:
-        return AS_PRIOR if table.priors[i] else NOT_DETERMINED
+        return unknown_words(table, i)
     numbers = step.values[i], step.lower95[i], step.upper95[i]
     value, interval = shown_interval(*numbers, table.units[i], table.dimensions[i], between=", ")
     return f"{value} [{interval}]" if interval else value

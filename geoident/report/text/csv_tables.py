@@ -216,6 +216,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "structures": _structures,
     "reactions": _reactions,
     "alarms": lambda result: sheet(result.alarms, ROW),
+    "convergence": lambda result: sheet(result.convergence, ROW),
     "troughs": lambda result: sheet(troughs(result), ROW),
     "yielded": lambda result: sheet(result.yielded, "state"),
     "opening": _opening,

@@ -107,6 +107,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
         "alarms": result.alarms and objects(result.alarms, ROW),
+        "convergence": result.convergence and objects(result.convergence, ROW),
         "troughs": objects(troughs(result), ROW) or None,
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),

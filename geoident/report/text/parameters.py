@@ -90,10 +90,17 @@ def value_cells(parameters: ParameterTable, i: int, *, between: str = " to ") ->
         between: what stands between the ends of the interval.
     """
     if not parameters.determined[i]:
-        return (AS_PRIOR if parameters.priors[i] else NOT_DETERMINED), ""
+        return unknown_words(parameters, i), ""
     numbers = parameters.values[i], parameters.lower95[i], parameters.upper95[i]
     unit = parameters.units[i], parameters.dimensions[i]
     return shown_interval(*numbers, *unit, between=between)
+
+
+def unknown_words(parameters: ParameterTable, i: int) -> str:
+    """What stands for the value of a parameter that the readings do not determine."""
+    prior = parameters.priors[i]
+    known = prior is not None and prior.narrows(parameters.lower[i], parameters.upper[i])
+    return AS_PRIOR if known else NOT_DETERMINED
 
 
 def _in_units(parameters: ParameterTable, i: int, *columns: np.ndarray) -> list[str]:

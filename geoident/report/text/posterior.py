@@ -10,7 +10,7 @@ import numpy as np
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
 from geoident.model.results.result import Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
-from geoident.report.text.parameters import AS_PRIOR, headers, unit_of
+from geoident.report.text.parameters import AS_PRIOR, headers, unit_of, unknown_words
 from geoident.report.text.rows import CsvRow, CsvTable, beside, sheet
 from geoident.units import in_unit, shown_unit, si_unit
 
@@ -47,7 +47,7 @@ def _row(result: Result, i: int, chains: bool) -> list[str]:
     )
     shown = [with_interval(x, levels[0], levels[-1])[0] for x in (mean, *levels)]
     known = bool(result.parameters.determined[i])
-    alone = AS_PRIOR if result.parameters.priors[i] else AS_BOUNDS
+    prior = unknown_words(result.parameters, i) == AS_PRIOR
     return [
         posterior.names[i],
         shown[0],
@@ -56,7 +56,7 @@ def _row(result: Result, i: int, chains: bool) -> list[str]:
         shown_unit(*unit),
         decimals(float(posterior.effective[i]), 0),
         *([decimals(float(posterior.r_hat[i]), 3)] if chains else []),
-        "" if known else alone,
+        "" if known else AS_PRIOR if prior else AS_BOUNDS,
     ]
 
 

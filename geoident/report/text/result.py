@@ -39,9 +39,12 @@ from geoident.report.text.layout import (
     sentence,
 )
 from geoident.report.text.parameters import (
+    AS_PRIOR,
+    NOT_DETERMINED,
     grid_text,
     nearer_bound,
     parameters_text,
+    unknown_words,
     value_sentence,
 )
 from geoident.report.text.residuals import (
@@ -228,12 +231,18 @@ def _identified(result: Result) -> list[str]:
 def _values(result: Result) -> list[str]:
     parameters = result.parameters
     known = np.flatnonzero(parameters.determined)
-    unknown = [parameters.names[i] for i in np.flatnonzero(~parameters.determined)]
+    unknown: dict[str, list[str]] = {}
+    for i in np.flatnonzero(~parameters.determined).tolist():
+        unknown.setdefault(unknown_words(parameters, i), []).append(parameters.names[i])
     sentences = (
         ["; ".join(value_sentence(parameters, int(i)) for i in known) + "."] if len(known) else []
     )
-    if unknown:
-        sentences.append(f"The readings do not determine {', '.join(unknown)}.")
+    if NOT_DETERMINED in unknown:
+        sentences.append(f"The readings do not determine {', '.join(unknown[NOT_DETERMINED])}.")
+    if AS_PRIOR in unknown:
+        names = unknown[AS_PRIOR]
+        whose = "is known only from its prior" if len(names) == 1 else "are known only from priors"
+        sentences.append(f"{', '.join(names)} {whose}.")
     return sentences
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from geoident.forward.observed import Survey
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
-from geoident.identify.assessment.linearity import interval_ends
 from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.assessment.unknown_variances import OverAccuracies
@@ -185,12 +184,21 @@ def _most_influential(
     elif abs(change[k]) >= WORTH_SAYING:
         sentence = (
             f"The most influential reading is {channel} at {stage}: without it {parameters[k]} "
-            f"would be {abs(change[k]):.2g} of its standard deviations "
+            f"would be {_in_sd(abs(change[k]))} of its standard deviations "
             f"{'lower' if change[k] > 0.0 else 'higher'}."
         )
     else:
         return
     yield Finding("influential-reading", f"{channel}, {stage}", sentence)
+
+
+def _in_sd(change: float) -> str:
+    """Two digits, and no power of ten below a million.
+
+    >>> _in_sd(0.273), _in_sd(138.2)
+    ('0.27', '140')
+    """
+    return f"{float(f'{change:.2g}'):g}"
 
 
 def _far_off(diagnostics: Diagnostics, gauges: GaugeTable) -> Iterator[Finding]:
@@ -266,30 +274,6 @@ def _by_chance(probability: float) -> str:
     if probability < 1e-6:
         return "by chance in less than one of a million fits"
     return f"by chance in one of {float(f'{1.0 / probability:.1g}'):.0f} fits"
-
-
-def linearity_findings(
-    problem: Problem, assessment: Assessment, values: Floats
-) -> tuple[Finding, ...]:
-    """A finding if the model is not linear over the interval of the least known parameter.
-
-    Args:
-        problem: of the fit.
-        assessment: of the model linearised at the estimate.
-        values: (n,) the estimate, SI.
-    """
-    ends = interval_ends(problem, assessment, values)
-    if ends is None or not ends.doubtful:
-        return ()
-    name = problem.parameters[ends.parameter].name
-    rises = " and ".join(f"{rise:.2g}" for rise in (ends.below, ends.above))
-    sentence = (
-        f"The model is not linear over the interval of {name}. At its ends the misfit rises by "
-        f"{rises} instead of 3.8, so intervals and bands may contain less or more than 95 %. "
-        "`geoident sample` draws from the posterior itself."
-    )
-    numbers = {"rise_below": ends.below, "rise_above": ends.above}
-    return (Finding("nonlinear", name, sentence, numbers),)
 
 
 def why_poor(

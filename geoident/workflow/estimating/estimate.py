@@ -28,7 +28,7 @@ from geoident.workflow.estimating.finished import Finished, run_job
 from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.estimating.predictions import (
     KnownErrors,
-    follow_bound,
+    follow_model,
     predict_stages,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
@@ -124,9 +124,10 @@ def assess_fit(
     assessment = assess_robustly(problem, outcome.values, computed, jacobian, over)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
     before = setup.model.counts
-    assessment, nonlinearity = follow_bound(
-        setup.model, setup.case, problem, outcome.values, survey, readings, assessment
-    )
+    assessment, nonlinearity = follow_model(
+        setup.model, setup.case, problem, outcome.values, survey, readings, assessment,
+        converged=outcome.status == "converged",
+    )  # fmt: skip
     counts = counts.joined(setup.model.counts.since(before))
     left = replace(problem, sd=effective_sd(problem, computed))
     known = known_errors(setup, left, survey, computed, jacobian)

@@ -252,6 +252,11 @@ class FittedModelError:
         return self.weighed is not None and self.weighed.quantile(0.025) > USUAL
 
     @property
+    def shown(self) -> bool:
+        """The residuals show a model error, however small."""
+        return self.weighed is not None and self.weighed.quantile(0.025) > _NONE
+
+    @property
     def scatters(self) -> bool:
         """Whether the readings scatter more than their stated accuracies, for sure."""
         return self._factor_quantile(0.025) > SCATTER_SURE
@@ -295,10 +300,15 @@ class FittedModelError:
             taken = f"{percent(self.size)} of the computed {what}"
             return f"The model is assumed accurate to {taken}, as the case says."
         low, high = (self.weighed.quantile(part) for part in (0.025, 0.975))
-        if low <= _NONE:
+        if not self.shown and high <= USUAL:
             return (
                 f"{within} and at most {percent(high)} of the computed {what} (95 %): the "
                 "residuals hardly show a model error."
+            )
+        if not self.shown:
+            return (
+                f"{within} and between nothing and {percent(high)} of the computed {what} (95 %): "
+                "the residuals do not tell how large the model error is."
             )
         return (
             f"{within} and {percent(self.size)} of the computed {what} "

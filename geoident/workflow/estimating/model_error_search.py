@@ -313,7 +313,8 @@ def explanations(model_error: FittedModelError) -> Iterator[Finding]:
     others = [other for other in others if other[1] < nothing - TELLS]
     better = [words for words, value in others if value < of_model - TELLS]
     alike = [words for words, value in others if abs(value - of_model) <= TELLS]
-    of_error = f"a model error of {percent(model_error.size)}"
+    size = f" of {percent(model_error.size)}" if model_error.shown else ""
+    of_error = f"a model error{size}"
     if better:
         yield Finding(
             "model-error-doubt",

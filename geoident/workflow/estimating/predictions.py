@@ -11,8 +11,14 @@ from geoident.errors import ModelError
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.later_readings import LaterReadings, given_used, later_covariance
+from geoident.identify.assessment.linearity import IntervalEnds, interval_ends
 from geoident.identify.assessment.prediction_bands import predict_band
-from geoident.identify.assessment.profile_path import Nonlinearity, PathReadings, with_profile
+from geoident.identify.assessment.profile_path import (
+    Nonlinearity,
+    PathReadings,
+    path_parameter,
+    with_profile,
+)
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.shared_errors import ErrorStructure
@@ -25,6 +31,7 @@ from geoident.model.results.result import GaugeTable, MemberForces
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
+from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import with_computed
 from geoident.workflow.running.readings import ChannelReading, error_structure
 
@@ -38,13 +45,17 @@ def predicted_stages(gauges: GaugeTable) -> Bools:
 
 
 def predicted_places(gauges: GaugeTable, left_out: Bools) -> Bools:
-    """(n_channels, n_stages) what a fit predicts: stages it did not use, and gauges left out.
+    """(n_channels, n_stages) what a fit predicts: all that it has no reading of.
+
+    These are stages that it did not use, gauges left out, and at fitted stages gauges that nobody
+    has read there.
 
     Args:
         gauges: with the readings of the fit.
         left_out: (n_channels,) channels that it was told to leave out.
     """
-    return np.asarray(predicted_stages(gauges)[None] | left_out[:, None])
+    unread = ~gauges.used & np.isnan(gauges.measured)
+    return np.asarray(predicted_stages(gauges)[None] | left_out[:, None] | unread)
 
 
 def chosen_stages(gauges: GaugeTable, names: Sequence[str]) -> Bools:
@@ -80,6 +91,8 @@ def predict_stages(
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
+        if curved is not None:
+            curved = known.left_of(np.argwhere(wanted), curved)
         wider = known.wider(np.argwhere(wanted), sensitivity, assessment)
         band = predict_band(assessment, later.jacobian, later.sd, curved, wider)
     else:
@@ -175,6 +188,20 @@ class KnownErrors:
         return given_used(
             problem, self.computed, self.jacobian, later=later, later_jacobian=sensitivity
         )
+
+    def left_of(self, places: Ints, curved: Nonlinearity) -> Nonlinearity:
+        """Deviations from linear less what the used readings, which deviate too, tell of them.
+
+        Args:
+            places: (l, 2) numbers of the channels and stages of the later ones.
+            curved: of these, along a path.
+        """
+        if not self.rows:
+            return curved
+        problem, later = self.with_later(places)
+        used, at_later = curved.used_deviation.T, curved.deviation.T
+        left = given_used(problem, self.computed, used, later=later, later_jacobian=at_later)
+        return replace(curved, deviation=left.jacobian.T)
 
     def with_later(self, places: Ints) -> tuple[Problem, ErrorStructure]:
         """The used readings and the errors of later ones, with the same columns for what is shared.
@@ -331,7 +358,11 @@ def strength_findings(members: MemberForces | None) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-# Where a bound truncates a parameter and the model is not linear there (theory 6.3)
+# Where the model is not linear over what the readings leave possible (theory 6.3, 6.7)
+
+ENOUGH = 1e-4
+"""Estimate of the relative error in energy with which the reduced model tells whether the model is
+linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 
 def _path_readings(survey: Survey, readings: ReadingTable) -> PathReadings:
@@ -340,7 +371,7 @@ def _path_readings(survey: Survey, readings: ReadingTable) -> PathReadings:
     return PathReadings(*at_used(readings), survey.computed.ravel(), rows)
 
 
-def follow_bound(
+def follow_model(
     model: ObservedModel,
     case: Case,
     problem: Problem,
@@ -348,10 +379,14 @@ def follow_bound(
     survey: Survey,
     readings: ReadingTable,
     assessment: Assessment,
+    *,
+    converged: bool,
 ) -> tuple[Assessment, Nonlinearity | None]:
-    """The assessment and the readings along the parameter that its bound truncates most.
+    """The assessment and the readings along the parameter over which the model is least linear.
 
-    Costs nothing where no bound is near, and one evaluation where the model is linear there.
+    That is one that its bounds limit (`path_parameter`), or the least known one where the misfit at
+    the ends of its interval is not that of a linear model. Costs nothing where all is known well
+    and no bound is near, and one or two evaluations where the model is linear.
 
     Args:
         model: of the case.
@@ -361,6 +396,7 @@ def follow_bound(
         survey: the model there.
         readings: with what the model says of each there.
         assessment: of the linearised model.
+        converged: the search ended at the estimate; ends of intervals are asked for no other.
     """
 
     def evaluate(p: Floats) -> PathReadings | None:
@@ -374,4 +410,34 @@ def follow_bound(
 
     weighted = replace(problem, sd=effective_sd(problem, readings.computed[readings.used]))
     at_estimate = _path_readings(survey, readings)
-    return with_profile(assessment, weighted, values, at_estimate, evaluate)
+    if path_parameter(assessment, weighted) is not None:
+        return with_profile(assessment, weighted, values, at_estimate, evaluate)
+    ends = None
+    if converged:
+        with substituting(problem.response, ENOUGH):
+            ends = interval_ends(problem, assessment, values)
+    if ends is None or not ends.doubtful:
+        return assessment, None
+    i = ends.parameter
+    known, curved = with_profile(assessment, weighted, values, at_estimate, evaluate, i)
+    if curved is None:  # it has no solution beside the estimate
+        name = problem.parameters[i].name
+        known = replace(known, findings=(*known.findings, nonlinear_finding(ends, name)))
+    return known, curved
+
+
+def nonlinear_finding(ends: IntervalEnds, name: str) -> Finding:
+    """The finding that a model is not linear over an interval, where it could not be followed.
+
+    Args:
+        ends: rise of the misfit at the ends of the interval.
+        name: of the parameter.
+    """
+    rises = " and ".join(f"{rise:.3g}" for rise in (ends.below, ends.above))
+    sentence = (
+        f"The model is not linear over the interval of {name}. At its ends the misfit rises by "
+        f"{rises} instead of 3.8, so intervals and bands may contain less or more than 95 %. "
+        "`geoident sample` draws from the posterior itself."
+    )
+    numbers = {"rise_below": ends.below, "rise_above": ends.above}
+    return Finding("nonlinear", name, sentence, numbers)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from geoident.errors import ExitCode, ModelError
-from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.assessment.uncertainty import PRIOR_SHARE, assess
 from geoident.identify.hierarchical.bands import ReadingBands, reading_bands
 from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.knowledge import (
@@ -111,13 +111,13 @@ def project_result(
         readings += rows[1]
     later = [_predicted(models, others, n) for n, others in left_out.items()]
 
-    loose = [row.name for row in common if not row.determined]
+    loose = [row.name for row in common if not (row.determined or row.from_prior)]
     loose += [f"scatter of {law.parameter}" for law in laws if law.state == UNKNOWN_SCATTER]
     shared = {row.name for row in common}
     loose += [
         f"{row.parameter} of {row.section}"
         for row in parameters
-        if not row.determined and row.parameter not in shared
+        if not (row.determined or row.from_prior) and row.parameter not in shared
     ]
     poor = total.above < POOR and total.scale >= UNUSABLE
     status, reason = outcome.status, outcome.reason
@@ -170,7 +170,8 @@ def project_result(
     )
     v, J = whole.fit.problem.response.evaluate(outcome.values)
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
-    return replace(result, findings=findings(result, gaps))
+    of_sections = (finding for one in whole.prepared for finding in one.findings)
+    return replace(result, findings=(*findings(result, gaps), *of_sections))
 
 
 def _notes_of_sections(job: ProjectJob, prepared: Sequence[PreparedSection]) -> list[str]:
@@ -229,11 +230,11 @@ def _common_parameters(whole: Fitted) -> tuple[CommonParameter, ...]:
     rows = []
     for k, q in enumerate(joint.unknowns[: joint.n_common]):
         kind, law = CONSTANT if q.name in owner else SHARED, owner.get(q.name, "")
-        estimate, (at_bound, determined) = _estimate(q, known, k)
+        estimate, (at_bound, determined, from_prior) = _estimate(q, known, k)
         rows.append(
             CommonParameter(
                 q.name, kind, law, *estimate, q.lower, q.upper, at_bound, determined, q.unit,
-                q.dimension,
+                q.dimension, from_prior,
             )
         )  # fmt: skip
     return tuple(rows)
@@ -241,13 +242,14 @@ def _common_parameters(whole: Fitted) -> tuple[CommonParameter, ...]:
 
 def _estimate(
     q: Parameter, known: Interval95, k: int
-) -> tuple[tuple[float, float, float, float], tuple[bool, bool]]:
+) -> tuple[tuple[float, float, float, float], tuple[bool, bool, bool]]:
     """An entry of estimates of a parameter.
 
     Returns:
         Value, standard deviation and ends of its interval, SI, of which all but the value are NaN
-        where it is not determined; whether it lies on a bound, and whether it is determined: 1.96
-        standard deviations are at most half of the range, as for one case.
+        where it is not determined; whether it lies on a bound, whether it is determined: 1.96
+        standard deviations are at most half of the range, as for one case; and whether it is so
+        only as its prior is, which is then not called determined.
     """
     value, sd = float(known.value[k]), float(known.sd[k])
     if q.scale == "log":
@@ -257,7 +259,12 @@ def _estimate(
         determined = not math.isfinite(width) or NORMAL_95 * sd <= 0.5 * width
     spread = (sd, float(known.lower95[k]), float(known.upper95[k]))
     spread = spread if determined else (_NAN, _NAN, _NAN)
-    return (value, *spread), (value in (q.lower, q.upper), determined)
+    from_prior = determined and q.prior is not None and sd * q.prior.slope(value) >= PRIOR_SHARE
+    return (value, *spread), (
+        value in (q.lower, q.upper),
+        determined and not from_prior,
+        from_prior,
+    )
 
 
 def _law_estimates(whole: Fitted) -> tuple[LawEstimate, ...]:
@@ -386,12 +393,13 @@ def _parameter_rows(
             of_law = float(law.value[at]), float(law.lower95[at]), float(law.upper95[at])
         alone, low, high = map(float, fitted.prepared[n].alone[:, i])
         shrunk = _NAN if kind == SHARED or shrinkage is None else float(shrinkage[i])
-        estimate, (at_bound, determined) = _estimate(q, known, i)
+        own = replace(q, prior=None) if kind == LAW else q  # the law takes the place of its prior
+        estimate, (at_bound, determined, from_prior) = _estimate(own, known, i)
         rows.append(
             SectionParameter(
                 section.name, q.name, kind, *estimate,
                 alone, low, high, *of_law, shrunk,
-                at_bound, determined, q.unit, q.dimension,
+                at_bound, determined, q.unit, q.dimension, from_prior,
             )
         )  # fmt: skip
     return rows

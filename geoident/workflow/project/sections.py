@@ -20,15 +20,20 @@ from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
+from geoident.model.results.findings import Finding, sentences_of
 from geoident.model.results.many.project import SectionReading
+from geoident.model.results.result import STOPPED
+from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import parameter_table
-from geoident.workflow.estimating.estimate import assess_fit
-from geoident.workflow.estimating.search import estimated
+from geoident.workflow.estimating.estimate import Estimate, assess_fit
+from geoident.workflow.estimating.model_error import model_error_notes
+from geoident.workflow.estimating.search import SearchState, estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import build_model, load_inputs
+from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.readings import select_readings, times_of
 
 PREPARE, EVALUATE, SHARPEN, SHOWN = "prepare", "evaluate", "sharpen", "shown"
@@ -127,6 +132,7 @@ class PreparedSection:
         alone: (3, n) the same where it determines them, lower and upper ends of 95 %; else NaN.
         status: how its own fit ended; empty where there was none.
         notes: sentences.
+        findings: on the residuals of its own fit.
     """
 
     parameters: tuple[Parameter, ...]
@@ -138,6 +144,7 @@ class PreparedSection:
     alone: Floats
     status: str
     notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -290,6 +297,32 @@ class _OneSection:
             if unreadable(channel.name, stage) is None
         )  # fmt: skip
 
+    @property
+    def _notes(self) -> tuple[str, ...]:
+        """What is to be known of the case, whatever its readings."""
+        case = self._setup.case
+        return (*sentences_of(implausible_findings(case)), *case.notes)
+
+    def _together(self, state: SearchState, estimate: Estimate) -> tuple[Finding, ...]:
+        """Residuals of its own fit that come in runs of one sign.
+
+        Args:
+            state: how that ended.
+            estimate: what is known there.
+        """
+        if state.outcome.status == STOPPED:
+            return ()
+        values, name = estimate.outcome.values, self._section.name
+        found = correlated_findings(state.setup.case, state.problem, values, estimate.readings)
+        return tuple(
+            replace(
+                one,
+                subject=f"{name}, {one.subject}",
+                sentence=f"In the section {name} by itself: {one.sentence}",
+            )
+            for one in found
+        )
+
     def _prepared(self, stop: StopRequest) -> PreparedSection:
         setup, case = self._setup, self._setup.case
         n = len(case.parameters)
@@ -310,7 +343,7 @@ class _OneSection:
             path.unlink(missing_ok=True)
             return PreparedSection(
                 case.parameters, readings.value[used], problem.sd, problem.shared,
-                self._shown_rows(), start, nothing, "", case.notes,
+                self._shown_rows(), start, nothing, "", self._notes,
             )  # fmt: skip
         require_possible(setup.model, case, case.fit.methods)
         with log:
@@ -319,9 +352,13 @@ class _OneSection:
         table = parameter_table(case.parameters, estimate.outcome.values, estimate.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan
-        problem = state.problem
+        problem, methods = state.problem, case.fit.methods
+        few = (
+            f"Section {self._section.name}: {note}"
+            for note in model_error_notes(state.setup.model_error, case, readings, methods)
+        )
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
             self._shown_rows(), estimate.outcome.values, alone, estimate.outcome.status,
-            (*case.notes, *setup.model.notes),
+            (*self._notes, *setup.model.notes, *few), self._together(state, estimate),
         )  # fmt: skip

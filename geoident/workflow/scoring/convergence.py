@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from geoident.forward.external.convergence import LawModel
 from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.prediction_bands import predict_band
+from geoident.model.arrays import Floats
 from geoident.model.dual import Dual
-from geoident.model.gauges import Channel
+from geoident.model.results.convergence import ConvergenceState
 from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.estimate import Estimate
 
 
-def convergence_notes(model: ObservedModel, estimate: Estimate) -> tuple[str, ...]:
-    """A sentence for each gauge of a convergence law, with 95 % intervals; none of other models.
+def convergence_states(model: ObservedModel, estimate: Estimate) -> tuple[ConvergenceState, ...]:
+    """A row for each gauge of a convergence law, with 95 % intervals; none of other models.
 
     Args:
         model: of the case.
@@ -24,34 +27,51 @@ def convergence_notes(model: ObservedModel, estimate: Estimate) -> tuple[str, ..
         return ()
     p = estimate.outcome.values
     lost, final = model.lost(p), model.final(p)
-    rest = final - lost
-    lost_words, final_words, rest_words = (
-        _interval(model, estimate, numbers) for numbers in (lost, final, rest)
-    )
+    columns = [_interval(estimate, numbers) for numbers in (lost, final, final - lost)]
+    states = []
+    for j, (channel, zero) in enumerate(zip(model.case.channels, model.rule.zero, strict=True)):
+        (a, a_low, a_high), (b, b_low, b_high), (c, c_low, c_high) = (
+            rows[j].tolist() for rows in columns
+        )
+        states.append(
+            ConvergenceState(
+                channel.name, channel.zero if zero else "", a, a_low, a_high, b, b_low, b_high,
+                c, c_low, c_high, channel.unit, channel.dimension,
+            )
+        )  # fmt: skip
+    return tuple(states)
+
+
+def _interval(estimate: Estimate, numbers: Dual) -> Floats:
+    """A value of each of l channels with the ends of its 95 % interval, SI, (l, 3)."""
+    values, slopes = numbers.value, numbers.columns[:, 1:]
+    band = predict_band(estimate.assessment, slopes, np.zeros(len(values)), None)
+    return np.stack([values, values + band.lower95, values + band.upper95], axis=1)
+
+
+def convergence_notes(states: Sequence[ConvergenceState]) -> tuple[str, ...]:
+    """The same, a sentence for each gauge.
+
+    Args:
+        states: of the gauges.
+    """
     notes = []
-    for j, channel in enumerate(model.case.channels):
-        if not model.rule.zero[j]:
-            notes.append(f"convergence of {channel.name}: in the end {final_words[j]}")
+    for one in states:
+        final = _words(one, one.final, one.final_lower95, one.final_upper95)
+        if not one.zero:
+            notes.append(f"convergence of {one.gauge}: in the end {final}")
             continue
+        lost = _words(one, one.lost, one.lost_lower95, one.lost_upper95)
+        shown = _words(one, one.shown, one.shown_lower95, one.shown_upper95)
         notes.append(
-            f"convergence of {channel.name}: {lost_words[j]} lost before its first reading at "
-            f"'{channel.zero}'; in the end {final_words[j]} in all, of which the gauge shows "
-            f"{rest_words[j]}"
+            f"convergence of {one.gauge}: {lost} lost before its first reading at '{one.zero}'; "
+            f"in the end {final} in all, of which the gauge shows {shown}"
         )
     return tuple(notes)
 
 
-def _interval(model: LawModel, estimate: Estimate, numbers: Dual) -> list[str]:
-    """A value of each channel with its 95 % interval, in the unit of the gauge."""
-    values, slopes = numbers.value, numbers.columns[:, 1:]
-    band = predict_band(estimate.assessment, slopes, np.zeros(len(values)), None)
-    ends = np.stack([values, values + band.lower95, values + band.upper95], axis=1)
-    pairs = zip(model.case.channels, ends.tolist(), strict=True)
-    return [_words(channel, *row) for channel, row in pairs]
-
-
-def _words(channel: Channel, value: float, lower: float, upper: float) -> str:
-    unit = channel.unit, channel.dimension
+def _words(of: ConvergenceState, value: float, lower: float, upper: float) -> str:
+    unit = of.unit, of.dimension
     name = f" {shown_unit(*unit)}".rstrip()
     number, low, high = (f"{in_unit(x, *unit):.4g}" for x in (value, lower, upper))
     if not np.isfinite([lower, upper]).all():

@@ -345,3 +345,6 @@ fit: {{method: closed-form, closed-form: {{centre: [0, 0 m], radius: 2.5 m, star
     assert found["parameters"]["k"]["value"] == pytest.approx(k, rel=1e-3)
     (note,) = (text for text in found["notes"] if "supports press" in text)
     assert f"with {k * (moved[3] - first) / 1e6:.3g} MPa: 'shell'" in note
+    text = case.read_text()
+    case.write_text(text.replace(", build: [shell]", ""))
+    assert "no stage builds the structure 'shell'" in run_command("check", case).stdout

@@ -164,7 +164,10 @@ def test_notes_of_linings_that_turn_freely_at_supports():
         on_mesh, _ = check_on_mesh(_case(mesh, beams, **changes), mesh)
         return structure_notes(on_mesh)
 
-    idle = "no stage builds the structure 'idle'"
+    idle = (
+        "no stage builds the structure 'idle', so it supports nothing: name it under 'build' of a "
+        "stage"
+    )
 
     def free(count):
         return (

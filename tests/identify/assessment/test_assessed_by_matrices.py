@@ -172,7 +172,13 @@ def test_a_band_follows_what_deviates_from_linear(wide, undetermined):
     even = Posterior(np.stack([t, 0.0 * t]), np.full(4000, 1 / 4000), np.zeros((2, 1)), normal)
     known = replace(known, posterior=even)
     path = np.linspace(0.0, 1.0, 40)
-    bent = Nonlinearity(path, -0.5 * path[:, None] ** 2, t, undetermined=undetermined)
+    bent = Nonlinearity(
+        path,
+        -0.5 * path[:, None] ** 2,
+        t,
+        undetermined=undetermined,
+        used_deviation=np.empty((len(path), 0)),
+    )
     sd = np.array([np.std(t - 0.5 * t**2) / wide])
     band = predict_band(known, np.array([[1.0, 0.0]]) / SLOPE, sd, bent)
     assert np.isinf([band.sd[0], band.lower95[0], band.upper95[0]]).all() == (
@@ -188,7 +194,7 @@ def test_a_band_follows_what_deviates_from_linear(wide, undetermined):
 
 def test_what_another_posterior_finds_too_wide_is_not_determined():
     """More than half of the range to one side; two of three, named together."""
-    three = (*Q, Parameter("c", 4.0, 1.0, 9.0))
+    three = (*(replace(q, prior=None) for q in Q), Parameter("c", 4.0, 1.0, 9.0))
     J = np.hstack([A, RNG.normal(size=(7, 1))]) * 20.0
     problem = Problem(None, Y, SD, three)
     at = np.array([*AT, 4.0])

@@ -15,7 +15,7 @@ import pytest
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.profile_path import (
     PathReadings,
-    most_truncated,
+    path_parameter,
     with_profile,
 )
 from geoident.identify.assessment.truncated_normal import Posterior
@@ -248,7 +248,7 @@ def test_the_path_is_that_of_the_parameter_that_a_bound_truncates_most(make_prob
         flags = [np.isin(list("abc"), list(one)) for one in (at_bound, beyond)]
         parameters = tuple(replace(q, field="E" if q.name == field else "") for q in three)
         known = replace(base, at_bound=flags[0], beyond_bounds=flags[1])
-        return most_truncated(known, replace(problem, parameters=parameters))
+        return path_parameter(known, replace(problem, parameters=parameters))
 
     assert chosen("", "") is None
     assert [chosen("", beyond) for beyond in ("a", "abc", "ab")] == [0, 2, 1]

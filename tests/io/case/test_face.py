@@ -46,6 +46,16 @@ def test_what_is_not_said_is_that_of_the_paper(project, tunnel):
     assert found.constants == (Scalar(1.1), Scalar(1.7))
 
 
+def test_profiles_have_one_spelling(project, tunnel):
+    """That of `profile` is that of a weight, in a case and in what a result says of it."""
+    face = "{profile: panet, radius: 4 m, averaged_with: {vlachopoulos-diederichs: 0.3}}"
+    loaded = project.read(tunnel(face))
+    assert [(one.law, w) for one, w in loaded.case.face.averaged] == [
+        ("vlachopoulos-diederichs", Scalar(0.3))
+    ]
+    assert project.read(loaded.resolved).case.face == loaded.case.face
+
+
 def test_a_gauge_is_zeroed_at_a_distance(project, tunnel):
     text = tunnel(old="zero: heading", new="zero: {distance: 250 cm}")
     loaded = project.read(text)
@@ -69,7 +79,11 @@ def test_a_gauge_is_zeroed_at_a_distance(project, tunnel):
         ),
         (
             "{profile: panet, radius: 4 m, averaged_with: «{}}",
-            "", "", "wrong-pair", "expected vlachopoulos_diederichs (with chern), or chern",
+            "", "", "wrong-pair", "expected vlachopoulos-diederichs (with chern), or chern",
+        ),
+        (
+            "{profile: chern, radius: 4 m, averaged_with: {«vlachopoulos_diederichs: 0.3}}",
+            "", "", None, "vlachopoulos-diederichs",
         ),
         (
             "{profile: chern, radius: 4 m, averaged_with: {panet: 0.3}}",

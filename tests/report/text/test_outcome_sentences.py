@@ -69,4 +69,4 @@ def test_predicted_readings_count_up_to_the_ends_of_their_band(side, off, inside
 def test_values_stand_in_their_units_with_their_interval():
     text = lead()
     assert "E_rock = 12.3 GPa (95 %: 11.6 to 13.1); K0 = 3.00 (95 %: 2.80 to 3.00)." in text
-    assert "The readings do not determine sigma_v." in text
+    assert "sigma_v is known only from its prior." in text

@@ -62,7 +62,7 @@ def test_values_are_those_of_what_is_determined(result):
         sentence(result, "E_rock")
         == "E_rock = 12.3 GPa (95 %: 11.6 to 13.1); K0 = 3.00 (95 %: 2.80 to 3.00)."
     )
-    assert sentence(result, "sigma_v") == "The readings do not determine sigma_v."
+    assert sentence(result, "sigma_v") == "sigma_v is known only from its prior."
 
 
 @pytest.mark.parametrize(

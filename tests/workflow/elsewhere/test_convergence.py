@@ -1,11 +1,13 @@
 """A convergence law fitted: truth in its intervals, lost and final convergence, projects."""
 
+import csv
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.commands import run_command
 from support.convergence import CASE, FIXED, READ, TRUTH, write_law
 
 import geoident as package
@@ -64,6 +66,13 @@ def test_the_truth_is_in_intervals_lost_and_final_convergence_and_prediction(fou
         assert lower <= truth <= upper
         assert upper - lower < 0.5 * truth
     assert lost[0] + rest[0] == pytest.approx(final[0], abs=0.02)
+    exported = run_command("export", case.with_suffix(".fit.h5"), "--table", "convergence").stdout
+    [row] = [one for one in csv.DictReader(exported.splitlines()) if one["gauge"] == "H"]
+    assert (row["zero"], row["unit"]) == ("first", "mm")
+    columns = [f"{part}{end}" for part in ("lost", "final", "shown")
+               for end in ("", "_lower95", "_upper95")]  # fmt: skip
+    told = [*lost, *final, *rest]
+    assert [float(row[name]) for name in columns] == pytest.approx(told, abs=0.006)
     later = build_model(load_inputs(str(case))).response([("H", "later")])
     [truth] = later.readings(np.array(TRUTH[:4]))
     j = result.gauges.stages.index("later")

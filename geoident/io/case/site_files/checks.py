@@ -95,9 +95,9 @@ class ReadingChecks:
             if reading.value == 0.0 and name in later and zero not in (None, reading.stage):
                 begun.setdefault((reading.stage, str(zero)), []).append(name)
         return [
-            f"The first reading of {named_channels(names)}, at '{stage}', is 0, and counts as a "
-            f"motion of 0 since '{zero}'. If {'it was' if len(names) == 1 else 'they were'} zeroed "
-            f"then, write 'zero: {stage}' at the gauge."
+            f"The first reading of {named_channels(names)}, at '{stage}', is 0. It is used as a "
+            f"reading: no motion since the zero at '{zero}'. If it is the zero reading itself, "
+            f"write 'zero: {stage}' at the gauge; if nothing was read then, leave its value empty."
             for (stage, zero), names in begun.items()
         ]
 

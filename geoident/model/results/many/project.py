@@ -48,6 +48,7 @@ class CommonParameter:
         determined: the sections determine it.
         unit: in which people see it.
         dimension: key of `geoident.units.DIMENSIONS`.
+        from_prior: it is known, but hardly better than by its prior.
     """
 
     name: str
@@ -63,6 +64,7 @@ class CommonParameter:
     determined: bool
     unit: str = field(metadata=_OWN)
     dimension: str
+    from_prior: bool = False
 
 
 @dataclass(frozen=True)
@@ -172,6 +174,7 @@ class SectionParameter:
         determined: it is.
         unit: in which people see it.
         dimension: key of `geoident.units.DIMENSIONS`.
+        from_prior: it is known, but hardly better than by its prior.
     """
 
     section: str
@@ -192,6 +195,7 @@ class SectionParameter:
     determined: bool
     unit: str = field(metadata=_OWN)
     dimension: str
+    from_prior: bool = False
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,10 @@ from geoident.report.drawing.parameters.scale import (
 )
 from geoident.report.drawing.style import FAINT, SMALL, WIDTH, Picture, colour, key, marker, short
 from geoident.report.text.parameters import (
-    AS_PRIOR,
-    NOT_DETERMINED,
     Unit,
     prior_interval,
     unit_of,
+    unknown_words,
     value_cells,
 )
 from geoident.units import in_unit
@@ -118,7 +117,7 @@ def _draw_parameter(
 
 def _draw_estimate(axes: Axes, table: ParameterTable, i: int, unit: Unit, k: int) -> None:
     if not table.determined[i]:
-        words = AS_PRIOR if table.priors[i] else NOT_DETERMINED
+        words = unknown_words(table, i)
         axes.annotate(words, (0.01, k), xycoords=("axes fraction", "data"), va="center",
                       fontsize=SMALL, color=colour(k))  # fmt: skip
         return

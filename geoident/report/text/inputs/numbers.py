@@ -9,7 +9,7 @@ from typing import Any
 
 from geoident.model.results.result import ParameterTable
 from geoident.report.text.layout import with_interval
-from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
+from geoident.report.text.parameters import unknown_words
 from geoident.units import in_unit, shown_unit
 
 CaseTexts = Mapping[str, Any]
@@ -61,7 +61,7 @@ class ShownNumbers:
             return f"{times}{name}" + (f" (start {start})" if start else "")
         i = table.names.index(name)
         if not table.determined[i]:
-            return f"{times}{name} ({AS_PRIOR if table.priors[i] else NOT_DETERMINED})"
+            return f"{times}{name} ({unknown_words(table, i)})"
         unit = table.units[i], table.dimensions[i]
         columns = table.values, table.lower95, table.upper95
         value, *ends = (factor * in_unit(float(column[i]), *unit) for column in columns)

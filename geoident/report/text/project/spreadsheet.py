@@ -12,13 +12,16 @@ from geoident.report.text.csv_tables import csv_text
 from geoident.report.text.rows import CsvRow, CsvTable, beside, headed, sheet
 from geoident.units import in_unit, shown_unit
 
-_COMMON = ("name", "kind", "unit", "value", "sd", "lower95", "upper95", "at_bound", "determined")
+_COMMON = (
+    "name", "kind", "unit", "value", "sd", "lower95", "upper95", "at_bound", "determined",
+    "from_prior",
+)  # fmt: skip
 _LAWS = ("parameter", "formula", "scale", "scatter", "lower95", "upper95", "unit", "state")
 _ENDS = ("predicted", "readings", "misfit", "above", "outlying", "alone")
 _PARAMETERS = (
     "section", "parameter", "kind", "unit", "value", "sd", "lower95", "upper95", "alone",
     "alone_lower95", "alone_upper95", "law", "law_lower95", "law_upper95", "shrinkage", "at_bound",
-    "determined",
+    "determined", "from_prior",
 )  # fmt: skip
 _READINGS = (
     "section", "gauge", "stage", "unit", "measured", "sd", "used", "computed", "lower95", "upper95",

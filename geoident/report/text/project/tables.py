@@ -13,7 +13,9 @@ from geoident.model.results.many.project import (
     NO_SCATTER,
     SHARED,
     UNKNOWN_SCATTER,
+    CommonParameter,
     ProjectResult,
+    SectionParameter,
     SectionReading,
 )
 from geoident.report.text.layout import (
@@ -27,9 +29,9 @@ from geoident.report.text.layout import (
     shown_interval,
     with_unit,
 )
+from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
 from geoident.units import in_unit, shown_unit
 
-NOT_DETERMINED = "not determined"
 _STATUS = {
     "converged": "The search converged",
     "not-converged": "The search did not converge: the values are the best found so far",
@@ -129,7 +131,7 @@ def common_table(result: ProjectResult) -> TextTable:
     rows = []
     for one in result.common:
         value, interval = _value(one.value, one.lower95, one.upper95, one.unit, one.dimension,
-                                 determined=one.determined)  # fmt: skip
+                                 known=one)  # fmt: skip
         what = "shared" if one.kind == SHARED else f"law of {one.law}"
         unit = shown_unit(one.unit, one.dimension)
         rows.append([one.name, what, value, interval, unit, "at bound" if one.at_bound else ""])
@@ -194,9 +196,7 @@ def parameters_table(result: ProjectResult) -> TextTable:
         of = row.unit, row.dimension
         law = _joined(row.law, row.law_lower95, row.law_upper95, *of) if row.kind == LAW else "-"
         alone = _joined(row.alone, row.alone_lower95, row.alone_upper95, *of)
-        value, interval = _value(
-            row.value, row.lower95, row.upper95, *of, determined=row.determined
-        )
+        value, interval = _value(row.value, row.lower95, row.upper95, *of, known=row)
         shrunk = "-" if math.isnan(row.shrinkage) else f"{100 * row.shrinkage:.0f} %"
         rows.append(
             [row.parameter, row.section, shown_unit(*of) or "-", law, alone,
@@ -239,11 +239,17 @@ def left_out_table(result: ProjectResult) -> TextTable:
 
 
 def _value(
-    value: float, low: float, high: float, unit: str, dimension: str, *, determined: bool
+    value: float,
+    low: float,
+    high: float,
+    unit: str,
+    dimension: str,
+    *,
+    known: CommonParameter | SectionParameter,
 ) -> tuple[str, str]:
     """A value and its interval in the unit in which people see it."""
-    if not determined:
-        return NOT_DETERMINED, ""
+    if not known.determined:
+        return AS_PRIOR if known.from_prior else NOT_DETERMINED, ""
     return shown_interval(value, low, high, unit, dimension)
 
 
