@@ -52,13 +52,29 @@ class ReadingBands:
     upper95: Floats
 
 
-def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floats) -> ReadingBands:
+@dataclass(frozen=True)
+class ReadingErrors:
+    """Errors of g readings.
+
+    Args:
+        sd: (g,) standard deviation of what gauges add, SI.
+        of_model: (g,) that of the error of the model at the parameters that are expected, SI; it
+            grows with the reading.
+    """
+
+    sd: Floats
+    of_model: Floats
+
+
+def reading_bands(
+    section: FurtherSection, evaluate: SectionEvaluation, errors: ReadingErrors
+) -> ReadingBands:
     """Bands of readings.
 
     Args:
         section: the distribution of its parameters.
         evaluate: the model of the section.
-        sd: (g,) errors of the readings, SI.
+        errors: of the readings.
 
     Raises:
         ModelError: the model has no solution at the parameters that are expected.
@@ -108,7 +124,8 @@ def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floa
         spline = CubicHermiteSpline(places, v, slopes)
         inside = np.clip(drawn, places[0], places[-1])
         values += spline(inside) - v0 + spline(inside, 1) * (drawn - inside)[:, None]
-    values += sd * rng.normal(size=values.shape)
+    grown = np.divide(values, v0, out=np.ones_like(values), where=v0 != 0.0)
+    values += np.hypot(errors.sd, errors.of_model * grown) * rng.normal(size=values.shape)
     low, high = np.quantile(values, [0.025, 0.975], axis=0)
     return ReadingBands(v0, np.minimum(low, v0), np.maximum(high, v0))
 
