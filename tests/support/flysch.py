@@ -283,3 +283,127 @@ def write_project(
     text = (OPENING_PROJECT if opening else LAW_PROJECT).format(sections="\n".join(rows))
     path.write_text(text, encoding="utf-8")
     return path
+
+
+TABLE = """\
+format: geoident-case/1
+title: A section in flysch by runs of another program
+model: {{kind: table, file: runs.csv}}
+parameters:
+  E: {{start: 1 GPa, bounds: [0.2 GPa, 5 GPa], scale: log}}
+  c: {{start: 0.2 MPa, bounds: [0.05 MPa, 0.8 MPa], scale: log}}
+dates: {{{dates}}}
+stages: [{stages}]
+gauges:
+  H: {{kind: reading, accuracy: 0.7 mm}}
+  V: {{kind: reading, accuracy: 0.7 mm}}
+  a2: {{kind: reading, accuracy: 0.4 mm}}
+  a5: {{kind: reading, accuracy: 0.4 mm}}
+readings: readings.csv
+fit: {{stages: [{fitted}], backtest: false, model_error: {model_error}}}
+"""
+"""A section whose model is a table of runs."""
+
+
+def write_table(folder: Path, one: Section, rng, *, runs=150, fitted=3, model_error="estimate"):
+    """A case whose model is a table of runs of `characteristic_lines`; the path of its file.
+
+    Args:
+        folder: where to.
+        one: the section; its stages after the first few are predicted.
+        rng: of the Latin hypercube.
+        runs: how many.
+        fitted: stages that are used.
+        model_error: what the case says of it.
+    """
+    cube = (np.array([rng.permutation(runs) for _ in range(2)]).T + 0.5) / runs
+    E = 0.2 * (5.0 / 0.2) ** (1.02 * cube[:, 0] - 0.01)
+    c = 0.05 * (0.8 / 0.05) ** (1.02 * cube[:, 1] - 0.01)
+    names = [*(f"r{k}" for k in range(1, len(one.days) - 1)), "far"]
+    gauges = ("H", "V", "a2", "a5")
+    start = np.datetime64("2024-03-01T00:00")
+    dates = [start + np.timedelta64(int(60 * 24 * t), "m") for t in one.days[1:]]
+    text = TABLE.format(
+        stages=", ".join(f"{{name: {name}}}" for name in names),
+        fitted=", ".join(names[:fitted]),
+        dates=", ".join(
+            f"{a}: {str(b).replace('T', ' ')}" for a, b in zip(names, dates, strict=True)
+        ),
+        model_error=model_error,
+    )
+    with (folder / "runs.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        columns = [f"{gauge} @ {name} [mm]" for gauge in gauges for name in names]
+        writer.writerow(["run", "E [GPa]", "c [MPa]", *columns])
+        for k in range(runs):
+            u = 1e3 * characteristic_lines(1e3 * E[k], c[k], GAMMA * one.cover, one.distances)
+            moved = u[1:] - u[0]
+            rods = [moved * (1.0 - RADIUS / (RADIUS + depth)) for depth in ANCHORS.values()]
+            values = np.concatenate([2.0 * moved, 2.0 * moved, *rods])
+            writer.writerow([k + 1, f"{E[k]:.6g}", f"{c[k]:.6g}", *(f"{v:.6g}" for v in values)])
+    with (folder / "readings.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["gauge", "stage", "value", "unit"])
+        for gauge, column in zip(gauges, np.abs(one.readings.T), strict=True):
+            for name, value in zip(names, column, strict=True):
+                writer.writerow([gauge, name, f"{value:.1f}", "mm"])
+    path = folder / "case.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def characteristic_lines(E, c, stress, distances, *, friction=24.0, nu=0.25, lined_at=3.0):
+    """Motions (k,) of the wall of a tunnel, m, by convergence and confinement.
+
+    Duncan Fama (1993) for the ground, Vlachopoulos & Diederichs (2009) for the profile, and a
+    lining with a stiffness and a capacity.
+
+    Args:
+        E: MPa.
+        c: cohesion, MPa.
+        stress: in the ground, MPa.
+        distances: (k,) of the face, m.
+        friction: degrees.
+        nu: Poisson's ratio.
+        lined_at: distance at which the lining is closed, m.
+    """
+    sine = np.sin(np.radians(friction))
+    k, strength = (1.0 + sine) / (1.0 - sine), 2.0 * c * np.cos(np.radians(friction)) / (1.0 - sine)
+    critical = (2.0 * stress - strength) / (1.0 + k)
+
+    def ground(p):
+        """Motion of the wall and plastic radius by that of the tunnel."""
+        elastic = RADIUS * (1.0 + nu) / E * (stress - p)
+        if p >= critical:
+            return elastic, 1.0
+        held = (k - 1.0) * p + strength
+        reach = (2.0 * (stress * (k - 1.0) + strength) / ((1.0 + k) * held)) ** (1.0 / (k - 1.0))
+        lost = 2.0 * (1.0 - nu) * (stress - critical) * reach**2
+        return RADIUS * (1.0 + nu) / E * (lost - (1.0 - 2.0 * nu) * (stress - p)), reach
+
+    last, reach = ground(0.0)
+    at_face = np.exp(-0.15 * reach) / 3.0
+
+    def under(aim, line=lambda u: 0.0):
+        """Motion at which ground and support are in balance with a part of the stress."""
+        low, high = 0.0, stress
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if ground(middle)[0] < aim else (middle, high)
+        face = low
+        low, high = 0.0, stress - face
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            more = line(ground(face + middle)[0]) > middle
+            low, high = (middle, high) if more else (low, middle)
+        return ground(face + low)[0]
+
+    def free(x):
+        return last * (1.0 - (1.0 - at_face) * np.exp(-1.5 * x / (RADIUS * reach)))
+
+    lined = free(lined_at)
+
+    def lining(u):
+        return min(60.0 * max(u - lined, 0.0) / RADIUS, 0.2)
+
+    return np.array([under(free(x), lining) if x > lined_at else free(x) for x in distances])

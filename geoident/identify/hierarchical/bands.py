@@ -52,29 +52,20 @@ class ReadingBands:
     upper95: Floats
 
 
-@dataclass(frozen=True)
-class ReadingErrors:
-    """Errors of g readings.
-
-    Args:
-        sd: (g,) standard deviation of what gauges add, SI.
-        of_model: (g,) that of the error of the model at the parameters that are expected, SI; it
-            grows with the reading.
-    """
-
-    sd: Floats
-    of_model: Floats
-
-
 def reading_bands(
-    section: FurtherSection, evaluate: SectionEvaluation, errors: ReadingErrors
+    section: FurtherSection,
+    evaluate: SectionEvaluation,
+    sd: Floats,
+    of_model: Floats | None = None,
 ) -> ReadingBands:
     """Bands of readings.
 
     Args:
         section: the distribution of its parameters.
         evaluate: the model of the section.
-        errors: of the readings.
+        sd: (g,) standard deviations of what gauges add to readings, SI.
+        of_model: (g,) those of the error of the model at the parameters that are expected, SI; they
+            grow with the readings. None for none.
 
     Raises:
         ModelError: the model has no solution at the parameters that are expected.
@@ -124,8 +115,10 @@ def reading_bands(
         spline = CubicHermiteSpline(places, v, slopes)
         inside = np.clip(drawn, places[0], places[-1])
         values += spline(inside) - v0 + spline(inside, 1) * (drawn - inside)[:, None]
-    grown = np.divide(values, v0, out=np.ones_like(values), where=v0 != 0.0)
-    values += np.hypot(errors.sd, errors.of_model * grown) * rng.normal(size=values.shape)
+    if of_model is not None:
+        grown = np.divide(values, v0, out=np.ones_like(values), where=v0 != 0.0)
+        sd = np.hypot(sd, of_model * grown)
+    values += sd * rng.normal(size=values.shape)
     low, high = np.quantile(values, [0.025, 0.975], axis=0)
     return ReadingBands(v0, np.minimum(low, v0), np.maximum(high, v0))
 

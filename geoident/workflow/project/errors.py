@@ -16,7 +16,6 @@ import scipy.sparse as sp
 from geoident.identify.assessment.later_readings import LaterReadings, given_used
 from geoident.identify.assessment.model_error import weigh_all
 from geoident.identify.assessment.variance_components import RestrictedLikelihood
-from geoident.identify.hierarchical.bands import ReadingErrors
 from geoident.identify.hierarchical.search import HierarchicalFit
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
@@ -117,12 +116,12 @@ class ErrorsAt:
         whole = whole.sized(2.0 * np.log(np.maximum([*factors, eta], _NOTHING)))
         return replace(whole, sd=np.hypot(whole.sd, eta * self.left))
 
-    def like_others(self, sizes: CommonSizes) -> ReadingErrors:
-        """Standard deviations of readings of which none is known, as in the other sections."""
+    def like_others(self, sizes: CommonSizes) -> tuple[Floats, Floats]:
+        """Standard deviations (l,) of readings of which none is known: of gauges, of the model."""
         gauges, model = self.sized(sizes), self.model
         of_model = sizes.of(self.section) * np.sqrt(_squares(model))
         square = gauges.sd**2 + _squares(gauges.columns) - of_model**2
-        return ReadingErrors(np.sqrt(np.maximum(square, 0.0)), of_model)
+        return np.sqrt(np.maximum(square, 0.0)), of_model
 
 
 def _squares(columns: sp.csr_array) -> Floats:

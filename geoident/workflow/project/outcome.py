@@ -369,7 +369,7 @@ def _predicted(models: SectionAnswers, fitted: Fitted, n: int) -> SectionRows:
         bands = reading_bands(
             further,
             lambda points: models.shown([(n, p) for p in points]),
-            errors.like_others(fitted.sizes),
+            *errors.like_others(fitted.sizes),
         )
     except ModelError:
         none = np.full(len(shown), np.nan)
