@@ -50,7 +50,7 @@ def closure(strength, stress, pressure):
 
 
 def wall(strength, stress, distance, day, *, creep, stiffness, capacity, lined_at, at_lining):
-    """Motion of the wall, m, supported from the distance `lined_at` on, where it was `at_lining`."""
+    """Motion of the wall, m, supported from where it was `at_lining`, m, at distance `lined_at`."""
     profile = 0.29 + 0.71 * (1.0 - np.exp(-1.5 * (max(distance, 0.0) / RADIUS) ** 0.7))
     growth = 1.0 + creep * (1.0 - (2.0 / (2.0 + max(day, 0.0))) ** 0.3)
 
@@ -254,8 +254,9 @@ def write_project(
         names = ["first", *(f"r{k}" for k in range(1, len(one.days) - 1)), "far"]
         start = np.datetime64("2024-03-01T00:00")
         dates = [start + np.timedelta64(int(60 * 24 * t), "m") for t in one.days]
+        excavate = "excavate: [tunnel], "
         stages = [
-            f"  - {{name: {stage}, {'excavate: [tunnel], ' * (stage == 'first')}distance: {x:.3f} m}}"
+            f"  - {{name: {stage}, {excavate * (stage == 'first')}distance: {x:.3f} m}}"
             for stage, x in zip(names, one.distances, strict=True)
         ]
         text = (CASE if opening else LAW).format(

@@ -15,13 +15,13 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment.later_readings import LaterReadings, given_used
 from geoident.identify.assessment.model_error import weigh_all
-from geoident.identify.assessment.variance_components import RestrictedLikelihood
+from geoident.identify.assessment.variance_components import seen_likelihood
 from geoident.identify.hierarchical.search import HierarchicalFit
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Floats
-from geoident.workflow.estimating.model_error import NAME
+from geoident.workflow.estimating.model_error import ENOUGH, NAME
 from geoident.workflow.estimating.model_error_covariance import ErrorModes, shared_columns
 from geoident.workflow.estimating.model_error_search import SCATTER, ZERO, zero_columns
 from geoident.workflow.project.sections import PreparedSection, SectionErrors
@@ -162,15 +162,23 @@ def weighed_together(
         each.model if each.section.stated.kind == "estimate" else each.model[:, :0]
         for each in errors
     ]
+    structure = _stacked(known)
+    if len(structure.sd) < joint.n_common + ENOUGH or not any(
+        each.section.stated.kind == "estimate" for each in errors
+    ):
+        return STATED
+    likelihood = seen_likelihood(
+        structure,
+        structure.sd,
+        np.concatenate(gap),
+        (np.concatenate(J)[:, free], prior_rows[:, free]),
+        prior,
+    )
+    zeros = _diagonal([each.zeros for each in errors])
+    scatters = all(each.section.scatters for each in errors)
     weighed = weigh_all(
-        RestrictedLikelihood(
-            _stacked(known), np.concatenate(gap), np.concatenate(J)[:, free], prior,
-            prior_rows[:, free],
-        ),
-        _diagonal(estimated),
-        _diagonal([each.zeros for each in errors]),
-        free=all(each.section.scatters for each in errors),
-    )  # fmt: skip
+        likelihood, _diagonal(estimated), zeros if zeros.shape[1] else None, free=scatters
+    )
     return CommonSizes(weighed.size, weighed.factor, weighed.zero)
 
 
