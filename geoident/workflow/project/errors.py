@@ -21,7 +21,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Floats
-from geoident.workflow.estimating.model_error import ENOUGH, NAME
+from geoident.workflow.estimating.model_error import ENOUGH, NAME, percent
 from geoident.workflow.estimating.model_error_covariance import ErrorModes, shared_columns
 from geoident.workflow.estimating.model_error_search import SCATTER, ZERO, zero_columns
 from geoident.workflow.project.sections import PreparedSection, SectionErrors
@@ -49,6 +49,21 @@ class CommonSizes:
         """Eta of a section, whose case may state it."""
         stated = section.stated
         return {"given": stated.size, "none": 0.0, "estimate": self.size}[stated.kind]
+
+    def sentence(self) -> str:
+        """In words, for who reads the result."""
+        if self == STATED:
+            return (
+                "The sections have too few readings to say how well their models describe the "
+                "ground: intervals and bands are those of models without error. 'model_error: "
+                "15 %' under 'fit' of their cases assumes one."
+            )
+        return (
+            f"All sections together show a model error of {percent(self.size)} of the motion, "
+            f"gauges that scatter {self.factor:.2g} times as much as stated, and zeros that are "
+            f"off by {self.zero:.2g} accuracies. Intervals and bands are those of these errors; if "
+            "you expect a larger model error, write 'model_error: 30 %' under 'fit' of the cases."
+        )
 
     def near(self, other: CommonSizes) -> bool:
         """Whether intervals hardly notice the difference: one per cent."""

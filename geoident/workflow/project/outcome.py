@@ -148,6 +148,8 @@ def project_result(
         reason += f"{total.scale:.2g} times as large as their errors explain."
 
     notes = [note for one in whole.prepared for note in one.notes]
+    if any(whole.prepared[n].errors.stated.kind == "estimate" for n in whole.numbers):
+        notes.append(whole.sizes.sentence())
     notes += [
         f"The prior of {law.parameter} in the cases does not count: the law takes its place."
         for law in joint.laws
