@@ -292,16 +292,26 @@ def likelihood_at(
     free = (values > lower) & (values < upper)
     J = (jacobian * scaling.dp_dx(values))[:, free]
     R = scaling.prior_jacobian(values)[:, free]
-    rows = np.concatenate([J / problem.sd[:, None], R])
-    _, S, Vt = np.linalg.svd(rows, full_matrices=False)
+    gap, prior = problem.measured - readings, scaling.prior_residuals(values)
+    return seen_likelihood(structure, problem.sd, gap, (J, R), prior)
+
+
+def seen_likelihood(
+    structure: ErrorStructure, sd: Floats, gap: Floats, rows: tuple[Floats, Floats], prior: Floats
+) -> RestrictedLikelihood:
+    """The restricted likelihood, without directions that neither readings nor priors see.
+
+    Args:
+        structure: the errors of the readings.
+        sd: (g,) sizes by which rows of readings count beside those of priors, SI.
+        gap: (g,) v* - v, SI.
+        rows: derivatives of the readings (g, n), SI, and of the priors (m, n), by scaled unknowns.
+        prior: (m,) residuals of the priors.
+    """
+    J, R = rows
+    _, S, Vt = np.linalg.svd(np.concatenate([J / sd[:, None], R]), full_matrices=False)
     seen = Vt[_UNSEEN * S.max(initial=0.0) < S].T
-    return RestrictedLikelihood(
-        structure,
-        problem.measured - readings,
-        J @ seen,
-        scaling.prior_residuals(values),
-        R @ seen,
-    )
+    return RestrictedLikelihood(structure, gap, J @ seen, prior, R @ seen)
 
 
 def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceComponents:

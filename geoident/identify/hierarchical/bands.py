@@ -52,13 +52,20 @@ class ReadingBands:
     upper95: Floats
 
 
-def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floats) -> ReadingBands:
+def reading_bands(
+    section: FurtherSection,
+    evaluate: SectionEvaluation,
+    sd: Floats,
+    of_model: Floats | None = None,
+) -> ReadingBands:
     """Bands of readings.
 
     Args:
         section: the distribution of its parameters.
         evaluate: the model of the section.
-        sd: (g,) errors of the readings, SI.
+        sd: (g,) standard deviations of what gauges add to readings, SI.
+        of_model: (g,) those of the error of the model at the parameters that are expected, SI; they
+            grow with the readings. None for none.
 
     Raises:
         ModelError: the model has no solution at the parameters that are expected.
@@ -108,6 +115,9 @@ def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floa
         spline = CubicHermiteSpline(places, v, slopes)
         inside = np.clip(drawn, places[0], places[-1])
         values += spline(inside) - v0 + spline(inside, 1) * (drawn - inside)[:, None]
+    if of_model is not None:
+        grown = np.divide(values, v0, out=np.ones_like(values), where=v0 != 0.0)
+        sd = np.hypot(sd, of_model * grown)
     values += sd * rng.normal(size=values.shape)
     low, high = np.quantile(values, [0.025, 0.975], axis=0)
     return ReadingBands(v0, np.minimum(low, v0), np.maximum(high, v0))

@@ -8,6 +8,7 @@ be where few sections tell how large it is.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
@@ -53,7 +54,9 @@ class FurtherSection:
     Args:
         values: (n,) the laws, the shared parameters and the means of own priors, SI.
         interval: of these.
-        means: (J, n) on the scales, from `values`, at each tau of the posterior.
+        means: (J, n) on the scales, from `values`, at each tau of the posterior, where common
+            unknowns that the readings push against their bounds stay there: readings that a bound
+            keeps from being met better are not drawn as if it did not.
         covariances: (J, n, n) likewise.
         weights: (J,) of these.
         scaling: of the parameters.
@@ -137,12 +140,29 @@ class SectionsKnowledge:
         for i, q in enumerate(section.parameters):
             if q.name not in joint.templates:
                 own[i] = roots[i] ** -2 if q.prior is not None else sd_of_bounds(q) ** 2
-        means = self._common @ Phi.T
-        covariances = Phi @ self._common_covariances @ Phi.T + np.diag(own)
-        covariances += (Z * self.scatter.nodes[:, None, :] ** 2) @ Z.T
+        beside = np.diag(own) + (Z * self.scatter.nodes[:, None, :] ** 2) @ Z.T
+        covariances = Phi @ self._common_covariances @ Phi.T + beside
         variances, weights = np.diagonal(covariances, axis1=1, axis2=2), self.scatter.weights
-        interval = _interval(scaling, p, means, variances, weights)
-        return FurtherSection(p, interval, means, covariances, weights, scaling)
+        interval = _interval(scaling, p, self._common @ Phi.T, variances, weights)
+        common, within = self._held_at_bounds
+        held = Phi @ within @ Phi.T + beside
+        return FurtherSection(p, interval, common @ Phi.T, held, weights, scaling)
+
+    @cached_property
+    def _held_at_bounds(self) -> tuple[Floats, Floats]:
+        """Means (J, F) and covariances (J, F, F) of what is common, on bounds where pushed there.
+
+        One after the other: what is held may take the push from others.
+        """
+        unknowns = self._joint.unknowns[: self._joint.n_common]
+        mean, C = self._common, self._common_covariances
+        for k, q in enumerate(unknowns):
+            outward = float(self._values[k] == q.upper) - float(self._values[k] == q.lower)
+            pushed = outward * mean[:, k] > 0.0
+            gain = pushed[:, None] * C[:, k] / C[:, k, k][:, None]
+            mean = mean - gain * mean[:, [k]]
+            C = C - gain[:, :, None] * C[:, k][:, None, :]
+        return mean, C
 
     def shrinkage(self, s: int) -> Floats:
         """The part of what is known of the parameters (n,) of a section that comes from the others.

@@ -6,7 +6,7 @@ speak for, with these the parameters again, until none changes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -231,22 +231,8 @@ class ModelErrorSearch:
 
     @cached_property
     def zeros(self) -> sp.csr_array | None:
-        """Errors of the zeros (g, channels) as large as the accuracies; None if they are known.
-
-        They are where the case declares some; where no channel has several readings, nothing tells
-        of them.
-        """
-        channels = self.channels
-        if any(c.errors is not None and c.errors.zero > 0.0 for c in channels):
-            return None
-        zeroed = np.flatnonzero([c.reads is Reads.CHANGE for c in channels])
-        names = [channels[k].name for k in zeroed.tolist()]
-        number = {name: k for k, name in enumerate(dict.fromkeys(names))}
-        if len(number) == len(names):
-            return None
-        at = np.array([number[name] for name in names])
-        size = np.array([channels[k].own_accuracy for k in zeroed.tolist()])
-        return sp.csr_array((size, (zeroed, at)), shape=(len(channels), len(number)))
+        """Errors of the zeros (g, channels) as large as the accuracies; None if they are known."""
+        return zero_columns(self.channels)
 
     def _again(
         self,
@@ -263,6 +249,27 @@ class ModelErrorSearch:
         sd = np.hypot(sd, size * modes.left)
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         return problem, after(outcome, self.search(problem))
+
+
+def zero_columns(channels: Sequence[Channel]) -> sp.csr_array | None:
+    """Errors of the zeros (g, channels) as large as the accuracies; None if they are known.
+
+    They are where the case declares some; where no channel has several readings, nothing tells of
+    them.
+
+    Args:
+        channels: of the g readings.
+    """
+    if any(c.errors is not None and c.errors.zero > 0.0 for c in channels):
+        return None
+    zeroed = np.flatnonzero([c.reads is Reads.CHANGE for c in channels])
+    names = [channels[k].name for k in zeroed.tolist()]
+    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    if len(number) == len(names):
+        return None
+    at = np.array([number[name] for name in names])
+    size = np.array([channels[k].own_accuracy for k in zeroed.tolist()])
+    return sp.csr_array((size, (zeroed, at)), shape=(len(channels), len(number)))
 
 
 _LEAST = 0.01

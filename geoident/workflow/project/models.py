@@ -25,6 +25,7 @@ from geoident.workflow.project.sections import (
     PREPARE,
     SHARPEN,
     SHOWN,
+    STEPS,
     PreparedSection,
     SectionAnswer,
     SectionsInProcess,
@@ -205,6 +206,18 @@ class SectionAnswers:
         """
         return self._answers(points, SHOWN)
 
+    def steps(self, n: int, p: Floats) -> tuple[Floats, Floats]:
+        """Steps and floors (g, n_states) of the model error of all readings that are shown.
+
+        Args:
+            n: number of the section.
+            p: (n,) its parameters, SI, at which it has a solution.
+        """
+        (answer,) = self._answers([(n, p)], STEPS)
+        if answer is None:
+            raise ModelError(f"The model has no solution for {self._names[n]}.")
+        return answer
+
     def _answers(
         self, points: Sequence[tuple[int, Floats]], what: str
     ) -> list[tuple[Floats, Floats] | None]:
@@ -212,7 +225,7 @@ class SectionAnswers:
 
         Args:
             points: numbers of sections and their parameters (n,), SI.
-            what: `EVALUATE` or `SHOWN`.
+            what: `EVALUATE`, `SHOWN` or `STEPS`.
         """
         left = []
         for n, p in points:

@@ -22,7 +22,7 @@ from geoident.identify.hierarchical.knowledge import (
     section_misfits,
     total_misfit,
 )
-from geoident.identify.hierarchical.search import HierarchicalFit
+from geoident.identify.hierarchical.search import HierarchicalFit, SectionsStart
 from geoident.io.text.text_file import seen_from
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
@@ -51,6 +51,7 @@ from geoident.model.results.many.project import (
 from geoident.model.results.result import Provenance
 from geoident.workflow.estimating.diagnosis import POOR, UNUSABLE
 from geoident.workflow.executing.versions import versions
+from geoident.workflow.project.errors import CommonSizes, ErrorsAt, shown_given_used
 from geoident.workflow.project.findings import findings
 from geoident.workflow.project.models import SectionAnswers
 from geoident.workflow.project.plan import ProjectJob
@@ -75,12 +76,29 @@ class Fitted:
         numbers: which of the project's.
         readings: of all sections of the project.
         prepared: likewise.
+        sizes: of the errors of their readings.
     """
 
     fit: HierarchicalFit
     numbers: tuple[int, ...]
     readings: tuple[SectionReadings, ...]
     prepared: tuple[PreparedSection, ...]
+    sizes: CommonSizes
+
+    @property
+    def points(self) -> dict[int, Floats]:
+        """Number of each section to its parameters (n,), SI."""
+        joint, values = self.fit.joint, self.fit.outcome.values
+        return {n: joint.point(k, values)[0] for k, n in enumerate(self.numbers)}
+
+    def start(self, numbers: Sequence[int]) -> SectionsStart:
+        """Where another search over some of the sections begins."""
+        joint, values, tau = self.fit.joint, self.fit.outcome.values, self.fit.tau
+        return SectionsStart(
+            values[: joint.n_common],
+            tuple(self.points[n] for n in numbers),
+            np.where(tau > 0.0, tau, 0.02 * joint.largest),
+        )
 
     @cached_property
     def knowledge(self) -> SectionsKnowledge:
@@ -101,12 +119,12 @@ def project_result(
     """
     joint, outcome, total = whole.fit.joint, whole.fit.outcome, total_misfit(whole.fit)
     common, laws = _common_parameters(whole), _law_estimates(whole)
-    points = {n: joint.point(k, outcome.values)[0] for k, n in enumerate(whole.numbers)}
+    points = whole.points
     shown = dict(zip(points, models.shown(list(points.items())), strict=True))
     parameters: list[SectionParameter] = []
     readings: list[SectionReading] = []
     for n in range(len(whole.prepared)):
-        rows = _fitted(whole, n, shown[n]) if n in shown else _predicted(models, whole, n)
+        rows = _fitted(models, whole, n, shown[n]) if n in shown else _predicted(models, whole, n)
         parameters += rows[0]
         readings += rows[1]
     later = [_predicted(models, others, n) for n, others in left_out.items()]
@@ -130,6 +148,8 @@ def project_result(
         reason += f"{total.scale:.2g} times as large as their errors explain."
 
     notes = _notes_of_sections(job, whole.prepared)
+    if any(whole.prepared[n].errors.stated.kind == "estimate" for n in whole.numbers):
+        notes.append(whole.sizes.sentence())
     notes += [
         f"The prior of {law.parameter} in the cases does not count: the law takes its place."
         for law in joint.laws
@@ -323,10 +343,13 @@ def _law_points(sections: Sequence[ProjectSection], whole: Fitted) -> tuple[LawP
 SectionRows = tuple[list[SectionParameter], list[SectionReading]]
 
 
-def _fitted(whole: Fitted, n: int, shown: tuple[Floats, Floats] | None) -> SectionRows:
+def _fitted(
+    models: SectionAnswers, whole: Fitted, n: int, shown: tuple[Floats, Floats] | None
+) -> SectionRows:
     """A section that took part: its parameters, and its readings, with bands where not used.
 
     Args:
+        models: of all sections.
         whole: the fit.
         n: number of the section.
         shown: readings (g,) that are shown, with Jacobians (g, n); None without a solution.
@@ -337,14 +360,20 @@ def _fitted(whole: Fitted, n: int, shown: tuple[Floats, Floats] | None) -> Secti
     parameters = _parameter_rows(whole, n, section, knowledge.section(k), shrinkage)
     if shown is None:
         return parameters, []
-    v, J = shown
-    C = knowledge.section_covariance(k)
-    readings = []
-    for i, one in enumerate(whole.prepared[n].shown):
-        half = NORMAL_95 * math.sqrt(float(J[i] @ C @ J[i]) + one.sd**2)
-        low, high = (_NAN, _NAN) if one.used else (v[i] - half, v[i] + half)
-        readings.append(one.row(section.name, v[i], low, high))
-    return parameters, readings
+    prepared = whole.prepared[n]
+    v, half = shown[0].copy(), np.full(len(shown[0]), _NAN)
+    later = np.array([not one.used for one in prepared.shown], dtype=np.bool_)
+    if later.any():
+        p = whole.points[n]
+        used = models.evaluate({n: p})[n]
+        errors = ErrorsAt.of(prepared.errors, models.steps(n, p)).sized(whole.sizes)
+        implied = shown_given_used(prepared, errors, whole.fit.problem, used, shown[1])
+        J, C = implied.jacobian, knowledge.section_covariance(k)
+        variance = np.einsum("ij,jk,ik->i", J, C, J) + implied.sd**2
+        v[later] += implied.shift[later]
+        half[later] = NORMAL_95 * np.sqrt(variance[later])
+    rows = zip(prepared.shown, v, v - half, v + half, strict=True)
+    return parameters, [one.row(section.name, *ends) for one, *ends in rows]
 
 
 def _predicted(models: SectionAnswers, fitted: Fitted, n: int) -> SectionRows:
@@ -358,11 +387,15 @@ def _predicted(models: SectionAnswers, fitted: Fitted, n: int) -> SectionRows:
     section, shown = fitted.readings[n], fitted.prepared[n].shown
     further = fitted.knowledge.further(section)
     parameters = _parameter_rows(fitted, n, section, further.interval, None)
-    sd = np.array([one.sd for one in shown], dtype=np.float64)
     try:
-        bands = reading_bands(further, lambda points: models.shown([(n, p) for p in points]), sd)
+        errors = ErrorsAt.of(fitted.prepared[n].errors, models.steps(n, further.values))
+        bands = reading_bands(
+            further,
+            lambda points: models.shown([(n, p) for p in points]),
+            *errors.like_others(fitted.sizes),
+        )
     except ModelError:
-        none = np.full(len(sd), np.nan)
+        none = np.full(len(shown), np.nan)
         bands = ReadingBands(none, none, none)
     readings = [
         replace(one, used=False).row(section.name, *ends)

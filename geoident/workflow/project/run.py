@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from dataclasses import replace
 
 from geoident.fem.solvers.threads import one_thread
 from geoident.identify.hierarchical.joint_problem import SectionReadings
-from geoident.identify.hierarchical.search import SectionsStart, fit_sections
+from geoident.identify.hierarchical.search import HierarchicalFit, SectionsStart, fit_sections
 from geoident.io.result.project import read_project_result, write_project_result
 from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.finished import FinishedRun, ResultFiles, evaluation_log
+from geoident.workflow.project.errors import STATED, ErrorsAt, weighed_together
 from geoident.workflow.project.models import ChosenSections, SectionAnswers, section_executor
 from geoident.workflow.project.outcome import Fitted, project_result
 from geoident.workflow.project.plan import ProjectJob
@@ -69,6 +69,10 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
                 sources.log_path(number).unlink(missing_ok=True)
 
 
+_TURNS = 12
+"""At most so many times parameters and errors of the readings take turns."""
+
+
 class _Fits:
     """Fits of several sections of a project."""
 
@@ -82,17 +86,46 @@ class _Fits:
             for section, one in zip(job.project.sections, prepared, strict=True)
         )
 
-    def of(self, numbers: Sequence[int], begin: SectionsStart | None = None) -> Fitted:
-        """The fit of some sections."""
-        project = self._job.project
-        chosen = [self._readings[n] for n in numbers]
-        models = ChosenSections(self._models, numbers)
-        if begin is None:  # at what their own fits found; NaN where they determine nothing
+    def of(self, numbers: Sequence[int], near: Fitted | None = None) -> Fitted:
+        """The fit of some sections, with the errors that all of them together show.
+
+        Args:
+            numbers: of the sections.
+            near: a fit of more of them; None to begin where their own fits ended.
+        """
+        models, readings = ChosenSections(self._models, numbers), dict(enumerate(self._readings))
+        if near is None:  # at what their own fits found; NaN where they determine nothing
             begin = SectionsStart(points=tuple(self._prepared[n].alone[0] for n in numbers))
-        fit = fit_sections(
-            chosen, project.shared, project.laws, models, self._control.on_iteration, begin=begin
-        )
-        return Fitted(fit, tuple(numbers), self._readings, self._prepared)
+        else:
+            readings |= zip(near.numbers, near.fit.joint.sections, strict=True)
+            begin = near.start(numbers)
+        known = [self._prepared[n].errors for n in numbers]
+        sizes = None if near is None else near.sizes
+        for _ in range(_TURNS):
+            fit = self._searched([readings[n] for n in numbers], models, begin)
+            fitted = Fitted(fit, tuple(numbers), self._readings, self._prepared, sizes or STATED)
+            if fit.outcome.status == STOPPED:
+                return fitted
+            points = fitted.points
+            errors = [
+                ErrorsAt.of(one, self._models.steps(n, points[n])).used()
+                for n, one in zip(numbers, known, strict=True)
+            ]
+            answers = models.evaluate(dict(enumerate(points.values())))
+            now = weighed_together(fit, [answers[k] for k in range(len(numbers))], errors)
+            if sizes is not None and now.near(sizes):
+                return fitted
+            sizes, begin = now, fitted.start(numbers)
+            for n, one in zip(numbers, errors, strict=True):
+                sd, shared = one.sized(sizes).stated
+                readings[n] = replace(readings[n], sd=sd, shared=shared)
+        return fitted
+
+    def _searched(
+        self, chosen: Sequence[SectionReadings], models: ChosenSections, begin: SectionsStart
+    ) -> HierarchicalFit:
+        project, on_iteration = self._job.project, self._control.on_iteration
+        return fit_sections(chosen, project.shared, project.laws, models, on_iteration, begin=begin)
 
     def each_left_out(self, whole: Fitted) -> dict[int, Fitted]:
         """Number of each section to the fit of all others, begun where the fit of all ended."""
@@ -103,15 +136,5 @@ class _Fits:
                 return {}
             words = f"{position + 1} of {len(whole.numbers)} sections left out in turn"
             self._control.monitor.part(words, position / len(whole.numbers))
-            joint, values = whole.fit.joint, whole.fit.outcome.values
-            points = [
-                joint.point(k, values)[0]
-                for k, n in enumerate(whole.numbers) if n != number
-            ]  # fmt: skip
-            begin = SectionsStart(
-                values[: joint.n_common],
-                tuple(points),
-                np.where(whole.fit.tau > 0.0, whole.fit.tau, 0.02 * joint.largest),
-            )
-            fits[number] = self.of(others, begin)
+            fits[number] = self.of(others, near=whole)
         return fits

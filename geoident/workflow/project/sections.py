@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from geoident.identify.problem.responses import HasDifferences
 from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.methods import ModelErrorOptions
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
 from geoident.model.response import Response
@@ -26,7 +29,12 @@ from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import Estimate, assess_fit
-from geoident.workflow.estimating.model_error import model_error_notes
+from geoident.workflow.estimating.model_error_covariance import (
+    ReadingSteps,
+    correlation_length,
+    correlation_time,
+    reading_steps,
+)
 from geoident.workflow.estimating.search import SearchState, estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
 from geoident.workflow.executing.stop import StopRequest
@@ -34,11 +42,16 @@ from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import build_model, load_inputs
 from geoident.workflow.running.plausible import implausible_findings
-from geoident.workflow.running.readings import select_readings, times_of
+from geoident.workflow.running.readings import (
+    ChannelReading,
+    select_readings,
+    times_of,
+)
 
 PREPARE, EVALUATE, SHARPEN, SHOWN = "prepare", "evaluate", "sharpen", "shown"
-"""What a section is asked: its own fit, its readings with derivatives, better derivatives, and all
-readings that are shown."""
+STEPS = "steps"
+"""What a section is asked: its own fit, its readings with derivatives, better derivatives, all
+readings that are shown, and what their model error is made of."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +85,7 @@ class SectionTask:
 
     Args:
         number: of the section.
-        what: `PREPARE`, `EVALUATE`, `SHARPEN` or `SHOWN`.
+        what: `PREPARE`, `EVALUATE`, `SHARPEN`, `SHOWN` or `STEPS`.
         p: (n,) its parameters, SI; None to prepare it.
     """
 
@@ -89,7 +102,7 @@ class ShownReading:
         gauge: name of the channel.
         stage: name of the stage.
         measured: SI; NaN where none was taken.
-        sd: its standard deviation with all that it shares, SI.
+        sd: its standard deviation with all that it shares, as the case states it, SI.
         used: it takes part in the fit.
         unit: in which people see it.
         dimension: key of `geoident.units.DIMENSIONS`.
@@ -119,6 +132,28 @@ class ShownReading:
 
 
 @dataclass(frozen=True)
+class SectionErrors:
+    """What is known of the errors of the readings of a section.
+
+    Args:
+        rows: the l readings that are shown, with their channels, as accurate as the case states or
+            wants estimated.
+        used: (l,) which of them are used.
+        steps: what their model error is made of, all zero: the parameters say how large.
+        length: over which it is correlated, m.
+        stated: what the case says of it.
+        scatters: whether all gauges may scatter more than stated.
+    """
+
+    rows: tuple[ChannelReading, ...]
+    used: Bools
+    steps: ReadingSteps
+    length: float
+    stated: ModelErrorOptions
+    scatters: bool
+
+
+@dataclass(frozen=True)
 class PreparedSection:
     """A section after its own fit.
 
@@ -128,6 +163,7 @@ class PreparedSection:
         sd: (g,) standard deviation of what each has by itself, as its own fit found it, SI.
         shared: what they share of their errors, the model error among it; None for nothing.
         shown: all readings that are shown of it.
+        errors: of its readings.
         values: (n,) of its own fit, SI.
         alone: (3, n) the same where it determines them, lower and upper ends of 95 %; else NaN.
         status: how its own fit ended; empty where there was none.
@@ -140,6 +176,7 @@ class PreparedSection:
     sd: Floats
     shared: SharedErrors | None
     shown: tuple[ShownReading, ...]
+    errors: SectionErrors
     values: Floats
     alone: Floats
     status: str
@@ -153,8 +190,8 @@ class SectionAnswer:
 
     Args:
         prepared: after its own fit, where that was asked.
-        v: (g,) readings, SI.
-        J: (g, n) their derivatives, SI.
+        v: (g,) readings, SI; of `STEPS` (g, n_states) what each step adds to them.
+        J: (g, n) their derivatives, SI; of `STEPS` (g, n_states) the floors of their model error.
         sharper: derivatives are better now.
         error: why there is no answer: an error to be raised.
         counts: what it has cost.
@@ -243,6 +280,10 @@ class _OneSection:
             return SectionAnswer(self._prepared(stop))
         if (why := self._setup.model.admissible(task.p)) is not None:
             raise ModelError(f"{self._section.name}: {why}")
+        if task.what == STEPS:
+            model = self._setup.model
+            steps = self._steps(model.case, model.response(()).increments(task.p))
+            return SectionAnswer(None, steps.steps, steps.floors)
         response = self._used if task.what in (EVALUATE, SHARPEN) else self._shown
         if task.what == SHARPEN:
             sharper = isinstance(response, HasDifferences) and response.sharpen(task.p)
@@ -256,10 +297,9 @@ class _OneSection:
     @cached_property
     def _shown(self) -> Response:
         readings, rows = self._setup.readings, self._rows
-        pairs = [pair for pair, taken in zip(readings.pairs, rows, strict=True) if taken]
-        free = [(one.gauge, one.stage) for one in self._shown_rows() if np.isnan(one.measured)]
         times = times_of(readings, rows)
-        return self._setup.model.response([*pairs, *free], (*times, *(None for _ in free)))
+        free = self._shown_pairs[len(times) :]
+        return self._setup.model.response(self._shown_pairs, (*times, *(None for _ in free)))
 
     @cached_property
     def _rows(self) -> Bools:
@@ -271,30 +311,41 @@ class _OneSection:
         ]
         return np.array(flags, dtype=np.bool_)
 
-    def _shown_rows(self) -> tuple[ShownReading, ...]:
-        """Readings that were taken; of a section without any, all that its gauges will read."""
-        case, readings = self._setup.case, self._setup.readings
+    @cached_property
+    def _shown_pairs(self) -> list[tuple[str, str]]:
+        """Channel and stage of readings that were taken; without any, of all that may be."""
+        case, model = self._setup.case, self._setup.model
+        taken = [self._setup.readings.pairs[k] for k in np.flatnonzero(self._rows).tolist()]
+        if taken or not self._section.predicted:
+            return taken
+        places = product((channel.name for channel in case.channels), case.stage_names[1:])
+        return [place for place in places if model.unreadable(*place) is None]
+
+    def _shown_in(self, case: Case) -> tuple[ChannelReading, ...]:
+        """The readings that are shown with their channels, as a case has these."""
         channels = {channel.name: channel for channel in case.channels}
-        rows = tuple(
-            ShownReading(
-                readings.channel[k], readings.stage[k], float(readings.value[k]),
-                float(readings.sd[k]), bool(readings.used[k]),
-                channels[readings.channel[k]].unit, channels[readings.channel[k]].dimension,
-            )
-            for k in np.flatnonzero(self._rows).tolist()
-        )  # fmt: skip
-        if rows or not self._section.predicted:
-            return rows
-        unreadable = self._setup.model.unreadable
+        taken = [case.readings[k] for k in np.flatnonzero(self._rows).tolist()]
+        free = [
+            case.reading_at(channels[name], stage)
+            for name, stage in self._shown_pairs[len(taken) :]
+        ]
+        return tuple((channels[reading.channel], reading) for reading in (*taken, *free))
+
+    def _shown_rows(self) -> tuple[ShownReading, ...]:
+        readings, used = self._setup.readings, np.flatnonzero(self._rows)
+        rows = self._shown_in(self._setup.case)
+        free = np.full(len(rows) - len(used), np.nan)
         return tuple(
             ShownReading(
-                channel.name, stage, float("nan"),
-                channel.sd(case.reading_at(channel, stage)), False,
-                channel.unit, channel.dimension,
+                channel.name, reading.stage, float(value), channel.sd(reading),
+                bool(taken), channel.unit, channel.dimension,
             )
-            for channel in case.channels
-            for stage in case.stage_names[1:]
-            if unreadable(channel.name, stage) is None
+            for (channel, reading), value, taken in zip(
+                rows,
+                (*readings.value[used], *free),
+                (*readings.used[used], *np.isfinite(free)),
+                strict=True,
+            )
         )  # fmt: skip
 
     @property
@@ -323,6 +374,36 @@ class _OneSection:
             for one in found
         )
 
+    def _steps(self, case: Case, increments: Floats) -> ReadingSteps:
+        """What the model error of the readings that are shown is made of.
+
+        Args:
+            case: with the accuracies that go with it.
+            increments: (n_states, n_channels) what each step changes in what channels see, SI.
+        """
+        options, readings = case.fit.model_error, self._setup.readings
+        length = correlation_length(case, options)
+        time = correlation_time(case, options, readings.used_pairs)
+        pairs = self._shown_pairs
+        return reading_steps(case, self._setup.model, increments, pairs, length, time)
+
+    def _errors(self, setup: Setup) -> SectionErrors:
+        """The errors of readings after an own fit, or as they are stated without one."""
+        setup = setup.as_stated()
+        case, options = setup.case, setup.case.fit.model_error
+        nothing = np.zeros((len(case.stage_names), len(case.channels)))
+        rows, taken = self._shown_in(case), setup.readings.used[self._rows]
+        used = np.zeros(len(rows), dtype=np.bool_)
+        used[: len(taken)] = taken
+        return SectionErrors(
+            rows,
+            used,
+            self._steps(case, nothing),
+            correlation_length(case, options),
+            options,
+            options.kind == "estimate" and not setup.errors.names,
+        )
+
     def _prepared(self, stop: StopRequest) -> PreparedSection:
         setup, case = self._setup, self._setup.case
         n = len(case.parameters)
@@ -343,7 +424,7 @@ class _OneSection:
             path.unlink(missing_ok=True)
             return PreparedSection(
                 case.parameters, readings.value[used], problem.sd, problem.shared,
-                self._shown_rows(), start, nothing, "", self._notes,
+                self._shown_rows(), self._errors(setup), start, nothing, "", self._notes,
             )  # fmt: skip
         require_possible(setup.model, case, case.fit.methods)
         with log:
@@ -352,13 +433,10 @@ class _OneSection:
         table = parameter_table(case.parameters, estimate.outcome.values, estimate.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan
-        problem, methods = state.problem, case.fit.methods
-        few = (
-            f"Section {self._section.name}: {note}"
-            for note in model_error_notes(state.setup.model_error, case, readings, methods)
-        )
+        problem = state.problem
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
-            self._shown_rows(), estimate.outcome.values, alone, estimate.outcome.status,
-            (*self._notes, *setup.model.notes, *few), self._together(state, estimate),
+            self._shown_rows(), self._errors(state.setup), estimate.outcome.values, alone,
+            estimate.outcome.status, (*self._notes, *setup.model.notes),
+            self._together(state, estimate),
         )  # fmt: skip

@@ -44,10 +44,18 @@ def shipped(tmp_path_factory, request):
     return fitted(path, leave_one_out=True)
 
 
+def two_sections(folder):
+    """The path of a project of two sections whose errors are those of the gauges, as stated."""
+    path = example(folder, SECTIONS)
+    section = Path(path).with_name("section.yaml")
+    section.write_text(section.read_text("utf-8") + "  model_error: none\n", "utf-8")
+    return path
+
+
 @pytest.fixture(scope="module")
 def two(tmp_path_factory):
     """The path of a project of two sections, and its fit, which several tests look at."""
-    path = example(tmp_path_factory.mktemp("two"), SECTIONS)
+    path = two_sections(tmp_path_factory.mktemp("two"))
     return path, fitted(path)
 
 
@@ -154,7 +162,7 @@ class Stops(Monitor):
 
 
 def test_an_interrupted_fit_goes_on_from_its_checkpoint(two, tmp_path):
-    path = example(tmp_path, SECTIONS)
+    path = two_sections(tmp_path)
     control = Control()
     stopping = replace(control, monitor=Stops(control))
     with pytest.raises(Interrupted, match="continues from there"):
