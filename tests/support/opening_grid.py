@@ -50,8 +50,8 @@ class OpeningCase:
     K0: float = 1.0
     released: tuple[float, ...] = (1.0,)
 
-    def staged(self) -> StagedModel:
-        """The model, its stages without support."""
+    def staged(self, mesh: Mesh | None = None) -> StagedModel:
+        """The model, its stages without support, on its own or another mesh."""
         vertical = 2.0 * CAVITY.pressure / (1.0 + self.K0)
         stress = constant(-self.K0 * vertical, -vertical, -CAVITY.pressure)
         phi, psi = np.radians([self.friction, self.dilation])
@@ -63,7 +63,8 @@ class OpeningCase:
         sides = {"x0": 0, "x1": 0, "y0": 1, "y1": 1}
         held = ("x0", "y0") if self.shape == "circle" else tuple(sides)
         supports = tuple(Support(side, (sides[side],)) for side in held)
-        return CAVITY.staged(self.mesh(), surface, stages=stages, supports=supports, in_situ=stress)
+        mesh = mesh or self.mesh()
+        return CAVITY.staged(mesh, surface, stages=stages, supports=supports, in_situ=stress)
 
     def mesh(self) -> Mesh:
         """Its mesh; middles of edges on the wall lie on its arch."""
