@@ -1,8 +1,8 @@
 """Every opening below its limit load ends with an answer, whatever elements, strengths and K0.
 
 An opening in ground with cohesion and friction is always carried. Circles under an all-round stress
-are held against the closed form; linear triangles move too little where volume must stay (Nagtegaal,
-Parks, Rice 1974), so only that they do not move too much is asked of them (`test_linear_elements`).
+are held against the closed form; linear triangles move too little where volume must stay
+(Nagtegaal, Parks, Rice 1974), so only that they do not move too much is asked of them (`test_linear_elements`).
 """
 
 from __future__ import annotations
