@@ -2,7 +2,8 @@
 
 An opening in ground with cohesion and friction is always carried. Circles under an all-round stress
 are held against the closed form; linear triangles move too little where volume must stay
-(Nagtegaal, Parks, Rice 1974), so only that they do not move too much is asked of them (`test_linear_elements`).
+(Nagtegaal, Parks, Rice 1974), so only that they do not move too much is asked of them (see
+`test_linear_elements`).
 """
 
 from __future__ import annotations
