@@ -1,9 +1,9 @@
 """Every opening below its limit load ends with an answer, whatever elements, strengths and K0.
 
 An opening in ground with cohesion and friction is always carried. Circles under an all-round stress
-are held against the closed form; linear triangles move too little where volume must stay
-(Nagtegaal, Parks, Rice 1974), so only that they do not move too much is asked of them (see
-`test_linear_elements`).
+are held against the closed form; elements of first order move too little, linear triangles since
+they lock (Nagtegaal, Parks, Rice 1974), quadrilaterals where the yielding ring is thinner than one
+of them, so only that they do not move too much is asked of them here (see `test_linear_elements`).
 """
 
 from __future__ import annotations
@@ -38,10 +38,8 @@ def assert_sound(case: OpeningCase) -> float:
     assert residual < 0.1
     if case.shape == "circle" and case.K0 == 1.0:
         error = walls[-1, 0] / case.closed_form() - 1.0
-        if case.kind == "tri3":
+        if case.kind in ("tri3", "quad4"):
             assert error < 0.01
-        elif case.kind == "quad4":  # with mean dilatation; meshes are coarse for first order
-            assert -0.06 < error < 0.01
         else:
             allowed = 0.03 if case.dilation == 0.0 else 0.01
             # Plastic strains fall like r^-(K + 1): the error of the mesh where that is steep.
