@@ -6,6 +6,12 @@ N_a / r, which gives the hoop strain u_r / r. A strain component is a sum of pro
 (displacement i) times (entry j), listed once per analysis; the compatibility operator, the
 stiffness of node pairs and the load vectors all follow from that list.
 
+Where ground yields, elements of first order take the *mean dilatation* (B-bar: Hughes 1980, Int. J.
+Numer. Meth. Eng. 15, 1413-1418): flow that keeps its volume at every point of an element leaves it
+no motion (Nagtegaal, Parks, Rice 1974). With d_ai the dilatation by displacement i of node a, the
+gradient vector has dim more entries, (mean d_ai - d_ai) / k, which are added to the k normal
+strains that displacements make. They are constant, so all else stays as it is.
+
 Components: plane strain (xx, yy, zz, xy) with eps_zz = 0, so that the out-of-plane stress needs no
 special case; axisymmetric (rr, zz, tt, rz) in the same places, with x the radius, y the axis and
 the hoop direction out of plane; 3-D (xx, yy, zz, xy, yz, xz). Shear strains are gamma = 2 eps.
@@ -32,7 +38,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -48,6 +54,8 @@ from geoident.model.mesh import ElementBlock, Mesh
 Terms = tuple[tuple[int, int], ...]
 """Pairs (displacement i, entry j of the gradient vector) whose products are summed."""
 
+NORMAL_COMPONENTS = 3
+"""The first three strain components, out of plane included, are normal strains."""
 
 _ON_AXIS = 1e-9
 """Distance from the axis, in parts of the size of the mesh, that counts as on it."""
@@ -63,17 +71,31 @@ class Kinematics:
         rigid: which motions make no strain: the translations along the axes come first (0 to
             dim - 1), then the rotations (one in the plane, three in space).
         revolved: whether the plane is turned about the axis x = 0.
+        mean_dilatation: whether elements of first order dilate alike at all their points.
     """
 
     dim: int
     strains: tuple[Terms, ...]
     rigid: tuple[int, ...]
     revolved: bool = False
+    mean_dilatation: bool = False
 
     @property
     def n_strain(self) -> int:
         """Number of strain components."""
         return len(self.strains)
+
+    @property
+    def n_entries(self) -> int:
+        """Number of entries of gradient vectors."""
+        return self.dim * (1 + self.mean_dilatation) + self.revolved
+
+    def with_mean_dilatation(self) -> Kinematics:
+        """The same with the mean dilatation in elements of first order."""
+        more = tuple((i, self.n_entries + i) for i in range(self.dim))
+        normal, shear = self.strains[:NORMAL_COMPONENTS], self.strains[NORMAL_COMPONENTS:]
+        dilating = tuple(terms + more if terms else terms for terms in normal)
+        return replace(self, strains=dilating + shear, mean_dilatation=True)
 
     def on_axis(self, points: Floats) -> Bools:
         """(n,) which of the points (n, dim) lie on the axis of revolution.
@@ -106,18 +128,29 @@ class Kinematics:
         """Extent out of the plane at some positions (..., dim), m: 2 pi r, or a unit length."""
         return 2 * np.pi * positions[..., 0] if self.revolved else 1.0
 
-    def gradient_vectors(self, gradients: Floats, shapes: Floats, positions: Floats) -> Floats:
+    def gradient_vectors(
+        self, gradients: Floats, shapes: Floats, positions: Floats, volumes: Floats, order: int
+    ) -> Floats:
         """Gradient vectors (n_el, n_q, n_a, n_entries), 1/m.
 
         Args:
             gradients: (n_el, n_q, n_a, dim) dN_a/dx_j.
             shapes: (n_q, n_a) N_a.
             positions: (n_el, n_q, dim), m.
+            volumes: (n_el, n_q) integration weights, m3.
+            order: of the elements.
         """
-        if not self.revolved:
-            return gradients
-        hoop = shapes[None] / positions[..., :1]
-        return np.concatenate([gradients, hoop[..., None]], axis=3)
+        vectors, dilatation = [gradients], gradients
+        if self.revolved:
+            hoop = (shapes[None] / positions[..., :1])[..., None]
+            vectors.append(hoop)
+            dilatation = np.concatenate([gradients[..., :1] + hoop, gradients[..., 1:]], axis=3)
+        if self.mean_dilatation:
+            weights = volumes / volumes.sum(axis=1, keepdims=True)
+            mean = np.einsum("eq,eqai->eai", weights, dilatation)[:, None]
+            n_normal = sum(map(bool, self.strains[:NORMAL_COMPONENTS]))
+            vectors.append((order == 1) * (mean - dilatation) / n_normal)
+        return np.concatenate(vectors, axis=3) if len(vectors) > 1 else gradients
 
     def stiffness_map(self, elasticity: Floats) -> Floats:
         """How moduli turn products of gradient vectors into stiffness: (n_entries^2, dim^2).
@@ -138,14 +171,13 @@ class Kinematics:
     @cached_property
     def adds(self) -> tuple[tuple[tuple[int, int], ...], ...]:
         """For every entry of gradient vectors, the pairs (component, displacement) it makes."""
-        n_entries = self.dim + self.revolved
         pairs = [(c, i, j) for c, terms in enumerate(self.strains) for i, j in terms]
-        return tuple(tuple((c, i) for c, i, j in pairs if j == e) for e in range(n_entries))
+        return tuple(tuple((c, i) for c, i, j in pairs if j == e) for e in range(self.n_entries))
 
     @cached_property
     def incidence(self) -> Floats:
         """(n_strain, dim, n_entries) 1 where displacement i adds to a component by entry j."""
-        incidence = np.zeros((self.n_strain, self.dim, self.dim + self.revolved))
+        incidence = np.zeros((self.n_strain, self.dim, self.n_entries))
         for component, terms in enumerate(self.strains):
             for i, j in terms:
                 incidence[component, i, j] = 1.0
@@ -211,7 +243,8 @@ def block_geometry(points: Floats, block: ElementBlock, kinematics: Kinematics) 
     gradients = np.einsum("qaj,eqji->eqai", local, inverse, optimize=True)
     positions = np.einsum("qa,eai->eqi", shapes, corners, optimize=True)
     volumes = determinant * weights * kinematics.depth(positions)
-    vectors = kinematics.gradient_vectors(gradients, shapes, positions)
+    order = reference.cell.order
+    vectors = kinematics.gradient_vectors(gradients, shapes, positions, volumes, order)
     # entry by entry in memory, so that what is made of one of them need not copy it
     by_entry = np.ascontiguousarray(np.moveaxis(vectors, -1, 0))
     return BlockGeometry(np.moveaxis(by_entry, 0, -1), volumes, shapes, positions)
@@ -312,7 +345,10 @@ class StrainPoints:
                 indices.append(np.stack(columns, axis=-1).ravel())
         indptr = np.cumsum(np.concatenate(counts))
         shape = (len(indptr) - 1, self.n_dofs)
-        return sp.csr_array((np.concatenate(data), np.concatenate(indices), indptr), shape=shape)
+        C = sp.csr_array((np.concatenate(data), np.concatenate(indices), indptr), shape=shape)
+        if self.kinematics.mean_dilatation:  # several entries of a node by one displacement
+            C.sum_duplicates()
+        return C
 
     @cached_property
     def points_of_nodes(self) -> sp.csr_array:
@@ -352,10 +388,12 @@ def _gradients(
         n_el, n_q, n_a, _ = geometry.gradients.shape
         counts.append(np.full(n_el * n_q, n_a, dtype=np.int32))
         nodes.append(np.repeat(block.nodes.astype(np.int32), n_q, axis=0).ravel())
-    n_entries = kinematics.dim + kinematics.revolved
     indptr, indices = np.cumsum(np.concatenate(counts), dtype=np.int32), _joined(nodes)
     shape = (len(indptr) - 1, mesh.n_nodes)
-    values = [_joined([g.gradients[..., j].ravel() for g in geometries]) for j in range(n_entries)]
+    values = [
+        _joined([g.gradients[..., j].ravel() for g in geometries])
+        for j in range(kinematics.n_entries)
+    ]
     return tuple(sp.csr_array((data, indices, indptr), shape=shape) for data in values)
 
 

@@ -21,8 +21,8 @@ from functools import partial
 
 import numpy as np
 
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.forward.actions.edges import HELD_EDGES
-from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.ground.elasticity import elastic_matrix

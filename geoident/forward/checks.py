@@ -56,7 +56,12 @@ from geoident.forward.structures.checks import (
     structure_place_faults,
 )
 from geoident.forward.structures.members import inadmissible as impossible_structure
-from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
+from geoident.forward.yielding.checks import (
+    locking_notes,
+    no_stress_left,
+    yield_faults,
+    yield_notes,
+)
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh
@@ -168,6 +173,7 @@ def notes_on_mesh(
     notes += mesh_notes(on_mesh)
     notes += _odd_notes(on_mesh, in_tension=in_tension)
     notes += yield_notes(case)
+    notes += locking_notes(on_mesh)
     notes += structure_notes(on_mesh)
     return notes
 

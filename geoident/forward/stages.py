@@ -23,6 +23,7 @@ from geoident.forward.of_mesh import OfMesh
 from geoident.model.actions import FaceDistance, Load, Release, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
+from geoident.model.cells import CELLS
 from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
@@ -196,10 +197,19 @@ class CaseOnMesh:
     turned: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     growths: tuple[PointGrowth, ...] = ()
 
-    @property
+    @cached_property
     def kinematics(self) -> Kinematics:
-        """Of the analysis."""
-        return kinematics_of(self.case.analysis)
+        """Of the analysis; with the mean dilatation where ground yields.
+
+        Elastic ground, which it would cost more, does not need it: its answers stay what they are.
+        """
+        kinematics = kinematics_of(self.case.analysis)
+        yields = any(material.yields for material in self.case.materials.values())
+        averaged = yields and any(
+            CELLS[block.kind].order == 1 and len(kinematics.quadrature(block.kind)[1]) > 1
+            for block in self.mesh.blocks
+        )
+        return kinematics.with_mean_dilatation() if averaged else kinematics
 
     @cached_property
     def table(self) -> FaceTable:

@@ -256,6 +256,7 @@ class Case:
         analysis: kind of analysis.
         mesh_file: path of the mesh, resolved against the folder of the case; None for a case that
             is computed in closed form.
+        mesh_order: 2 where elements of first order get nodes on their edges.
         parameters: what is identified, in the order of the file.
         materials: by name.
         groups: element group to material name at stage 0, or None for absent.
@@ -304,6 +305,7 @@ class Case:
     imbalance_accepted: bool = False
     elsewhere: ExternalSource | None = None
     face: FaceProfile | None = None
+    mesh_order: int = 1
 
     @property
     def yields(self) -> bool:

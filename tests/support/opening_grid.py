@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,8 +51,8 @@ class OpeningCase:
     K0: float = 1.0
     released: tuple[float, ...] = (1.0,)
 
-    def staged(self) -> StagedModel:
-        """The model, its stages without support."""
+    def staged(self, mesh: Mesh | None = None, **changes: Any) -> StagedModel:
+        """The model, its stages without support, on its own or another mesh."""
         vertical = 2.0 * CAVITY.pressure / (1.0 + self.K0)
         stress = constant(-self.K0 * vertical, -vertical, -CAVITY.pressure)
         phi, psi = np.radians([self.friction, self.dilation])
@@ -63,7 +64,8 @@ class OpeningCase:
         sides = {"x0": 0, "x1": 0, "y0": 1, "y1": 1}
         held = ("x0", "y0") if self.shape == "circle" else tuple(sides)
         supports = tuple(Support(side, (sides[side],)) for side in held)
-        return CAVITY.staged(self.mesh(), surface, stages=stages, supports=supports, in_situ=stress)
+        settings = {"stages": stages, "supports": supports, "in_situ": stress, **changes}
+        return CAVITY.staged(mesh or self.mesh(), surface, **settings)
 
     def mesh(self) -> Mesh:
         """Its mesh; middles of edges on the wall lie on its arch."""

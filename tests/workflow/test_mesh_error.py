@@ -256,7 +256,8 @@ def test_a_sentence_says_whether_it_matters():
     everything = np.ones(found.error.shape, dtype=bool)
     for accuracy, said in (
         (1e-6, "The mesh is too coarse for these readings: {mean} ({most}). Halve the elements "
-         "where the ground moves most, or take elements of second order."),
+         "where the ground moves most, or write 'order: 2' under 'mesh' for elements of second "
+         "order."),
         (4e-4, "The mesh is fine enough: {mean} ({most})."),
         (1.0, "Little of the accuracy of the readings is lost to mesh error ({most})."),
     ):  # fmt: skip

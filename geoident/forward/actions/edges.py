@@ -13,8 +13,8 @@ from typing import TypeAlias
 import numpy as np
 
 from geoident.fem.faces import FacetPatch, patches
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.loads import facet_geometry, stress_forces
-from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import (
     CoverAndSurcharge,

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.faces import load_patches
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.loads import (
     pressure_forces,
     pressure_operator,
@@ -22,7 +23,6 @@ from geoident.fem.loads import (
 )
 from geoident.forward.actions.edges import HELD_EDGES, loaded_edges
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water

@@ -17,9 +17,6 @@ from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
 
-NORMAL_COMPONENTS = 3
-"""The first three strain components, out of plane included, are normal strains."""
-
 
 class ThermalStrains:
     """Thermal strains of all states; given temperature fields are interpolated once.

@@ -38,7 +38,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.actions.thermal import NORMAL_COMPONENTS
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.analysis.stage import ElasticTrace, FactorCache, LinearRows, StageTask
 from geoident.forward.ground.elasticity import ModeSlopes

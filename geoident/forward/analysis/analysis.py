@@ -42,10 +42,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import CollapseError
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
-from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
+from geoident.forward.actions.thermal import ThermalStrains
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,

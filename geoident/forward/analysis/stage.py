@@ -13,8 +13,8 @@ import scipy.sparse as sp
 
 from geoident.errors import ModelError
 from geoident.fem.elasticity import Moduli
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
-from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.systems import StageSystem, StageSystems
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, Index

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 
 import scipy.sparse as sp
 
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.forward.gauges.ground_points import GroundPoints
 from geoident.forward.gauges.motion import RelativeDisplacements
 from geoident.forward.gauges.placement import Placed, is_placed_after
-from geoident.forward.gauges.stress import NORMAL_COMPONENTS, component_weights
+from geoident.forward.gauges.stress import component_weights
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.gauges import Channel
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.recovery import Recovery
 from geoident.forward.analysis.stage import LinearRows
 from geoident.forward.gauges.ground_points import GONE, GroundPoint, GroundPoints
@@ -34,9 +35,6 @@ COMPONENTS: Mapping[int, tuple[str, ...]] = {
     6: ("xx", "yy", "zz", "xy", "yz", "xz"),
 }
 """Names of the components of a plane and of a solid, in their order."""
-
-NORMAL_COMPONENTS = 3
-"""Number of normal components, which come first."""
 
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 """Row and column of every component in the tensor."""

@@ -44,6 +44,7 @@ from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Accelerations,
     CaseNumber,
+    Count,
     FixedAcceleration,
     Name,
     ParameterName,
@@ -62,6 +63,12 @@ class MeshSection(Section):
 
     file: Text = Field(
         description="Path of the mesh, relative to the case. Groups go by their physical names."
+    )
+    order: Annotated[int, Count(most=2)] = Field(
+        1,
+        description="2 gives elements of first order nodes on the middle of their straight edges: "
+        "linear triangles, tetrahedra and wedges are too stiff where ground yields. 1 takes the "
+        "elements as they are in the file.",
     )
 
 
@@ -281,6 +288,7 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         context,
         analysis=context.analysis,
         mesh_file=None,
+        mesh_order=1 if section.mesh is None else section.mesh.order,
         parameters=with_periods(
             [p.parameter(name) for name, p in section.parameters.items()], ties
         ),

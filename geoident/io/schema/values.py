@@ -359,9 +359,10 @@ def _require_angle(given: CaseNumber) -> None:
 
 @dataclass(frozen=True)
 class Count:
-    """Annotation of an int: a whole number, not less than ``least``."""
+    """Annotation of an int: a whole number from ``least`` to ``most``."""
 
     least: int = 1
+    most: int | None = None
 
     def parse(self, value: object) -> int:
         """The number that a text says.
@@ -374,8 +375,10 @@ class Count:
             number = float(text)
         except ValueError:
             number = -1.5
-        if not number.is_integer() or not self.least <= number <= 10**9:
-            message = f"'{shorten(text)}' is not a whole number from {self.least} on"
+        most = 10**9 if self.most is None else self.most
+        if not number.is_integer() or not self.least <= number <= most:
+            end = "on" if self.most is None else f"to {most}"
+            message = f"'{shorten(text)}' is not a whole number from {self.least} {end}"
             raise Refusal("bad-count", message, "Write a number without decimals and unit.")
         return int(number)
 
@@ -387,7 +390,8 @@ class Count:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        return {"type": "integer", "minimum": self.least}
+        most = {} if self.most is None else {"maximum": self.most}
+        return {"type": "integer", "minimum": self.least, **most}
 
 
 @dataclass(frozen=True)

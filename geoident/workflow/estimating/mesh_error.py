@@ -353,7 +353,9 @@ def mesh_sentence(mesh_error: MeshError, which: Bools) -> str:
     error = f"the mesh error of the readings is on average {scatter:.2g} times their accuracy"
     if scatter < MATTERS:
         return f"The mesh is fine enough: {error} (at most {worst})."
-    instead = ", or take elements of second order" if mesh_error.first_order else ""
+    instead = ""
+    if mesh_error.first_order:
+        instead = ", or write 'order: 2' under 'mesh' for elements of second order"
     return (
         f"The mesh is too coarse for these readings: {error} (at most {worst}). Halve the elements "
         f"where the ground moves most{instead}."

@@ -15,6 +15,7 @@ import numpy as np
 
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
+from geoident.fem.refinement.finer import raised
 from geoident.fem.solvers import pick_solver
 from geoident.forward.external.convergence import LawModel
 from geoident.forward.external.model import ExternalModel
@@ -249,18 +250,20 @@ def load_mesh(inputs: Inputs, path: str) -> Mesh:
     """
     case = inputs.case
     try:
-        return _mesh(path, case.analysis.dim, tuple(map(known_sha256, mesh_files(path))))
+        checksums = tuple(map(known_sha256, mesh_files(path)))
+        return _mesh(path, case.analysis.dim, case.mesh_order, checksums)
     except InputError as error:
         raise InputError(_in_case(fault, case) for fault in error.faults) from error
 
 
 @lru_cache(maxsize=1)
-def _mesh(path: str, dim: int, checksums: tuple[str, ...]) -> Mesh:
+def _mesh(path: str, dim: int, order: int, checksums: tuple[str, ...]) -> Mesh:
     """A mesh; the next case of a campaign is on the same one mostly, as its checksums tell.
 
     What was found of it (`forward.of_mesh`) stays with it.
     """
-    return read_mesh(path, dim=dim)
+    mesh = read_mesh(path, dim=dim)
+    return raised(mesh) if order == 2 else mesh
 
 
 def _in_case(fault: Fault, case: Case) -> Fault:

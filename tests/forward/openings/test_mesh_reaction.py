@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from support.cases import material
 from support.derivatives import assert_exact
+from support.opening_grid import FLOOR, OpeningCase
 from support.tunnels import walled
 from support.yielding import constant, mohr, parameters, rock
 
 from geoident.errors import CollapseError, InputError
+from geoident.forward.analysis.analysis import RunOptions
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
@@ -79,6 +81,60 @@ def test_a_circle_in_even_stress_releases_as_the_closed_form():
     for one, other in zip(meshed.face_states({}), exact, strict=True):
         assert one.share == pytest.approx(other.share, rel=1e-12)
         assert one.released == pytest.approx(other.released, abs=1.2e-3)
+
+
+@pytest.mark.parametrize("kind", ["quad4", "quad8"])
+def test_a_circle_in_uneven_stress_releases_as_kirsch_and_galin_say(kind):
+    """K0 0.75, where the closed form of geoident has no value; ahead of the face nothing yields.
+
+    There the wall moves in the mean as by Kirsch, lambda P R / 2G. At last Tresca's ground flows
+    all around: the stresses of Galin (1946, Prikl. Mat. Mekh. 10; Hill, Mathematical Theory of
+    Plasticity, IX.8), with an elliptic edge of the mean radius m = R exp(P / 2k - 1/2) and
+    d = (s_h - s_v) / 2k. Their function Psi falls like -k (1 + d^2) m^2 / z^2, so ground that keeps
+    its volume moves the wall in the mean by k (1 + d^2) m^2 / 2GR.
+    """
+    P, k, d = 10 * MPa, 4 * MPa, 0.35
+    uneven = constant(-(P - k * d), -(P + k * d), -P)
+    m = np.exp(P / (2 * k) - 0.5)  # in radii
+    last = k * (1.0 + d**2) * m**2 / P  # of the motion of Kirsch
+    fine = (16, 60) if kind == "quad4" else (8, 40)
+    mesh = walled(kind, n=fine[0], layers=fine[1], radius=RADIUS, reach=40.0 * RADIUS)
+    found = staged(
+        mesh, rock(5e9, 0.499, mohr(k, 0.0)), face=profile("chern", conversion="mesh"),
+        stages=stages((-1.5 * RADIUS,)), in_situ=uneven, channels=(),
+    )  # fmt: skip
+    (ahead,) = found.face_states({})
+    assert ahead.released == pytest.approx(ahead.share * last, rel=0.01)
+    assert ahead.released > 1.9 * ahead.share
+
+
+def lost_area(staged_model, floor: float) -> np.ndarray:
+    """Area that the wall of one half of a horseshoe loses, state by state, m2."""
+    mesh = staged_model.mesh
+    x, y = mesh.points.T
+    on_arch = (np.abs(np.hypot(x, y) - 1.0) < 1e-9) & (y >= 0.0)
+    on_side, on_floor = np.abs(x - 1.0) < 1e-9, np.abs(y - floor) < 1e-9
+    wall = on_arch | (on_side & (y <= 0.0) & (y >= floor)) | (on_floor & (x <= 1.0 + 1e-9))
+    wall = np.flatnonzero(wall & (np.hypot(x, y) < 2.0))
+    wall = wall[np.argsort(np.arctan2(y[wall] - 0.5 * floor, x[wall]))]
+    along = np.diff(mesh.points[wall], axis=0)
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)  # out of the opening
+    run = staged_model.at(np.empty(0), RunOptions(derivatives=False, explain=False))
+    moved = np.array([end.u[:, 0].reshape(-1, 2)[wall] for end in run.states()][1:])
+    return -np.sum(0.5 * (moved[:, 1:] + moved[:, :-1]) * normals, axis=(1, 2))
+
+
+def test_a_flat_floor_releases_what_another_mesh_asks_for():
+    """Sharp corners, K0 2, no dilation: no closed form. Truth: other elements, parts by hand."""
+    opening = OpeningCase("horseshoe", "tri6", 0.15, 30.0, 0.0, 0.15, K0=2.0)
+    face = replace(profile("chern", conversion="mesh"), radius=Scalar(1.0))
+    states = opening.staged(stages=stages((0.5,)), face=face).face_states({})
+    parts = tuple(state.released for state in states)
+    shares = np.array([state.share for state in states])
+    assert np.all(parts > shares + 0.05)
+    other = replace(opening, kind="quad8", size=0.1, released=(*parts, 1.0))
+    area = lost_area(other.staged(), FLOOR)
+    np.testing.assert_allclose(area[:-1] / area[-1], shares, atol=0.02)
 
 
 @pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])

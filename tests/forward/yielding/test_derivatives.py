@@ -170,7 +170,7 @@ def block(*yields, **values) -> Problem:
         box("hex8", (3, 3, 3), distortion=0.1),
         stages,
         [(0.6, 0.6, 0.99), (1.0, 0.3, 0.7), (0.4, 1.0, 0.8)],
-        values={"E": 1e9, "nu": 0.3, "q": 4e6, "sig": -1e6, **values},
+        values={"E": 1e9, "nu": 0.3, "q": 3.6e6, "sig": -1e6, **values},
         materials={"rock": rock(tied("E"), tied("nu"), *yields)},
         groups={"all": "rock"},
         supports=(Support("z0", (0, 1, 2)),),

@@ -1,8 +1,9 @@
 """Every opening below its limit load ends with an answer, whatever elements, strengths and K0.
 
 An opening in ground with cohesion and friction is always carried. Circles under an all-round stress
-are held against the closed form; elements of first order move too little where volume must stay
-(Nagtegaal, Parks, Rice 1974), so only that they do not move too much is asked of them.
+are held against the closed form; elements of first order move too little, linear triangles since
+they lock (Nagtegaal, Parks, Rice 1974), quadrilaterals where the yielding ring is thinner than one
+of them, so only that they do not move too much is asked of them here (see `test_linear_elements`).
 """
 
 from __future__ import annotations
