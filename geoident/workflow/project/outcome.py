@@ -24,6 +24,7 @@ from geoident.identify.hierarchical.knowledge import (
 )
 from geoident.identify.hierarchical.search import HierarchicalFit
 from geoident.io.text.text_file import seen_from
+from geoident.io.text.wording import listing
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
@@ -120,14 +121,26 @@ def project_result(
         if not row.determined and row.parameter not in shared
     ]
     poor = total.above < POOR and total.scale >= UNUSABLE
+    mistaken = {
+        job.project.sections[n].name: one
+        for n in whole.numbers
+        if (one := whole.prepared[n].mistaken) is not None
+    }
+    misled = [name for name, one in mistaken.items() if one.poor]
     status, reason = outcome.status, outcome.reason
     if status == "converged":
-        status = "poor-fit" if poor else "not-determined" if loose else "converged"
+        status = "poor-fit" if poor or misled else "not-determined" if loose else "converged"
     if loose:
         reason += f" Not determined: {', '.join(loose)}."
     if poor:
         reason += " The models do not fit the readings: the residuals are "
         reason += f"{total.scale:.2g} times as large as their errors explain."
+
+    if misled:
+        reason += (
+            f" Readings or priors of {listing(misled)} seem to be mistaken and have moved the "
+        )
+        reason += "parameters (see the findings)."
 
     notes = [note for one in whole.prepared for note in one.notes]
     notes += [
@@ -170,7 +183,8 @@ def project_result(
     )
     v, J = whole.fit.problem.response.evaluate(outcome.values)
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
-    return replace(result, findings=findings(result, gaps))
+    mistakes = {name: one.findings for name, one in mistaken.items()}
+    return replace(result, findings=findings(result, gaps, mistakes))
 
 
 def _provenance(job: ProjectJob) -> Provenance:

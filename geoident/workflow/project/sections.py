@@ -23,6 +23,7 @@ from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.many.project import SectionReading
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import assess_fit
+from geoident.workflow.estimating.mistakes import MistakenReadings, mistakes_of_fit
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
 from geoident.workflow.executing.stop import StopRequest
@@ -127,6 +128,7 @@ class PreparedSection:
         alone: (3, n) the same where it determines them, lower and upper ends of 95 %; else NaN.
         status: how its own fit ended; empty where there was none.
         notes: sentences.
+        mistaken: mistakes in its readings and priors that its own fit shows.
     """
 
     parameters: tuple[Parameter, ...]
@@ -138,6 +140,7 @@ class PreparedSection:
     alone: Floats
     status: str
     notes: tuple[str, ...] = ()
+    mistaken: MistakenReadings | None = None
 
 
 @dataclass(frozen=True)
@@ -316,6 +319,7 @@ class _OneSection:
         with log:
             state = estimated(setup, case.fit.methods, log, control)
             estimate = assess_fit(*state, fields=False)
+            mistaken = mistakes_of_fit(case, *state, case.fit.methods)
         table = parameter_table(case.parameters, estimate.outcome.values, estimate.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan
@@ -323,5 +327,5 @@ class _OneSection:
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
             self._shown_rows(), estimate.outcome.values, alone, estimate.outcome.status,
-            (*case.notes, *setup.model.notes),
+            (*case.notes, *setup.model.notes), mistaken,
         )  # fmt: skip
