@@ -80,6 +80,9 @@ _AGREES = 3.0
 _MODEL = 0.1
 """Relative error of any model, beside that of the readings, in this comparison of factors."""
 
+_MODEL_OF_SIGN = 0.3
+"""The same where only the sign is in question."""
+
 _TRIED = 4
 """Hypotheses that are fitted before one is named or none."""
 
@@ -377,6 +380,10 @@ class _Search:
         """One factor on all readings."""
         return one.kind == "factor" and len(one.suspects.rows) == len(self.problem.measured)
 
+    def _of_most(self, one: _Hypothesis) -> bool:
+        """One factor on more than half of the readings: the errors of these are as written."""
+        return one.kind == "factor" and 2 * len(one.suspects.rows) > len(self.problem.measured)
+
     def _plain(self, one: _Fitted) -> tuple[float, float]:
         """Minus twice the logarithm of its likelihood by the accuracies alone, in two readings.
 
@@ -559,8 +566,9 @@ class _Search:
             if a <= 0.0:
                 return None
             factor = 1.0 - b / a
-            if abs(factor - 1.0) <= _AGREES * np.sqrt(at.scatter**2 / a + _MODEL**2):
-                assert one.factor is not None
+            assert one.factor is not None
+            model = _MODEL_OF_SIGN if one.factor == -1.0 else _MODEL
+            if abs(factor - 1.0) <= _AGREES * np.sqrt(at.scatter**2 / a + model**2):
                 size = float(np.sqrt(np.mean(at.residuals(rows) ** 2)))
                 score = self._score(one, at, as_read)
                 score += 2.0 * len(rows) * log(abs(one.factor))
@@ -570,7 +578,7 @@ class _Search:
                 whole = float(u @ at.covariance.solve(u))
                 if a < _FOLLOWED * whole and one.factor > 0.0:  # the parameters could follow
                     fits = fits and self._strained(as_read) > self._strained(at)
-                if self._of_all(one):
+                if self._of_most(one):
                     fits = fits and at.objective < _CURED * as_read.objective
                 return _Fitted(one, score, none, at, uncertainty) if fits else None
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
@@ -582,18 +590,18 @@ class _Search:
     def _with_factor(self, one: _Hypothesis, start: Floats) -> Linearized | None:
         """The estimate where a factor is right, with the errors that belong to it."""
         assert one.factor is not None
-        read = self.problem.measured.copy()
-        read[one.suspects.rows] *= one.factor
-        if not self._of_all(one):
-            at = self._refitted(replace(self.problem, measured=read), start)
+        factor = np.ones(len(self.problem.measured))
+        factor[one.suspects.rows] = one.factor
+        changed = replace(self.problem, measured=factor * self.problem.measured)
+        if not self._of_most(one):
+            at = self._refitted(changed, start)
             return None if at is None else self._weighed(at)
-        changed = _with_errors(replace(self.problem, measured=read), self.problem, one.factor)
-        at = self._refitted(changed, start)
+        at = self._refitted(_with_errors(changed, self.problem, factor), start)
         if at is None:
             return None
-        errors = self.errors(self.problem.measured, at.readings / one.factor)
-        weighed = replace(self.problem, sd=errors[0], shared=errors[1])
-        return self._linearized(_with_errors(at.problem, weighed, one.factor), at.values)
+        sd, shared = self.errors(self.problem.measured, at.readings / factor)
+        weighed = replace(self.problem, sd=sd, shared=shared)
+        return self._linearized(_with_errors(at.problem, weighed, factor), at.values)
 
     def _fitted_exchange(
         self, one: _Hypothesis, start: Floats, as_read: Linearized
@@ -731,10 +739,12 @@ class _Search:
         return self._linearized(replace(at.problem, sd=sd, shared=shared), at.values)
 
 
-def _with_errors(problem: Problem, of: Problem, factor: float) -> Problem:
-    """A problem with the errors of another times a factor."""
-    shared = None if of.shared is None else SharedErrors(of.shared.columns * abs(factor))
-    return replace(problem, sd=of.sd * abs(factor), shared=shared)
+def _with_errors(problem: Problem, of: Problem, factor: Floats) -> Problem:
+    """A problem with the errors of another times factors (g,) of the readings."""
+    shared = of.shared
+    if shared is not None:
+        shared = SharedErrors(sp.csr_array(sp.diags_array(np.abs(factor)) @ shared.columns))
+    return replace(problem, sd=of.sd * np.abs(factor), shared=shared)
 
 
 def _times(q: Parameter, factor: float) -> Parameter:

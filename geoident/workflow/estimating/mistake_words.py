@@ -49,6 +49,9 @@ class MistakeWords:
         remedies = [self._remedy(mistake)]
         if any(one.suspects.level == PARAMETER for one in (mistake, *mistake.rivals)):
             remedies += [self._remedy(one) for one in mistake.rivals]
+            if not any(one.of_all for one in (mistake, *mistake.rivals)):
+                check = listing(loading(self.case))
+                remedies.append(f"What loads the ground has a like effect: check {check}.")
         sentence = f"{self._what(mistake)}.{others} {self._why(mistake)}. {' '.join(remedies)}"
         subjects = chain.from_iterable(
             self._subject(one.suspects) for one in (mistake, *mistake.rivals)
@@ -235,12 +238,7 @@ class MistakeWords:
         if not q.lower < mistake.values[k] < q.upper or not lines:
             bounds = f"bounds: [{shown(q.lower)}, {shown(q.upper)}]"
             lines = [f"start: {shown(q.start)}", bounds, *lines]
-        write = f"If so, write '{', '.join(lines)}' at the parameter {q.name}."
-        if mistake.rivals or self.case.elsewhere is not None:
-            return write
-        return (
-            f"{write} What loads the ground has a like effect: check {listing(loading(self.case))}."
-        )
+        return f"If so, write '{', '.join(lines)}' at the parameter {q.name}."
 
     def _cause(self, rows: Sequence[int], factor: float) -> str:
         """Which unit was read as which; empty where that is not known."""
@@ -301,7 +299,10 @@ class MistakeWords:
             where = f"at {first.location}" if str(first.location) else "there"
             if len(rows) > 1:
                 where = f"from {where.removeprefix('at ')} on"
-            return f"Correct it {where}, or give the reason in the column 'bad'."
+            of_channel = np.array([name in channels for name in self.readings.channel])
+            few = np.count_nonzero(of_channel & self.readings.used) <= _FEW
+            also = self._points(one) if few else ""
+            return f"Correct it {where}, or give the reason in the column 'bad'.{also}"
         key = "sign: -1"
         if factor != -1.0:
             meant = self._meant(rows, factor)
@@ -335,9 +336,9 @@ class MistakeWords:
 
     def _points(self, one: Suspects) -> str:
         """What else makes readings of one channel or gauge too large, with a space before it."""
-        if self.case.elsewhere is not None or one.level not in ("channel", "axis", "gauge"):
+        if self.case.elsewhere is not None or one.level in ("kind", "file"):
             return ""
-        names = self._subject(one)
+        names = self._subject(one)[:1] if one.level == "reading" else self._subject(one)
         return (
             f" A point in the wrong place has a like effect: check the coordinates of "
             f"{listing(names)} in the case, too."
@@ -386,6 +387,9 @@ class MistakeWords:
         unit = channel.unit, channel.dimension
         return f"{in_unit(value, *unit):.4g} {shown_unit(*unit)}".rstrip()
 
+
+_FEW = 2
+"""Readings of a channel that a wrong place of its points moves alike."""
 
 _LISTED = 4
 """Channels that are listed in a line to write."""

@@ -46,8 +46,8 @@ def suspects(case: Case, readings: ReadingTable) -> tuple[Suspects, ...]:
     levels: list[tuple[str, Sequence[str]]] = [
         ("reading", [str(n) for n in range(len(rows))]),
         ("channel", channel),
-        ("axis", [_axis(one, of) for one, of in zip(channel, gauge, strict=True)]),
         ("gauge", gauge),
+        ("axis", [_axis(one, of) for one, of in zip(channel, gauge, strict=True)]),
         ("stage of a gauge", [f"{a}\n{b}" for a, b in zip(gauge, stage, strict=True)]),
         ("kind", kind),
         ("stage of a kind", [f"{a}\n{b}" for a, b in zip(kind, stage, strict=True)]),
