@@ -348,8 +348,14 @@ class _Search:
             for one in fitted:
                 if self._of_all(one.hypothesis) or one.hypothesis.suspects.level == PARAMETER:
                     alike.setdefault(one.hypothesis.suspects.key, one)
+
             # the data are the same to all of these but for the size of the errors
-            first, *others = sorted(alike.values(), key=lambda one: min(self._plain(one)))
+            # and one number of the case is wrong more often than all those of a parameter
+            def order(one: _Fitted) -> tuple[bool, float]:
+                likelier = _EQUAL if self._of_all(one.hypothesis) else 0.0
+                return not self._odd_prior(one), min(self._plain(one)) - likelier
+
+            first, *others = sorted(alike.values(), key=order)
         else:
             near = [one for one in fitted if one.score > first.score - _EQUAL]
             # a name in the wrong place is likelier than readings that happen to be ten times those
@@ -363,6 +369,14 @@ class _Search:
             first, *others = sorted(apart.values(), key=self._from_start)
         first = min((first, *self._other_factors(first, as_read)), key=self._from_start)
         return first, others
+
+    def _odd_prior(self, one: _Fitted) -> bool:
+        """The start value of the parameter agrees with the estimate, and its prior does not."""
+        for k, q in enumerate(self.problem.parameters):
+            if q.name == one.hypothesis.suspects.name and q.prior is not None and q.start > 0.0:
+                off = abs(log(q.start / one.at.values[k])), abs(log(q.start / q.prior.mean))
+                return one.hypothesis.suspects.level == PARAMETER and off[0] < off[1]
+        return False
 
     def _other_factors(self, best: _Fitted, as_read: Linearized) -> Iterator[_Fitted]:
         """Other factors that explain as much, where the parameters take up any within bounds."""
