@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +38,11 @@ from geoident.model.results.summary import (
 )
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.mistakes import mistaken_readings
-from geoident.workflow.estimating.reading_patterns import computed_at_start, size_findings
+from geoident.workflow.estimating.reading_patterns import (
+    computed_at_start,
+    size_findings,
+    still_findings,
+)
 from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.programs.program import executed
@@ -224,7 +228,12 @@ def _reading_notes(
         return ()
     places = [values, problem.start]
     wrong = mistaken_readings(case, readings, problem, places, model, [steps])
-    return sentences_of(wrong.findings) or _pattern_notes(model, readings)
+    if wrong:
+        return sentences_of(wrong.findings)
+    computed = np.full(len(readings), np.nan)
+    computed[readings.used] = response.readings(values)
+    still = still_findings(case, replace(readings, computed=computed))
+    return sentences_of(still) or _pattern_notes(model, readings)
 
 
 def _seconds(cost: CostEstimate | None) -> str:

@@ -89,6 +89,9 @@ _TRIED = 4
 _MOST = 5
 """Mistakes that are named in one fit."""
 
+_CLEAR_FACTOR = 2.0
+"""Accuracies that several readings are on the average where they are said to be too large."""
+
 _CLEAR_ZERO = 0.25
 """Part of the largest motion of a channel that a missed zero is at least.
 
@@ -583,23 +586,40 @@ class _Search:
             assert one.factor is not None
             model = _MODEL_OF_SIGN if one.factor == -1.0 else _MODEL
             if abs(factor - 1.0) <= _AGREES * np.sqrt(at.scatter**2 / a + model**2):
-                size = float(np.sqrt(np.mean(at.residuals(rows) ** 2)))
-                score = self._score(one, at, as_read)
-                score += 2.0 * len(rows) * log(abs(one.factor))
-                none, uncertainty = np.zeros(len(rows)), at.scatter / float(np.sqrt(a))
-                fits = size <= _AGREES * at.scatter and score > CERTAIN
-                u = np.asarray(U.toarray())[:, 0]
-                whole = float(u @ at.covariance.solve(u))
-                if a < _FOLLOWED * whole and one.factor > 0.0:  # the parameters could follow
-                    fits = fits and self._strained(as_read) > self._strained(at)
-                if self._of_most(one):
-                    fits = fits and at.objective < _CURED * as_read.objective
-                return _Fitted(one, score, none, at, uncertainty) if fits else None
+                score = self._score(one, at, as_read) + 2.0 * len(rows) * log(abs(one.factor))
+                if score < CERTAIN or not self._convinces(one, at, as_read, a):
+                    return None
+                return _Fitted(one, score, np.zeros(len(rows)), at, at.scatter / float(np.sqrt(a)))
             wanted = [f for f in FACTORS if abs(f - factor * one.factor) < _NEARLY * abs(f)]
             if not wanted:
                 return None
             one, start = replace(one, factor=wanted[0]), at.values
         return None
+
+    def _convinces(self, one: _Hypothesis, at: Linearized, as_read: Linearized, a: float) -> bool:
+        """Whether a factor that lowers the misfit is also what the readings say.
+
+        Args:
+            one: the hypothesis.
+            at: its fit.
+            as_read: the fit without it.
+            a: curvature of the misfit along the corrected readings.
+        """
+        assert one.factor is not None
+        rows, read = one.suspects.rows, at.problem.measured
+        if float(np.sqrt(np.mean(at.residuals(rows) ** 2))) > _AGREES * at.scatter:
+            return False
+        u = np.zeros(len(read))
+        u[rows] = read[rows]
+        followed = a < _FOLLOWED * float(u @ at.covariance.solve(u))  # the parameters could
+        if followed and one.factor > 0.0 and self._strained(as_read) <= self._strained(at):
+            return False
+        if abs(one.factor) < 1.0 and len(rows) > 1:  # what is next to nothing fits anything
+            none = np.zeros(len(read))
+            accuracy = self.errors(none, none)[0][rows]
+            if float(np.sqrt(np.mean((read[rows] / accuracy) ** 2))) < _CLEAR_FACTOR:
+                return False
+        return not self._of_most(one) or at.objective < _CURED * as_read.objective
 
     def _with_factor(self, one: _Hypothesis, start: Floats) -> Linearized | None:
         """The estimate where a factor is right, with the errors that belong to it."""
