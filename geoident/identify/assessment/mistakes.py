@@ -614,12 +614,13 @@ class _Search:
         followed = a < _FOLLOWED * float(u @ at.covariance.solve(u))  # the parameters could
         if followed and one.factor > 0.0 and self._strained(as_read) <= self._strained(at):
             return False
-        if abs(one.factor) < 1.0 and len(rows) > 1:  # what is next to nothing fits anything
-            none = np.zeros(len(read))
-            accuracy = self.errors(none, none)[0][rows]
-            if float(np.sqrt(np.mean((read[rows] / accuracy) ** 2))) < _CLEAR_FACTOR:
-                return False
-        return not self._of_most(one) or at.objective < _CURED * as_read.objective
+        if self._of_most(one):
+            return at.objective < _CURED * as_read.objective
+        if abs(one.factor) >= 1.0 or len(rows) == 1:
+            return True
+        none = np.zeros(len(read))  # what is next to nothing fits anything
+        accuracy = self.errors(none, none)[0][rows]
+        return float(np.sqrt(np.mean((read[rows] / accuracy) ** 2))) > _CLEAR_FACTOR
 
     def _with_factor(self, one: _Hypothesis, start: Floats) -> Linearized | None:
         """The estimate where a factor is right, with the errors that belong to it."""

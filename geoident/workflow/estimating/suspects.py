@@ -15,8 +15,9 @@ from geoident.model.gauges import Channel, ReadingTable
 
 _SERIES = 3
 """Readings of a channel that can show a missed zero."""
-_PAIRS = 20_000
-"""Pairs of a kind beyond which exchanged names are not looked for."""
+_MOST = 40_000
+"""Squares of the channels of a gauge, or the gauges of a kind, times the readings of each, beyond
+which exchanged names are not looked for: they would be as many hypotheses."""
 
 
 def suspects(case: Case, readings: ReadingTable) -> tuple[Suspects, ...]:
@@ -75,7 +76,8 @@ def _exchanges(case: Case, readings: ReadingTable) -> Iterator[Suspects]:
         if one.name in when:
             gauges.setdefault(one.gauge, []).append(one)
     known: set[tuple[bytes, bytes]] = set()
-    for level, name, pairs in _pairs(gauges):
+    mean = sum(map(len, when.values())) / max(len(when), 1)
+    for level, name, pairs in _pairs(gauges, int(np.sqrt(_MOST / max(mean, 1.0)))):
         every = [
             (when[first][at], when[second][at])
             for first, second in pairs
@@ -93,13 +95,18 @@ def _exchanges(case: Case, readings: ReadingTable) -> Iterator[Suspects]:
 
 
 def _pairs(
-    gauges: dict[str, list[Channel]],
+    gauges: dict[str, list[Channel]], most: int
 ) -> Iterator[tuple[str, str, list[tuple[str, str]]]]:
-    """Level, names for people, and pairs of channels that may have changed places."""
+    """Level, names for people, and pairs of channels that may have changed places.
+
+    Args:
+        gauges: channels of each.
+        most: channels of a gauge, or gauges of a kind, of which any two are paired.
+    """
     for gauge, channels in gauges.items():
         names = [one.name for one in channels]
         alike = {one.name: one.dimension for one in channels}
-        if len(names) ** 2 < _PAIRS:
+        if len(names) <= most:
             for first, second in combinations(names, 2):
                 if alike[first] == alike[second]:
                     yield "channels", f"{first} and {second}", [(first, second)]
@@ -108,15 +115,15 @@ def _pairs(
             line = [names[n] for n in members.tolist()]
             if len(line) > 2 and len({alike[name] for name in line}) == 1:
                 half = list(zip(line, line[::-1], strict=True))[: len(line) // 2]
-                yield "order", axis.partition("\n")[0] or gauge, half
+                yield "order", axis, half
         for (first, a), (second, b) in combinations(axes.items(), 2):
             if len(a) == len(b) > 1 and alike[names[a[0]]] == alike[names[b[0]]]:
                 both = [(names[i], names[j]) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
-                yield "axes", f"{first} and {second}".replace("\n", ""), both
+                yield "axes", f"{first} and {second}", both
     kinds = groups_of([f"{of[0].kind}\n{of[0].dimension}" for of in gauges.values()])
     every = list(gauges)
     for members in kinds.values():
-        if len(members) ** 2 >= _PAIRS:
+        if len(members) > most:
             continue
         for i, j in combinations(members.tolist(), 2):
             first, second = every[i], every[j]
