@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,11 @@ from geoident.model.results.summary import (
 )
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.mistakes import mistaken_readings
+from geoident.workflow.estimating.reading_patterns import (
+    computed_at_start,
+    size_findings,
+    still_findings,
+)
 from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.programs.program import executed
@@ -45,7 +50,6 @@ from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.plausible import implausible_findings
-from geoident.workflow.running.reading_units import computed_at_start, unit_doubts
 from geoident.workflow.running.readings import (
     bad_notes,
     problem_of_readings,
@@ -131,8 +135,7 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
     costs = () if solves is None else (_field_cost(model, *solves),)
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
-    wrong = _mistakes(model, readings, cost)
-    units = wrong or _unit_notes(model, readings, cost)
+    units = _reading_notes(model, readings, cost)
     doubtful = (*sentences_of(implausible_findings(case)), *units, *silent_gauges(model))
     kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
     notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
@@ -195,20 +198,27 @@ _STEPS = 20
 """Most steps of that search."""
 
 
-def _mistakes(
+def _reading_notes(
     model: ObservedModel, readings: ReadingTable, cost: CostEstimate | None
 ) -> tuple[str, ...]:
-    """Readings with a wrong sign, unit or zero, where the model is fitted in no time.
+    """What is likely wrong with readings and priors, as far as it can be seen soon.
 
-    A fit says it of any. Programs and functions of others are not run.
+    Programs and functions of others are not run.
     """
     case = model.case
+    if not case.parameters or not readings.used.any():
+        return ()
     elsewhere = case.elsewhere is not None and not isinstance(
         case.elsewhere, ConvergenceLaw | RunTable
     )
-    slow = elsewhere or (cost is not None and cost.seconds > _AT_ONCE)
-    if slow or not case.parameters or not readings.used.any():
-        return ()
+    if elsewhere or (cost is not None and cost.seconds > _AT_ONCE):
+        why = "the case is computed elsewhere" if elsewhere else f"{_seconds(cost)} an evaluation"
+        later = (
+            "mistakes of sign, unit, zero and name in the readings were not looked for "
+            f"({why}); `geoident fit` looks for them"
+        )
+        soon = cost is not None and cost.seconds <= _SOON and case.elsewhere is None
+        return (*(_pattern_notes(model, readings) if soon else ()), later)
     response = model.response(readings.used_pairs, times_of(readings, readings.used))
     problem = problem_of_readings(case, readings, response)
     steps = GaussNewtonOptions(max_iterations=_STEPS, starts=1)
@@ -218,18 +228,25 @@ def _mistakes(
         return ()
     places = [values, problem.start]
     wrong = mistaken_readings(case, readings, problem, places, model, [steps])
-    return sentences_of(wrong.findings)
+    if wrong:
+        return sentences_of(wrong.findings)
+    computed = np.full(len(readings), np.nan)
+    computed[readings.used] = response.readings(values)
+    still = still_findings(case, replace(readings, computed=computed))
+    return sentences_of(still) or _pattern_notes(model, readings)
 
 
-def _unit_notes(
-    model: ObservedModel, readings: ReadingTable, cost: CostEstimate | None
-) -> tuple[str, ...]:
-    """Readings of which the unit is suspected, where the model is small: a fit says it of any."""
-    case = model.case
-    if (cost is not None and cost.seconds > _SOON) or case.elsewhere is not None:
+def _seconds(cost: CostEstimate | None) -> str:
+    assert cost is not None
+    return f"{cost.seconds:.2g} s"
+
+
+def _pattern_notes(model: ObservedModel, readings: ReadingTable) -> tuple[str, ...]:
+    """Readings of which the unit is suspected at the start values."""
+    if model.case.elsewhere is not None:
         return ()
-    computed = computed_at_start(case, model, readings)
-    return () if computed is None else unit_doubts(case, readings, computed)
+    computed = computed_at_start(model.case, model, readings)
+    return () if computed is None else sentences_of(size_findings(model.case, readings, computed))
 
 
 def _right_hand_sides(model: ObservedModel, readings: ReadingTable) -> tuple[int, str] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import starmap
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools
-from geoident.model.gauges import Channel
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.results.findings import Finding
@@ -39,7 +37,7 @@ from geoident.workflow.estimating.estimate import (
 )
 from geoident.workflow.estimating.fields import field_estimates
 from geoident.workflow.estimating.finished import Finished
-from geoident.workflow.estimating.mistakes import MistakenReadings, mistaken_readings
+from geoident.workflow.estimating.mistakes import MistakenReadings, mistakes_of_fit
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
 from geoident.workflow.estimating.predictions import (
     collapse_findings,
@@ -48,6 +46,11 @@ from geoident.workflow.estimating.predictions import (
     score,
     strength_findings,
 )
+from geoident.workflow.estimating.reading_patterns import (
+    sign_findings,
+    size_findings,
+    still_findings,
+)
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.estimating.surface_error import surface_findings, surface_notes
@@ -55,7 +58,6 @@ from geoident.workflow.estimating.wrong_readings import (
     accuracy_residuals,
     gross_findings,
     gross_readings,
-    opposite_findings,
 )
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
@@ -63,7 +65,6 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.plausible import implausible_findings
-from geoident.workflow.running.reading_units import unit_doubts, unit_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 from geoident.workflow.scoring.convergence import convergence_notes, convergence_states
@@ -92,7 +93,8 @@ def _fit(job: Job, control: Control) -> Finished:
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         estimate = assess_fit(setup, problem, outcome, fields=True)
         last = _last_stage(job, setup, problem, outcome, log, control)
-        wrong = _mistakes(job, setup, problem, outcome)
+        stated = job.inputs.case
+        wrong = mistakes_of_fit(stated, setup, problem, outcome, job.methods)
         doubts = () if wrong else _unit_findings(setup, estimate, log)
         together: tuple[Finding, ...] = ()
         if not wrong and outcome.status != STOPPED:  # a missed zero moves neighbours together, too
@@ -145,27 +147,7 @@ def _unit_findings(setup: Setup, estimate: Estimate, log: Log) -> tuple[Finding,
     if known is None or len(known["v"]) != np.count_nonzero(setup.readings.used):
         return ()
     met = estimate.outcome.status == "converged" and not estimate.assessment.at_bound.any()
-    return unit_findings(unit_doubts(setup.case, setup.readings, known["v"], met=met))
-
-
-def _mistakes(job: Job, setup: Setup, problem: Problem, outcome: Outcome) -> MistakenReadings:
-    """Readings with a wrong sign, unit or zero; none of a search that was cut short."""
-    if outcome.status == STOPPED:
-        return MistakenReadings((), np.zeros(len(setup.readings), dtype=np.bool_), poor=False)
-    # accuracies as stated: estimated ones have grown with a mistake; mesh and surfaces have not
-    channels = zip(job.inputs.case.channels, setup.case.channels, strict=True)
-    case = replace(setup.case, channels=tuple(starmap(_with_numerical_errors, channels)))
-    places = [outcome.values, *(one.values for one in outcome.iterations[:1])]
-    return mistaken_readings(case, setup.readings, problem, places, setup.model, job.methods)
-
-
-def _with_numerical_errors(stated: Channel, fitted: Channel) -> Channel:
-    """A channel with the errors of mesh and response surfaces that another has."""
-    parts = fitted.errors
-    if parts is None or not (parts.mesh or parts.surface):
-        return stated
-    errors = replace(stated.error_parts, mesh=parts.mesh, surface=parts.surface)
-    return replace(stated, errors=errors)
+    return size_findings(setup.case, setup.readings, known["v"], met=met)
 
 
 def _result(
@@ -187,8 +169,8 @@ def _result(
     left_out = left_out_rows(case)
     prediction = predicted(setup, estimate, predicted_places(gauges, left_out))
     scored = left_out_table(case, gauges, prediction)
-    stated = replace(gauges, readings=as_stated(job.inputs.case, estimate.readings))
-    gross = gross_readings(stated.readings)
+    stated = as_stated(job.inputs.case, estimate.readings)
+    gross = gross_readings(stated)
     gross = gross[~wrong.explained[gross]]
     # estimated accuracies are said themselves
     by_accuracy = not (len(gross) or wrong) and setup.accuracies is None
@@ -216,7 +198,7 @@ def _result(
             *collapse_findings(survey),
             *wrong.findings,
             *gross_findings(gross, estimate.readings, case),
-            *(() if wrong else opposite_findings(stated)),
+            *(() if wrong else still_findings(case, stated) or sign_findings(case, stated)),
             *strength_findings(survey.members),
             *alarm_findings(alarms),
             *doubts,
@@ -226,7 +208,7 @@ def _result(
                 else misfit_findings(estimate.diagnostics, correlated=correlated)
             ),
             *together,
-            *(accuracy_residuals(stated) if by_accuracy else ()),
+            *(accuracy_residuals(replace(gauges, readings=stated)) if by_accuracy else ()),
             *rival_findings(estimate.rivals, parameters),
             *with_effect_of(
                 estimate.assessment.findings, survey.sensitivity, case, parameters.names

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support import external
 from support.commands import run_command
 from support.convergence import FIXED
+from support.projects import SECTIONS, example
 from support.trench import CASE, write_mesh
 
 from geoident.workflow.running.jobs import build_model, load_inputs
@@ -80,13 +82,17 @@ def said(folder, rows, command="fit"):
     return run.exit_code, json.loads(run.stdout)
 
 
+KINDS = ("opposite-sign", "unit", "zero", "exchanged", "no-motion")
+
+
 def accusations(result):
-    return [f for f in result["findings"] if f["kind"] in ("opposite-sign", "unit", "zero")]
+    assert "findings" in result, result
+    return [f for f in result["findings"] if f["kind"] in KINDS]
 
 
 FACTORS = (-1.0, -1.0, 10.0, 0.1, 100.0, 0.01, 1000.0, 0.001, 25.4, 1 / 25.4)
 LEVELS = {
-    "trench": ("reading", "reading", "channel", "gauge", "kind"),
+    "trench": ("reading", "reading", "channel", "gauge", "kind", "exchange"),
     "law": ("reading", "reading", "channel", "zero"),
 }
 
@@ -98,12 +104,14 @@ class Planted:
     Args:
         rows: of the file with the mistake.
         wrong: names of the channels that it concerns.
-        factor: by which they are too large; 1 where a zero was missed.
+        factor: by which they are too large; 1 where a zero was missed or names were exchanged.
+        exchanged: the names of two channels of one kind were.
     """
 
     rows: list[Row]
     wrong: set[str]
     factor: float
+    exchanged: bool
 
     def is_named(self, result) -> bool:
         """One of the sentences names the gauge or channel, and what it would have to be."""
@@ -112,7 +120,7 @@ class Planted:
             factors = [v for k, v in finding["numbers"].items() if k.startswith("factor")]
             right = any(abs(f * self.factor - 1.0) < 1e-6 for f in factors)
             if self.factor == 1.0:
-                right = finding["kind"] == "zero"
+                right = finding["kind"] == ("exchanged" if self.exchanged else "zero")
             if right and all(c in names or c.split(".")[0] in names for c in self.wrong):
                 return True
         return False
@@ -126,13 +134,14 @@ def plant(rng, rows, name):
     sd = 1e3 * SITES[name][2]
     while True:
         level, factor = rng.choice(LEVELS[name]), float(rng.choice(FACTORS))
-        one = rows[rng.integers(len(rows))]
+        one, other = rows[rng.integers(len(rows))], rows[rng.integers(len(rows))]
         of = {
             "reading": lambda row, one=one: row is one,
             "channel": lambda row, one=one: row.channel == one.channel,
             "zero": lambda row, one=one: row.channel == one.channel,
             "gauge": lambda row, one=one: row.channel.split(".")[0] == one.channel.split(".")[0],
             "kind": lambda row, one=one: row.channel[0] == one.channel[0],
+            "exchange": lambda row, two=(one.channel, other.channel): row.channel in two,
         }[level]
         chosen = [row for row in rows if of(row)]
         more = 0.0
@@ -140,6 +149,16 @@ def plant(rng, rows, name):
             largest = max(abs(row.value) for row in chosen)
             factor, more = 1.0, float(rng.choice((-1.0, 1.0)) * rng.uniform(0.4, 2.0) * largest)
         changed = {id(row): replace(row, value=factor * row.value + more) for row in chosen}
+        if level == "exchange":
+            if one.channel == other.channel or one.channel[0] != other.channel[0]:
+                continue
+            factor = 1.0
+            read = {(row.channel, row.stage): row.value for row in chosen}
+            ends = {one.channel: other.channel, other.channel: one.channel}
+            changed = {
+                id(row): replace(row, value=read.get((ends[row.channel], row.stage), row.value))
+                for row in chosen
+            }
         seen = max(
             abs(changed[id(row)].value - row.value)
             / np.hypot(sd, 0.1 * min(abs(row.value), abs(changed[id(row)].value)))
@@ -147,7 +166,8 @@ def plant(rng, rows, name):
         )
         if seen > 10.0:
             new = [changed.get(id(row), row) for row in rows]
-            return Planted(new, {row.channel for row in chosen}, factor)
+            wrong = {row.channel for row in chosen}
+            return Planted(new, wrong, factor, exchanged=level == "exchange")
 
 
 def trial(folder, name, seed):
@@ -185,6 +205,29 @@ def test_a_model_that_is_off_accuses_nobody(tmp_path, name):
         assert accusations(result) == []
 
 
+def test_the_two_anchors_of_an_extensometer_exchanged_are_no_factor(tmp_path):
+    """Deep and shallow anchor: with the names exchanged one reads three times what it should."""
+    rows = sound_rows(tmp_path, *SITES["trench"], 4)
+    other = {"X.a": "X.b", "X.b": "X.a"}
+    turned = [replace(row, channel=other.get(row.channel, row.channel)) for row in rows]
+    _, result = said(tmp_path, turned)
+    (finding,) = accusations(result)
+    assert (finding["kind"], finding["subject"]) == ("exchanged", "X.b, X.a")
+    assert "The readings of X.a and X.b are exchanged" in finding["sentence"]
+
+
+def test_two_readings_of_one_row_exchanged_are_named_with_their_stage(tmp_path):
+    rows = sound_rows(tmp_path, *SITES["trench"], 4)
+    other = {"S1": "S3", "S3": "S1"}
+    turned = [
+        replace(row, channel=other.get(row.channel, row.channel)) if row.stage == "second" else row
+        for row in rows
+    ]
+    _, result = said(tmp_path, turned)
+    (finding,) = accusations(result)
+    assert "The readings of S1 and S3 at second" in finding["sentence"]
+
+
 INCLINOMETER = TRENCH.replace(
     "gauges:\n",
     "gauges:\n  I: {kind: inclinometer, casing: [[1.5 m, 4 m], [1.5 m, 0 m]], "
@@ -215,6 +258,100 @@ def test_an_instrument_in_another_unit_is_named_whatever_the_start(
     assert f"({unit} read as mm)" in finding["sentence"]
     assert f": {{unit: {unit}}}" in finding["sentence"]
     assert not any("less accurate" in f["sentence"] for f in result["findings"])
+
+
+@pytest.mark.parametrize("mistake", ["order", "sign"])
+def test_levels_in_reverse_order_and_an_axis_turned_round_are_named(tmp_path, mistake):
+    """A model error estimated from the residuals would swallow both."""
+    case = INCLINOMETER.replace("fit: {", "fit: {model_error: estimate, ").replace(
+        "depths: [0, 1 m, 2 m, 3 m]", "depths: [0, 1 m, 2 m, 3 m], rings: [1 m, 2 m], "
+        "ring_accuracy: 0.01 mm"
+    )  # fmt: skip
+    rows = sound_rows(tmp_path, case, *SITES["trench"][1:], 3)
+    levels = list(dict.fromkeys(row.channel for row in rows if row.channel.startswith("I.A")))
+    other = dict(zip(levels, levels[::-1], strict=True))
+    if mistake == "order":
+        wrong = [replace(row, channel=other.get(row.channel, row.channel)) for row in rows]
+        words = "The readings of I.A are in reverse order: what I.A3 reads belongs to I.A0"
+    else:
+        wrong = [replace(r, value=-r.value) if r.channel in levels else r for r in rows]
+        words = "The readings of I.A have the wrong sign"
+    _, result = said(tmp_path, wrong)
+    assert words in accusations(result)[0]["sentence"]
+
+
+PRIOR = "E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log, prior: {kind: lognormal, %s}}"
+PLAIN = "E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log}"
+
+
+def test_a_prior_ten_times_too_small_is_named_before_the_readings(tmp_path):
+    """The readings are sound: their scatter is that of their accuracies."""
+    rows = sound_rows(tmp_path, *SITES["trench"], 6)
+    wrong = PRIOR % "mean: 0.5 GPa, sd: 0.05 GPa"
+    (tmp_path / "case.yaml").write_text(TRENCH.replace(PLAIN, wrong))
+    _, result = said(tmp_path, rows)
+    (finding,) = accusations(result)
+    sentence = finding["sentence"]
+    assert sentence.startswith("The prior of E in the case is 10 times too small: ")
+    assert "write 'prior: {mean: 5 GPa, sd: 0.5 GPa}' at the parameter E" in sentence
+    assert finding["subject"].startswith("E")
+    assert finding["numbers"]["factor"] == pytest.approx(10.0)
+
+
+def test_a_stress_in_kpa_for_mpa_is_not_blamed_on_the_readings(tmp_path):
+    """Elastic ground moves as much by a thousandth of the stress and of the stiffness."""
+    rows = sound_rows(tmp_path, *SITES["trench"], 6)
+    known = TRENCH.replace(PLAIN, PRIOR % "mean: 5 GPa, sd: 0.5 GPa")
+    (tmp_path / "case.yaml").write_text(known.replace("vertical: 1 MPa", "vertical: 1 kPa"))
+    _, result = said(tmp_path, rows)
+    (finding,) = accusations(result)
+    sentence = finding["sentence"]
+    assert sentence.startswith("What loads the ground in the case is 1000 times too small, or all")
+    assert "check in_situ (vertical 0.001 MPa), gravity (there is none)" in sentence
+
+
+def test_a_file_in_another_unit_is_blamed_first_where_its_scatter_says_so(tmp_path):
+    rows = sound_rows(tmp_path, *SITES["trench"], 6)
+    known = TRENCH.replace(PLAIN, PRIOR % "mean: 5 GPa, sd: 0.5 GPa")
+    (tmp_path / "case.yaml").write_text(known)
+    _, result = said(tmp_path, [replace(row, value=1e3 * row.value) for row in rows])
+    sentence = accusations(result)[0]["sentence"]
+    assert sentence.startswith("All readings of the file 'readings.csv' are 1000 times too large")
+    assert "or what loads the ground in the case is 1000 times too small" in sentence
+
+
+def test_moduli_that_all_end_on_their_bounds_show_a_file_in_another_unit(tmp_path):
+    """Metres read as millimetres: less than the accuracy, so that every stiff ground fits."""
+    coarse = TRENCH.replace("accuracy: 0.01 mm", "accuracy: 0.1 mm")
+    rows = sound_rows(tmp_path, coarse, *SITES["trench"][1:], 6)
+    _, result = said(tmp_path, [replace(row, value=1e-3 * row.value) for row in rows])
+    (finding,) = accusations(result)
+    assert result["status"] == "poor-fit"
+    assert "(m read as mm), or what loads the ground" in finding["sentence"]
+    assert "With that E, K0 leave their bounds" in finding["sentence"]
+    assert finding["numbers"]["factor"] == pytest.approx(1000.0)
+
+
+def test_one_point_elsewhere_does_not_accuse_the_whole_file(tmp_path):
+    """The case has S1 where nothing moves: no factor on all readings explains that."""
+    rows = sound_rows(tmp_path, *SITES["trench"], 6)
+    case = tmp_path / "case.yaml"
+    here, there = (f"S1: {{kind: settlement, point: {at}" for at in ("[1 m, 4 m]", "[4 m, 1 m]"))
+    case.write_text(case.read_text().replace(here, there))
+    _, result = said(tmp_path, rows)
+    assert not any("All readings" in one["sentence"] for one in accusations(result))
+
+
+def test_a_model_without_loads_is_told_from_readings_in_another_unit(tmp_path):
+    rows = sound_rows(tmp_path, *SITES["trench"], 6)
+    none = "in_situ: {model: constant, xx: -1 Pa, yy: -1 Pa, zz: -1 Pa}"
+    case = TRENCH.replace("in_situ: {model: heim, vertical: 1 MPa, K0: $K0}", none)
+    case = case.replace("  K0: {start: 1.0, bounds: [0.2, 4]}\n", "")
+    (tmp_path / "case.yaml").write_text(case)
+    _, result = said(tmp_path, rows)
+    (finding,) = accusations(result)
+    assert finding["kind"] == "no-motion"
+    assert "The model hardly moves where the gauges do" in finding["sentence"]
 
 
 def test_the_line_that_a_finding_gives_mends_the_fit(tmp_path):
@@ -267,6 +404,33 @@ def test_check_names_a_mistake_before_any_fit(tmp_path):
     assert any("The readings of C2 have the wrong sign" in note for note in summary["notes"])
     _, summary = said(tmp_path, rows, command="check")
     assert not any("sign" in note for note in summary["notes"])
+
+
+def test_check_says_that_it_has_not_looked_where_the_model_is_slow_or_of_others(tmp_path):
+    case = external.write_case(tmp_path, external.PYTHON, script=external.SCRIPT)
+    run = run_command("check", str(case), "--json", "-q", "--trust")
+    (note,) = [one for one in json.loads(run.stdout)["notes"] if "looks for them" in one]
+    assert note == (
+        "mistakes of sign, unit, zero and name in the readings were not looked for (the case is "
+        "computed elsewhere); `geoident fit` looks for them"
+    )
+
+
+def test_sections_of_a_project_are_searched_each_by_itself(tmp_path):
+    """One of two sections has a reading of the other sign."""
+    path = Path(example(tmp_path, SECTIONS))
+    sheet = path.with_name("km-2.csv")
+    lines = sheet.read_text().splitlines()
+    cells = lines[1].split(",")
+    lines[1] = ",".join([*cells[:2], str(-float(cells[2])), *cells[3:]])
+    run = run_command("fit", str(path), "--json", "-q", "--force")
+    assert accusations(json.loads(run.stdout)) == []
+    sheet.write_text("\n".join(lines) + "\n")
+    run = run_command("fit", str(path), "--json", "-q", "--force")
+    result = json.loads(run.stdout)
+    (finding,) = accusations(result)
+    assert finding["sentence"].startswith("B: The reading")
+    assert "has the wrong sign" in finding["sentence"]
 
 
 @pytest.mark.parametrize("kind", ["table", "python"])

@@ -14,8 +14,8 @@ FindingKind = Literal[
     "nonlinear", "other-minimum", "not-settled", "unreached", "law-scatter",
     # of readings and their errors
     "misfit", "far-reading", "gross-reading", "opposite-sign", "influential-reading", "unit",
-    "zero", "correlated-residuals", "accuracy", "degrees-of-freedom", "mesh-error",
-    "surface-error", "model-error", "model-error-doubt",
+    "zero", "exchanged", "no-motion", "correlated-residuals", "accuracy", "degrees-of-freedom",
+    "mesh-error", "surface-error", "model-error", "model-error-doubt",
     # of predictions
     "bands", "extrapolation", "collapse", "other-case", "alarm",
     # of numbers of the case

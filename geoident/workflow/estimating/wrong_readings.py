@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.io.text.wording import listing
 from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -104,59 +103,3 @@ def accuracy_residuals(gauges: GaugeTable) -> tuple[Finding, ...]:
 
 def _shown(times: float) -> str:
     return f"{times:.1f}" if times < _ROUND else f"{times:.0f}"
-
-
-_CLEAR = 5.0
-"""Accuracies from which on what a gauge reads has a clear sign."""
-_MOVES = 0.05
-"""Part of the largest computed reading of its dimension from which on a gauge has a clear sign.
-
-Of accuracies it need not be one: the stiffer the model, the less it reads against the gauges.
-"""
-_MOVES_ALONE = 0.2
-"""The same where only one reading is against the model."""
-_AGAINST = -0.5
-"""Correlation of measured and computed readings of a gauge, about zero, that is against."""
-
-
-def opposite_findings(gauges: GaugeTable) -> tuple[Finding, ...]:
-    """A finding for gauges that read the opposite of what is computed.
-
-    A sign that a file counts the other way round cannot be fitted, and scatter, a model error or a
-    bound would take it up without a word.
-
-    Args:
-        gauges: measured and computed, with the accuracies as stated.
-    """
-    used = gauges.used & np.isfinite(gauges.measured) & np.isfinite(gauges.computed)
-    accuracy = np.where(used, gauges.sd, 1.0)
-    measured = np.where(used, gauges.measured, 0.0) / accuracy
-    computed = np.where(used, gauges.computed, 0.0)
-    dimensions = np.array(gauges.dimensions)
-    largest = {
-        one: np.abs(computed[dimensions == one]).max(initial=0.0)
-        for one in dict.fromkeys(gauges.dimensions)
-    }
-    rows_of: dict[str, list[int]] = {}
-    for row, name in enumerate(gauges.gauges):
-        rows_of.setdefault(name, []).append(row)
-    turned, count, most = [], 0, 0.0
-    for name, rows in rows_of.items():
-        read, model = measured[rows], (computed / accuracy)[rows]
-        clear = np.linalg.norm(read) > _CLEAR
-        part = np.abs(computed[rows]).max() / max(largest[dimensions[rows][0]], 1e-300)
-        size = float(np.linalg.norm(read) * np.linalg.norm(model))
-        if clear and part > _MOVES and float((read * model).sum()) < _AGAINST * size:
-            turned.append(name)
-            count += int(used[rows].sum())
-            most = max(most, part)
-    if not turned or (count < 2 and most <= _MOVES_ALONE):
-        return ()
-    what = "readings of {} run" if count > 1 else "reading of {} runs"
-    sentence = (
-        f"The {what.format(listing(turned))} against the model: measured and computed have "
-        "opposite signs. Distances are positive where they grow, settlements downwards (page "
-        "'Conventions'); where a file counts the other way round, its 'channels' take 'sign: -1'. "
-        "If the signs are right, the model moves the wrong way."
-    )
-    return (Finding("opposite-sign", ", ".join(turned), sentence),)

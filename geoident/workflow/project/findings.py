@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 from geoident.model.results.findings import Finding
 from geoident.model.results.many.project import (
@@ -16,6 +17,8 @@ from geoident.model.results.many.project import (
 UNLIKELY = 0.01
 """Probability, of any of the sections, below which one is said to be of other ground."""
 
+NO_MISTAKES: Mapping[str, Sequence[Finding]] = MappingProxyType({})
+
 _POOR = 1e-3
 _LEAST = 1.5
 """Residuals by their errors from which on a section is named."""
@@ -24,14 +27,24 @@ _BAD_BANDS = 0.85
 _FEW = 10
 
 
-def findings(result: ProjectResult, gaps: Sequence[Finding]) -> tuple[Finding, ...]:
+def findings(
+    result: ProjectResult,
+    gaps: Sequence[Finding],
+    mistakes: Mapping[str, Sequence[Finding]] = NO_MISTAKES,
+) -> tuple[Finding, ...]:
     """What is to be known of a result.
 
     Args:
         result: without findings.
         gaps: what the sections together do not determine.
+        mistakes: name of a section to those that its own fit shows.
     """
     return (
+        *(
+            Finding(one.kind, f"{name}, {one.subject}", f"{name}: {one.sentence}", one.numbers)
+            for name, of_section in mistakes.items()
+            for one in of_section
+        ),
         *gaps,
         *(one for law in result.laws for one in _of_scatter(law)),
         *_of_sections(result),

@@ -24,6 +24,7 @@ from geoident.identify.hierarchical.knowledge import (
 )
 from geoident.identify.hierarchical.search import HierarchicalFit, SectionsStart
 from geoident.io.text.text_file import seen_from
+from geoident.io.text.wording import listing
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
@@ -138,14 +139,26 @@ def project_result(
         if not (row.determined or row.from_prior) and row.parameter not in shared
     ]
     poor = total.above < POOR and total.scale >= UNUSABLE
+    mistaken = {
+        job.project.sections[n].name: one
+        for n in whole.numbers
+        if (one := whole.prepared[n].mistaken) is not None
+    }
+    misled = [name for name, one in mistaken.items() if one.poor]
     status, reason = outcome.status, outcome.reason
     if status == "converged":
-        status = "poor-fit" if poor else "not-determined" if loose else "converged"
+        status = "poor-fit" if poor or misled else "not-determined" if loose else "converged"
     if loose:
         reason += f" Not determined: {', '.join(loose)}."
     if poor:
         reason += " The models do not fit the readings: the residuals are "
         reason += f"{total.scale:.2g} times as large as their errors explain."
+
+    if misled:
+        reason += (
+            f" Readings or priors of {listing(misled)} seem to be mistaken and have moved the "
+        )
+        reason += "parameters (see the findings)."
 
     notes = _notes_of_sections(job, whole.prepared)
     if any(whole.prepared[n].errors.stated.kind == "estimate" for n in whole.numbers):
@@ -191,7 +204,8 @@ def project_result(
     v, J = whole.fit.problem.response.evaluate(outcome.values)
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
     of_sections = (finding for one in whole.prepared for finding in one.findings)
-    return replace(result, findings=(*findings(result, gaps), *of_sections))
+    mistakes = {name: one.findings for name, one in mistaken.items()}
+    return replace(result, findings=(*findings(result, gaps, mistakes), *of_sections))
 
 
 def _notes_of_sections(job: ProjectJob, prepared: Sequence[PreparedSection]) -> list[str]:

@@ -29,6 +29,7 @@ from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.correlated_residuals import correlated_findings
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import Estimate, assess_fit
+from geoident.workflow.estimating.mistakes import MistakenReadings, mistakes_of_fit
 from geoident.workflow.estimating.model_error_covariance import (
     ReadingSteps,
     correlation_length,
@@ -169,6 +170,7 @@ class PreparedSection:
         status: how its own fit ended; empty where there was none.
         notes: sentences.
         findings: on the residuals of its own fit.
+        mistaken: mistakes in its readings and priors that its own fit shows.
     """
 
     parameters: tuple[Parameter, ...]
@@ -182,6 +184,7 @@ class PreparedSection:
     status: str
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    mistaken: MistakenReadings | None = None
 
 
 @dataclass(frozen=True)
@@ -430,6 +433,7 @@ class _OneSection:
         with log:
             state = estimated(setup, case.fit.methods, log, control)
             estimate = assess_fit(*state, fields=False)
+            mistaken = mistakes_of_fit(case, *state, case.fit.methods)
         table = parameter_table(case.parameters, estimate.outcome.values, estimate.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan
@@ -438,5 +442,5 @@ class _OneSection:
             case.parameters, readings.value[used], problem.sd, problem.shared,
             self._shown_rows(), self._errors(state.setup), estimate.outcome.values, alone,
             estimate.outcome.status, (*self._notes, *setup.model.notes),
-            self._together(state, estimate),
+            () if mistaken else self._together(state, estimate), mistaken,
         )  # fmt: skip
