@@ -32,6 +32,7 @@ class ExitCode(IntEnum):
     NO_SOLUTION = 5
     OUTPUT = 6
     SOME_FAILED = 7
+    ALARM = 8
     INTERRUPTED = 130
     TERMINATED = 143
 
@@ -64,6 +65,7 @@ class Term(Enum):
     COMMAND = ("command", "call")
     FIT = ("`geoident fit`", "`fit(case)`")
     INIT_FROM = ("`geoident init DIR --from MESH`", "the command `geoident init`")
+    CONTROL = ("`geoident control FIT --readings NEW`", "`fit.control(readings)`")
     SIMULATE = ("`geoident simulate`", "`simulate(case)`")
     KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
 

@@ -23,6 +23,7 @@ from geoident.model.actions import FaceDistance
 from geoident.model.case import Case
 from geoident.model.external import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
+from geoident.model.in_service import SeasonalModel
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions, method_name
 from geoident.model.parameter import Scalar
@@ -171,7 +172,7 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
-    if isinstance(case.elsewhere, ConvergenceLaw):
+    if isinstance(case.elsewhere, ConvergenceLaw | SeasonalModel):
         return words
     if isinstance(case.elsewhere, RunTable):
         return f"the model is external: {words}, and response surfaces between them"

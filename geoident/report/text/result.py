@@ -19,6 +19,7 @@ from geoident.report.text import (
     alarms,
     backtest,
     extent,
+    in_service,
     left_out,
     posterior,
     rivals,
@@ -91,6 +92,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
+        *in_service.parts(result),
         section(fit_title(result), *_fit_parts(result)),
         section(influence_title(result.diagnostics), influence_table(result).text),
         section(left_out.TITLE, left_out.left_out_table(result.left_out).text),
@@ -103,7 +105,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section("Scan", grid_text(result)),
         backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),
-        f"Cost: {counts_text(result.counts)}",
+        f"Cost: {counts_text(result.counts)}" if result.counts.evaluations else "",
     )
 
 
@@ -113,6 +115,8 @@ def summary_text(result: Result) -> str:
     parts = (
         head(result),
         _parameters_in_words(result),
+        section(f"{in_service.TITLE}:", in_service.effects_table(result).text),
+        section(f"{in_service.LATER}:", in_service.judged_table(result).text),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
@@ -134,6 +138,8 @@ def _model_error(result: Result) -> str:
 
 def _fit_parts(result: Result) -> tuple[str, ...]:
     """The table of the readings of the fit, and what its residuals are divided by."""
+    if result.seasonal is not None:  # its readings are of many dates, not of stages
+        return ()
     table = fit_table(result).text
     return (table, sentence(in_sd_note(result))) if table else ()
 

@@ -39,6 +39,9 @@ from geoident.model.results.result import AccuracyTable
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
 
+LATER = "it was read after fit.until"
+"""Why a reading is not used that is only predicted."""
+
 MESH = "mesh"
 """The error of the mesh: one factor for all readings, and one for each channel."""
 
@@ -67,6 +70,8 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
             return useless
         if case.fit.stages is not None and reading.stage not in case.fit.stages:
             return "the stage is not in fit.stages"
+        if case.fit.until is not None and (reading.time or -math.inf) > case.fit.until:
+            return LATER
         channel = channels[reading.channel]
         if not {channel.gauge, channel.name}.isdisjoint(case.fit.predict_gauges):
             return "the gauge is in fit.predict_gauges"

@@ -106,6 +106,8 @@ def load_texts(loads: CaseTexts, numbers: ShownNumbers) -> list[str]:
 
 
 def _load(name: str, load: CaseTexts, numbers: ShownNumbers) -> str:
+    if load.get("file"):
+        return f"{name} over time: {load['file']}"
     kinds = [
         f"{str(key).replace('_', ' ')} {numbers.text(value)}"
         for key, value in load.items()
