@@ -100,15 +100,6 @@ def run_control(request: ControlRequest, options: Options) -> int:
     )
 
 
-def run_control(request: ControlRequest, options: Options) -> int:
-    """Judge new readings of a structure in service, and say what came out."""
-    task = plan_control(request)
-    work = partial(control, task)
-    return run_and_say(
-        work, Terminal(options), options, title=request.result, case=task.job.inputs.path
-    )
-
-
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
     """Draw from a posterior, and say what came out.
 

@@ -1,8 +1,7 @@
 """The effects of a seasonal model: columns of a linear model of the readings (theory 12.1).
 
-Each column is 1 in size over the fitted readings, or in the unit of what acts, so that coefficients
-compare: powers of the level relative to its range, waves of the year, air temperature less its mean,
-as bodies of some response times feel it, and motions that begin with the service.
+Powers of the level relative to its range, waves of the year, air temperature less its mean as
+bodies of some response times feel it, and motions that begin with the service.
 """
 
 from __future__ import annotations

@@ -245,7 +245,7 @@ def _squares(g: Floats, ends: Ints) -> Floats:
 
 
 def _surprise(chi_squared: Floats, freedom: int) -> Floats:
-    return np.minimum(-chi2.logsf(chi_squared, freedom) / np.log(10.0), _MOST_SURPRISE)
+    return np.asarray(np.minimum(-chi2.logsf(chi_squared, freedom) / np.log(10.0), _MOST_SURPRISE))
 
 
 def _some(values: Floats, most: int) -> Floats:

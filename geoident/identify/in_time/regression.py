@@ -148,12 +148,15 @@ def regression_in_time(
         own = size * np.exp(t[2]) if white is None else white
         return Noise(float(own), float(size * np.exp(t[0])), float(np.exp(t[1])))
 
+    def minus_two_l(t: Floats) -> float:
+        return of(noise(t)).minus_two_l
+
     bounds = [(-5.0, 3.0), (np.log(spacing / 3.0), np.log(max(span / 3.0, spacing)))]
     bounds += [(np.log(_LEAST_WHITE), 1.0)] if white is None else []
     for time in np.geomspace(spacing, max(span / 10.0, 2.0 * spacing), 3):
         start = np.array([-0.3, np.log(time), -0.7][: len(bounds)])
         found = minimize(
-            lambda t: of(noise(t)).minus_two_l,
+            minus_two_l,
             np.clip(start, *np.transpose(bounds)),
             method="Nelder-Mead",
             bounds=bounds,

@@ -116,7 +116,7 @@ def with_reasons(table: ReadingTable, model: SeasonalModel, effects: Effects) ->
         model: what acts.
         effects: at their times.
     """
-    known = np.isfinite(effects.columns).all(axis=1)
+    known = np.asarray(np.isfinite(effects.columns).all(axis=1))
     acting = " or ".join(f"the {series.name}" for series in model.series)
     reasons = list(table.reason)
     latest: dict[tuple[str, float], int] = {}
@@ -173,7 +173,7 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
         end = regression.end
         at = np.append(fit.terms, q)
         coefficients[i, fit.terms] = end.mean[:-1]
-        covariance[np.ix_([i], at, at)] = end.P
+        covariance[i][np.ix_(at, at)] = end.P
         number[i] = len(fit.rows)
         columns["lasting_now"][i], columns["last"][i] = end.mean[-1], end.time
         columns["white"][i], columns["lasting"][i] = noise.white, noise.lasting

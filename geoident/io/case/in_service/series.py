@@ -104,11 +104,11 @@ def read_series(
         faults.add((*at, "unit"), "unit", f"'{section.unit}' is not a unit of the {name}", hint)
         return None
     try:
-        rows = read_readings(path, section.layout(name, dimension))
+        read = read_readings(path, section.layout(name, dimension))
     except InputError as error:
         faults.extend(error.faults)
         return None
-    rows = sorted((row for row in rows if row.value is not None and not row.bad), key=_time)
+    rows = sorted((row for row in read if row.value is not None and not row.bad), key=_time)
     if len(rows) < _FEWEST:
         message = f"the file has {len(rows)} values of the {name}; expected one for each day"
         faults.add((*at, "file"), "too-few", message, "Give all of the time of the readings.")
