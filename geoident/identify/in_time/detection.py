@@ -9,10 +9,9 @@ over the innovations since t0; z is standard normal where nothing has changed. A
 largest over all t0 of a window counts. For all n gauges together, whose innovations of one day have
 the correlation R, a change of any pattern over the gauges at one t0 has
 
-    z^T R^-1 z ,    chi-squared with n degrees of freedom,
+    z^T R^-1 z less its largest term, at most chi-squared with n - 1 degrees of freedom,
 
-in which no gauge counts for more than what would be hardly chance if it stood alone, so that a
-gauge that fails is no change of the structure.
+so that one gauge that fails is no change of the structure.
 
 Both are compared by their surprise, -log10 of the probability that chance does as much at one date
 and one t0. The threshold of it follows from simulated innovations in which nothing changes: it is
@@ -36,11 +35,8 @@ WINDOW = 2.0 * YEAR
 
 KINDS = ("step", "drift")
 
-_INTERVAL = 3.84
-"""By how much z^2 may be smaller than the largest for a beginning that is in its interval."""
-
-_CAP = 4.0
-"""Of z, to which one gauge counts in a change of several."""
+_NEAR = 4.0
+"""Steps between possible beginnings by which changes that are one may differ."""
 
 _PART = 2.0
 """Of z from which on a gauge shows a change of several."""
@@ -88,7 +84,8 @@ class Change:
 
     def explains(self, other: Change) -> bool:
         """Whether that of a gauge may be a part of this change of several."""
-        together = other.earliest <= self.latest and self.earliest <= other.latest
+        near = WINDOW / _MOST_BEGINNINGS * _NEAR
+        together = other.earliest - near <= self.latest and self.earliest <= other.latest + near
         return together and set(other.gauges) <= set(self.gauges)
 
 
@@ -112,11 +109,10 @@ class Detector:
         self._patterns = [self._pattern(f) for f in filters]
         self._until = [np.searchsorted(f.times, self.dates) for f in filters]
         old = self.dates[:, None] - self.begun[None, :]
-        inside = np.tile((old > 0.0) & (old <= WINDOW + step), 2)
-        # (k, 2 c) sums of g^2; 0 where a change is not of the window, or no reading is since
+        self._recent = np.tile(old <= WINDOW + step, 2)
+        # (k, 2 c) sums of g^2; 0 where no reading is since
         self._weight = [
-            np.where(inside, _squares(g, ends), 0.0)
-            for g, ends in zip(self._patterns, self._until, strict=True)
+            _squares(g, ends) for g, ends in zip(self._patterns, self._until, strict=True)
         ]
 
     def _pattern(self, f: Filter) -> Floats:
@@ -149,63 +145,85 @@ class Detector:
             e: (m,) innovations of each gauge.
             threshold: the surprise from which on it is no chance.
         """
-        z = self.z([own[:, None] for own in e])
-        single, together = (surprise[..., 0] for surprise in self.surprises(z))
+        columns = self.z([own[:, None] for own in e])
+        single, together = (surprise[..., 0] for surprise in self.surprises(columns))
+        last = [surprise[..., 0, 0] for surprise in self._surprises(columns[:, -1:])]
+        z = columns[..., 0]
         alone = [
-            self._change(z[i : i + 1, :, :, 0], single[i], threshold, [i])
+            self._change(z[i : i + 1], z[i] ** 2, single[i], last[0][i], threshold, [i])
             for i in range(len(z))
             if (single[i] > threshold).any()
         ]
         if len(z) < 2 or not (together > threshold).any():
             return alone
-        several = self._change(self._capped(z)[..., 0], together, threshold, range(len(z)))
+        squares = (self._white(z) ** 2).sum(axis=0)
+        several = self._change(z, squares, together, last[1], threshold, range(len(z)))
         return [several, *(one for one in alone if not several.explains(one))]
 
     def _change(
-        self, z: Floats, surprise: Floats, threshold: float, gauges: Sequence[int]
+        self,
+        z: Floats,
+        squares: Floats,
+        surprise: Floats,
+        last: float,
+        threshold: float,
+        gauges: Sequence[int],
     ) -> Change:
         """The change of some gauges that the last date shows, or else the date that shows it most.
 
         Args:
             z: (n, k, 2 c) of these gauges.
-            surprise: (k,) of them, at each date.
-            threshold: likewise.
+            squares: (k, 2 c) in favour of each change, of these gauges together.
+            surprise: (k,) of them, at each date, of what began in the window.
+            last: at the last date, of whatever began in the period.
+            threshold: the surprise from which on it is no chance.
             gauges: their numbers.
         """
-        lasts = bool(surprise[-1] > threshold)
+        lasts = bool(last > threshold)
         at = len(surprise) - 1 if lasts else int(np.argmax(surprise))
-        squares = (z[:, at] ** 2).sum(axis=0)
-        best = int(np.argmax(squares))
+        best = int(np.argmax(squares[at]))
         kind, first = divmod(best, len(self.begun))
-        own = squares[kind * len(self.begun) : (kind + 1) * len(self.begun)]
-        possible = self.begun[own > squares[best] - _INTERVAL]
+        same = slice(kind * len(self.begun), (kind + 1) * len(self.begun))
+        odds = np.exp(0.5 * (squares[at, same] - squares[at, best]))
+        odds /= odds.sum()
+        low, high = np.searchsorted(np.cumsum(odds), [0.025, 0.975])
         showing = [i for i in range(len(gauges)) if len(gauges) == 1 or abs(z[i, at, best]) > _PART]
-        weight = [self._weight[gauges[i]][at, best] for i in showing]
+        sizes = []
+        for i in showing:  # over all that may be its beginning
+            weight = self._weight[gauges[i]][at, same]
+            a = z[i, at, same] / np.sqrt(np.where(weight > 0.0, weight, 1.0))
+            mean = float(odds @ a)
+            own = np.divide(odds, weight, out=np.zeros_like(odds), where=weight > 0.0)
+            sizes.append((mean, float(np.sqrt(own.sum() + odds @ (a - mean) ** 2))))
         return Change(
             kind=KINDS[kind],
             gauges=tuple(gauges[i] for i in showing),
             shown=float(self.dates[np.argmax(surprise > threshold)]),
             since=float(self.begun[first]),
-            earliest=float(possible.min()),
-            latest=float(possible.max()),
-            size=tuple(
-                float(z[i, at, best] / np.sqrt(w)) for i, w in zip(showing, weight, strict=True)
-            ),
-            sd=tuple(float(1.0 / np.sqrt(w)) for w in weight),
-            surprise=float(surprise[at]),
+            earliest=float(self.begun[low]),
+            latest=float(self.begun[min(high, len(odds) - 1)]),
+            size=tuple(size for size, _ in sizes),
+            sd=tuple(sd for _, sd in sizes),
+            surprise=float(last if lasts else surprise[at]),
             lasts=lasts,
         )
 
     def surprises(self, z: Floats) -> tuple[Floats, Floats]:
-        """Of single gauges (n, k, s) and of all together (k, s), at each date."""
-        single = _surprise(np.max(z**2, axis=2), 1)
-        together = np.max((self._capped(z) ** 2).sum(axis=0), axis=1)
-        return single, _surprise(together, len(z))
+        """Of single gauges (n, k, s) and of all together (k, s), at each date.
 
-    def _capped(self, z: Floats) -> Floats:
-        """R^(-1/2) z, of which no gauge has more than what alone is hardly chance."""
-        white = np.linalg.solve(self._root, z.reshape(len(z), -1)).reshape(z.shape)
-        return np.clip(white, -_CAP, _CAP)
+        Changes count that began within the window before it.
+        """
+        return self._surprises(np.where(self._recent[..., None], z, 0.0))
+
+    def _surprises(self, z: Floats) -> tuple[Floats, Floats]:
+        single = _surprise(np.max(z**2, axis=2), 1)
+        white = self._white(z) ** 2
+        without_largest = white.sum(axis=0) - white.max(axis=0)
+        return single, _surprise(np.max(without_largest, axis=1), max(len(z) - 1, 1))
+
+    def _white(self, z: Floats) -> Floats:
+        """R^(-1/2) z."""
+        return np.linalg.solve(self._root, z.reshape(len(z), -1)).reshape(z.shape)
 
     def simulated(self, rng: np.random.Generator) -> Floats:
         """(s,) the largest surprise of periods in which nothing changes."""
