@@ -67,6 +67,8 @@ class Change:
         latest: its end, s.
         size: of each of these gauges, SI; of a drift by year.
         sd: standard deviation of each.
+        odds: probability that it is of this kind, and not a drift in place of a step or a step in
+            place of a drift.
         surprise: of the innovations since.
         lasts: the last reading still shows it.
     """
@@ -79,6 +81,7 @@ class Change:
     latest: float
     size: tuple[float, ...]
     sd: tuple[float, ...]
+    odds: float
     surprise: float
     lasts: bool
 
@@ -184,8 +187,8 @@ class Detector:
         best = int(np.argmax(squares[at]))
         kind, first = divmod(best, len(self.begun))
         same = slice(kind * len(self.begun), (kind + 1) * len(self.begun))
-        odds = np.exp(0.5 * (squares[at, same] - squares[at, best]))
-        odds /= odds.sum()
+        likelihood = np.exp(0.5 * (squares[at] - squares[at, best]))
+        odds = likelihood[same] / likelihood[same].sum()
         low, high = np.searchsorted(np.cumsum(odds), [0.025, 0.975])
         showing = [i for i in range(len(gauges)) if len(gauges) == 1 or abs(z[i, at, best]) > _PART]
         sizes = []
@@ -204,6 +207,7 @@ class Detector:
             latest=float(self.begun[min(high, len(odds) - 1)]),
             size=tuple(size for size, _ in sizes),
             sd=tuple(sd for _, sd in sizes),
+            odds=float(likelihood[same].sum() / likelihood.sum()),
             surprise=float(last if lasts else surprise[at]),
             lasts=lasts,
         )

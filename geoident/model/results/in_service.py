@@ -106,6 +106,7 @@ class ChangeRow:
         latest: end of it.
         size: of the step, SI; of a drift by year.
         sd: its standard deviation.
+        odds: probability that it is a step and no drift, or a drift and no step.
         surprise: -log10 of the probability that chance does as much.
         lasts: the last reading still shows it.
         unit: in which people see the readings.
@@ -121,6 +122,7 @@ class ChangeRow:
     latest: float = field(metadata=column(unit="s since 1970-01-01"))
     size: float = field(metadata=column(dimension=ROW, unit="SI unit of the gauge"))
     sd: float = field(metadata=column(dimension=ROW, unit="SI unit of the gauge"))
+    odds: float
     surprise: float
     lasts: bool
     unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))

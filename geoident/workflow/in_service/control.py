@@ -46,6 +46,9 @@ _STANDARD = 2.0 * YEAR
 _COMMON_DAYS, _SHRUNK = 20, 0.8
 """Days on which two gauges must have been read for their correlation, and what is kept of it."""
 
+_SURE = 0.9
+"""Probability of a kind of change from which on it is said without doubt."""
+
 GREEN, AMBER, RED = "green", "amber", "red"
 
 
@@ -337,7 +340,7 @@ def _rows(
             yield ChangeRow(
                 kind=change.kind, gauge=channel.name, change=number, shown=change.shown,
                 since=change.since, earliest=change.earliest, latest=change.latest, size=size,
-                sd=sd, surprise=change.surprise, lasts=change.lasts, unit=channel.unit,
+                sd=sd, odds=change.odds, surprise=change.surprise, lasts=change.lasts, unit=channel.unit,
                 dimension=channel.dimension,
             )  # fmt: skip
 
@@ -381,6 +384,10 @@ def _findings(
         if change.latest > change.earliest:
             when += f" ({date_text(change.earliest)[:10]} to {date_text(change.latest)[:10]})"
         names = ", ".join(channel.name for channel in channels)
+        other = "drift" if change.kind == "step" else "step"
+        doubt = (
+            "" if change.odds > _SURE else f" It may also be a {other}: more readings will tell."
+        )
         over = "" if change.lasts else " The last reading does not show it any more."
         if len(channels) == 1:
             sentence = (
@@ -393,7 +400,7 @@ def _findings(
                 f"{date_text(change.shown)[:10]}: {', '.join(sizes)}{rate}. The structure, or what "
                 "acts on it, has changed."
             )
-        yield Finding("change", names, sentence + over, {"since": change.since})
+        yield Finding("change", names, sentence + doubt + over, {"since": change.since})
     for gauge in watched:
         if gauge.wrong.size:
             yield _wrong_finding(gauge, case)
