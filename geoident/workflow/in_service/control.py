@@ -340,8 +340,8 @@ def _rows(
             yield ChangeRow(
                 kind=change.kind, gauge=channel.name, change=number, shown=change.shown,
                 since=change.since, earliest=change.earliest, latest=change.latest, size=size,
-                sd=sd, odds=change.odds, surprise=change.surprise, lasts=change.lasts, unit=channel.unit,
-                dimension=channel.dimension,
+                sd=sd, odds=change.odds, surprise=change.surprise, lasts=change.lasts,
+                unit=channel.unit, dimension=channel.dimension,
             )  # fmt: skip
 
 
