@@ -39,6 +39,8 @@ _MANY = 2000
 """Dots of a panel from which on they are drawn as pixels."""
 _NAMED = 3
 """Single wrong readings of a panel whose dates are written."""
+_APART = 0.1
+"""Part of the axis by which dates that are written are apart."""
 _ALARM: dict[str, Any] = {"color": ACCENT, "ls": (0, (5, 1.5)), "lw": 1.0}
 
 
@@ -132,7 +134,7 @@ def _draw_gauge(axes: Axes, result: Result, name: str) -> None:
     expected, half = size * judged[0], NORMAL_95 * size * judged[1]
     is_judged = np.isfinite(judged[2])
     wrong = _at(result, name, table.time[own])
-    limits = _limits(read[~wrong & (used | is_judged)], expected - half, expected + half)
+    limits = _limits(read[~wrong & ~table.bad[own]], expected - half, expected + half)
     axes.plot(days, size * table.computed[own], color=COMPUTED, lw=0.9)
     axes.plot(days[is_judged], expected[is_judged], "--", color=COMPUTED, lw=0.9)
     axes.fill_between(days[is_judged], (expected - half)[is_judged],
@@ -186,7 +188,12 @@ def _draw_wrong(
     rim = 0.04 * (high - low)
     y = np.clip(read, low + rim, high - rim)
     axes.plot(days, y, "x", color=ACCENT, ms=4.5, mew=1.1, zorder=4)
-    for k in np.argsort(-np.abs(off))[:_NAMED]:
+    room = _APART * float(np.ptp(axes.get_xlim()))
+    named: list[int] = []
+    for k in np.argsort(-np.abs(off)).tolist():
+        if all(abs(days[k] - days[other]) > room for other in named):
+            named.append(k)
+    for k in named[:_NAMED]:
         up = y[k] < 0.5 * (low + high)
         words = date_text(DAY * float(days[k]))[:10]
         axes.annotate(words, (days[k], y[k]), xytext=(3, 4 if up else -4),

@@ -269,9 +269,12 @@ def seasonal_sheet(result: Result) -> CsvTable:
     fit = result.seasonal
     if fit is None:
         return CsvTable()
-    names = sheet(result.gauges, "gauge", only=("channels", "units"), quantities=result.quantities)
-    return beside(names, sheet(fit, "gauge", quantities=result.quantities,
-                               labels={"term": fit.terms}))  # fmt: skip
+    last = [moment_text(float(time)) or "" for time in fit.last]
+    names = tuple(zip(result.gauges.channels, result.gauges.shown_units, last, strict=True))
+    return beside(
+        CsvTable(("gauge", "unit", "last"), names),
+        sheet(fit, "gauge", quantities=result.quantities, labels={"term": fit.terms}),
+    )
 
 
 def seasonal_object(result: Result) -> dict[str, object] | None:
@@ -280,6 +283,9 @@ def seasonal_object(result: Result) -> dict[str, object] | None:
     if fit is None:
         return None
     rows = objects(fit, "gauge", quantities=result.quantities)
+    for row, last, b in zip(rows, fit.last, fit.coefficients.tolist(), strict=True):
+        row["last"] = moment_text(float(last))
+        row["coefficients"] = dict(zip(fit.terms, b, strict=True))
     return {
         "terms": fit.terms,
         "effects": fit.effects,
