@@ -150,7 +150,11 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
         places=_places(staged) if staged else (),
         readings=_readings(case, readings),
         parameters=tuple(parameter.name for parameter in case.parameters),
-        methods=tuple(method_name(options) for options in case.fit.methods),
+        methods=(
+            ("restricted likelihood",)
+            if isinstance(case.elsewhere, SeasonalModel)
+            else tuple(method_name(options) for options in case.fit.methods)
+        ),
         used=int(np.count_nonzero(readings.used)),
         unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
         cost=cost,

@@ -43,6 +43,9 @@ TABLES = (
     "posterior",
     "draws",
     "fields",
+    "seasonal",
+    "judged",
+    "changes",
     "backtest",
     "backtest-parameters",
 )

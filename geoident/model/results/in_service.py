@@ -46,14 +46,18 @@ class SeasonalFit:
 
     terms: tuple[str, ...] = field(metadata=column("term", name="term"))
     effects: tuple[str, ...] = field(metadata=column("term", name="effect"))
-    coefficients: Floats = field(metadata=column("gauge", "term", dimension="gauge"))
+    coefficients: Floats = field(
+        metadata=column("gauge", "term", dimension="gauge", sheet="coefficient {term}")
+    )
     covariance: Floats = field(metadata=column("gauge", "state", "other_state", hidden=("csv",)))
     lasting_now: Floats = field(metadata=_LIKE_READING)
     number: Ints = field(metadata=column("gauge"))
-    last: Floats = field(metadata=column("gauge", unit="s since 1970-01-01"))
+    last: Floats = field(
+        metadata=column("gauge", unit="s since 1970-01-01", hidden=("csv", "json", "diff"))
+    )
     white: Floats = field(metadata=_LIKE_READING)
     lasting: Floats = field(metadata=_LIKE_READING)
-    fades: Floats = field(metadata=column("gauge", unit="s"))
+    fades: Floats = field(metadata=column("gauge", dimension="time", shown="d"))
     level_low: float
     level_high: float
     air_mean: float

@@ -959,6 +959,11 @@ class Result:
             "gauge": list(zip(gauges.units, gauges.dimensions, strict=True)),
         }
 
+    @property
+    def in_service(self) -> bool:
+        """It is of a structure in service: its readings belong to dates, not to stages."""
+        return self.seasonal is not None or self.kind == "control"
+
     @cached_property
     def for_people(self) -> Result:
         """The same without the coefficients of the modes of fields: the fields stand for them."""

@@ -116,7 +116,7 @@ def summary_text(result: Result) -> str:
         head(result),
         _parameters_in_words(result),
         section(f"{in_service.TITLE}:", in_service.effects_table(result).text),
-        section(f"{in_service.LATER}:", in_service.judged_table(result).text),
+        section(f"{in_service.later_title(result)}:", in_service.judged_table(result).text),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
@@ -138,8 +138,6 @@ def _model_error(result: Result) -> str:
 
 def _fit_parts(result: Result) -> tuple[str, ...]:
     """The table of the readings of the fit, and what its residuals are divided by."""
-    if result.seasonal is not None:  # its readings are of many dates, not of stages
-        return ()
     table = fit_table(result).text
     return (table, sentence(in_sd_note(result))) if table else ()
 
@@ -221,6 +219,8 @@ def _identified(result: Result) -> list[str]:
     status = _STATUS.get(result.status, result.status)
     if result.kind == "backtest":
         return [f"{status}. {result.reason}"]
+    if result.in_service:
+        return in_service.outcome_sentences(result)
     if result.kind != "fit" or not used:
         return [f"{status}."]
     stages = [

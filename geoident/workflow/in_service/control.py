@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import norm
 
 from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
@@ -162,7 +163,8 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     threshold = usual.threshold(task.request.false_alarms, rng)
     new = Detector([gauge.filter for gauge in watched], correlation)
     changes = new.changes([gauge.e for gauge in watched], threshold)
-    rows = tuple(_rows(changes, watched, case))
+    rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
+    table = replace(table, computed=_explained(task.fit, case, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
     alarms = alarm_states(case, gauges, None)
     state = _state(changes, watched)
@@ -343,6 +345,33 @@ def _rows(
                 sd=sd, odds=change.odds, surprise=change.surprise, lasts=change.lasts,
                 unit=channel.unit, dimension=channel.dimension,
             )  # fmt: skip
+
+
+def _wrong_rows(
+    watched: Sequence[_Watched], case: Case, table: ReadingTable, before: int
+) -> Iterator[ChangeRow]:
+    """Single wrong readings, numbered after the changes that went before."""
+    wrong = [(gauge, int(k)) for gauge in watched for k in gauge.wrong]
+    for number, (gauge, k) in enumerate(wrong, before + 1):
+        channel, time = case.channels[gauge.number], float(gauge.filter.times[k])
+        surprise = -(np.log(2.0) + norm.logsf(abs(gauge.e[k]))) / np.log(10.0)
+        yield ChangeRow(
+            kind="reading", gauge=channel.name, change=number, shown=time, since=time,
+            earliest=time, latest=time, size=float(table.value[gauge.rows[k]] - gauge.predicted[k]),
+            sd=float(gauge.filter.sd[k]), surprise=float(surprise), lasts=False,
+            unit=channel.unit, dimension=channel.dimension,
+        )  # fmt: skip
+
+
+def _explained(fit: Result, case: Case, table: ReadingTable, effects: Effects) -> Floats:
+    """(k,) what the effects make of each reading of a gauge that was fitted, SI."""
+    assert fit.seasonal is not None
+    known = np.isfinite(fit.seasonal.white)
+    coefficients = dict(zip(fit.gauges.channels, fit.seasonal.coefficients, strict=True))
+    fitted = {name for name, one in zip(fit.gauges.channels, known, strict=True) if one}
+    b = np.array([coefficients[name] for name in table.channel])
+    own = np.array([name in fitted for name in table.channel], dtype=np.bool_)
+    return np.where(own, np.einsum("kq,kq->k", effects.columns, np.nan_to_num(b)), np.nan)
 
 
 def _state(changes: Sequence[Change], watched: Sequence[_Watched]) -> str:

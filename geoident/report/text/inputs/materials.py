@@ -107,18 +107,18 @@ def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
 def _seasonal(model: CaseTexts) -> str:
     """The effects of a seasonal model as the case gives them."""
     words = {
-        "level": "level up to the power {}",
-        "season": "season in {} waves",
+        "level": "powers of the level up to {}",
+        "season": "season with {} harmonics of the year",
         "air": "air temperature with response times of {}",
-        "settling": "motions that fade in {}",
+        "settling": "irreversible motions that fade in {}",
     }
     effects = [
-        text.format(", ".join(map(str, listed(model[key]))))
+        text.format(", ".join(listed(model[key])) or model[key])
         for key, text in words.items()
         if model.get(key)
     ]
     if model.get("linear") == "true":
-        effects.append("a motion that goes on")
+        effects.append("an irreversible motion that goes on")
     return f"{'; '.join(effects)}; in service since {model.get('since')}"
 
 
