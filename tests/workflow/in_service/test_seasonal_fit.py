@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from support.service_dam import GAUGES, YEAR, dam, write
 
+from geoident import control
+from geoident.errors import UsageError
 from tests.support.commands import run_command
 
 FIRST = np.datetime64("2010-01-01")
@@ -81,7 +83,7 @@ def test_a_gauge_that_drifts_is_named_with_its_rate_and_the_date(tmp_path):
     assert "check this one" in sentence
     (row,) = (one for one in said["changes"] if one["gauge"] == "P2")
     assert row["size"] * 1e3 == pytest.approx(1.2, abs=3.0 * row["sd"] * 1e3)
-    since = row["since"] / 86400.0 + day("1970-01-01")
+    since = day(row["since"][:10])
     assert abs(since - 7.5 * YEAR) < 120.0
 
 
@@ -157,3 +159,15 @@ def test_each_effect_may_be_left_out(tmp_path, model, missing):
     with h5py.File(tmp_path / "dam.fit.h5") as found:
         assert np.isnan(found[f"seasonal/{missing}"][()]).all()
         assert np.isfinite(found["seasonal/white"][()]).all()
+
+
+def test_python_gives_the_state_the_changes_and_a_frame(tmp_path, sound):
+    folder, made, _ = sound
+    found = control(folder / "dam.fit.h5", output=tmp_path / "python.h5")
+    assert found.state in ("green", "amber", "red")
+    assert found.state == found.status
+    frame = found.to_frame()
+    assert set(frame["gauge"]) == set(GAUGES)
+    assert len(frame) == sum(int((read > 6.0 * YEAR).sum()) for read, _ in made.read.values())
+    with pytest.raises(UsageError, match="1 per 10 years"):
+        control(folder / "dam.fit.h5", false_alarms="seldom")
