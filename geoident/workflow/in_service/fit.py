@@ -241,6 +241,15 @@ def _explained(
     return computed
 
 
+def unknown_later(case: Case, table: ReadingTable) -> Iterator[str]:
+    """Loads that end before the last reading, and which file is to go on."""
+    assert isinstance(case.elsewhere, SeasonalModel)
+    for series in case.elsewhere.series:
+        end = float(series.times[-1])
+        if (table.time > end).any():
+            yield f"The {series.name} is known to {date_text(end)}: extend '{series.path}'."
+
+
 def _too_few(case: Case, table: ReadingTable, effects: Effects) -> Fault:
     """No gauge has as many readings as its coefficients need."""
     need = len(effects.names) + FURTHER
@@ -258,7 +267,7 @@ def _too_few(case: Case, table: ReadingTable, effects: Effects) -> Fault:
 def _no_reading(case: Case, table: ReadingTable) -> Fault:
     why = sorted({reason for reason in table.reason if reason})
     hint = f"Not used: {'; '.join(why)}." if why else "Add readings with dates."
-    hint = " ".join([hint, *case.notes])
+    hint = " ".join([hint, *unknown_later(case, table), *case.notes])
     message = "there is no reading to which the model could be fitted"
     return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
 

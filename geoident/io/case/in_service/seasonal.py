@@ -29,8 +29,8 @@ _FixedTime = Annotated[CaseNumber, QuantityType("time", above=0.0)]
 class SeasonalModelSection(Section):
     """Readings of a structure in service as a sum of effects: season, level, air, time.
 
-    With `level`, `season` and `irreversible` it is the model HST of dam owners, with `air` as
-    well HSTT, with `air` in place of `season` HTT. Each gauge has coefficients of its own and an
+    With `level`, `season` and `linear` or `settling` it is the model HST of dam owners, with `air`
+    as well HSTT, with `air` in place of `season` HTT. Each gauge has coefficients of its own and an
     error that lasts in time; both follow from its readings. `loads` has the level and the air
     temperature day by day.
     """

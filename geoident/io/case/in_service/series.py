@@ -48,7 +48,7 @@ class SeriesSection(Section):
     )
     date: Text = Field("date", description="Name of the column of dates.")
     date_format: DateFormat = Field(
-        ISO, description="How dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
+        ISO, description="How its dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
     )
     bridge: Annotated[CaseNumber, QuantityType("time", above=0.0)] | None = Field(
         None,
