@@ -269,7 +269,7 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
             faults.add((key,), "no-ground", why, "Remove it.")
     _check_series(section, faults)
     if isinstance(section.model, SeasonalModelSection):
-        _check_seasonal(section, faults)
+        _check_seasonal(section, section.model, faults)
     for n, stage in enumerate(section.stages):
         fields = type(stage).model_fields
         for key in sorted(stage.model_fields_set - {"name"}):
@@ -285,7 +285,9 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
 
 
-def _check_seasonal(section: CaseSection, faults: SectionFaults) -> None:
+def _check_seasonal(
+    section: CaseSection, model: SeasonalModelSection, faults: SectionFaults
+) -> None:
     """A seasonal model has no stages, zeros, parameters and methods; it ends after it begins."""
     own = "a seasonal model has a constant of its own for each gauge, so this would change nothing"
     if [stage.name for stage in section.stages] != [IN_SERVICE]:
@@ -300,7 +302,7 @@ def _check_seasonal(section: CaseSection, faults: SectionFaults) -> None:
     if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
         message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
         faults.add(("fit", "method"), "no-method", message, "Remove it.")
-    model, until = section.model, section.fit.until
+    until = section.fit.until
     if until is not None and read_date(until) <= read_date(model.since):
         message = f"'{until}' is not after model.since, '{model.since}'"
         faults.add(("fit", "until"), "dates", message, "Correct one of them.")

@@ -121,7 +121,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
         place = Location(request.result)
         raise InputError([Fault("not-seasonal", message, hint, place)])
     if request.readings is not None and not Path(request.readings).is_file():
-        hint = "Check the path after --readings."
+        hint = "Check the path of the new readings."
         place = Location(request.readings)
         raise InputError([Fault("missing-file", "there is no such file", hint, place)])
     overrides = [] if request.readings is None else [_in_place(fit, request.readings)]

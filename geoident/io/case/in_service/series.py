@@ -109,8 +109,8 @@ def read_series(
         return None
     rows = sorted((row for row in read if row.value is not None and not row.bad), key=_time)
     if len(rows) < _FEWEST:
-        values = "one value" if rows else "no value"
-        message = f"the file has {values} of the {name}; expected one for each day or so"
+        few = "one value" if rows else "no value"
+        message = f"the file has {few} of the {name}; expected one for each day or so"
         faults.add((*at, "file"), "too-few", message, "Give all of the time of the readings.")
         return None
     for one, other in itertools.pairwise(rows):
