@@ -54,6 +54,7 @@ class Term(Enum):
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
     CLUSTER = ("--cluster", "the cluster")
+    READINGS = ("--readings", "readings=...")
     OUTPUT = ("-o", "output=...")
     FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
@@ -65,7 +66,7 @@ class Term(Enum):
     COMMAND = ("command", "call")
     FIT = ("`geoident fit`", "`fit(case)`")
     INIT_FROM = ("`geoident init DIR --from MESH`", "the command `geoident init`")
-    CONTROL = ("`geoident control FIT --readings NEW`", "`fit.control(readings)`")
+    CONTROL = ("`geoident control FIT --readings NEW`", "`control(fit, readings=...)`")
     SIMULATE = ("`geoident simulate`", "`simulate(case)`")
     KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
 

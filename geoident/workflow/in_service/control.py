@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import norm
 
-from geoident.errors import ExitCode, Fault, InputError, Location, UsageError
+from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
@@ -203,7 +203,7 @@ def _in_place(fit: Result, path: str) -> str:
         message = (
             "the case has several files of readings, so it is not known how this one is laid out"
         )
-        hint = "Add the new readings to the files of the case, and leave out --readings."
+        hint = f"Add the new readings to the files of the case, and leave out {Term.READINGS}."
         raise InputError([Fault("several-files", message, hint, Location(path))])
     return f"readings.file={given}" if isinstance(readings, Mapping) else f"readings={given}"
 
@@ -463,7 +463,7 @@ def _size(value: float, channel: Channel) -> str:
 
 def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:
     message = "there is no reading later than those of the fit, of a gauge that was fitted"
-    hint = "Give new ones: --readings new.csv, or add them to the file of the case."
+    hint = f"Give new ones with {Term.READINGS}, or add them to the file of the case."
     if why := sorted({reason for reason in table.reason if reason}):
         hint += f" Not used: {'; '.join(why)}."
     hint = " ".join([hint, *unknown_later(case, table)])
