@@ -82,7 +82,7 @@ class Series:
 
 @dataclass(frozen=True)
 class SeasonalModel:
-    """Readings as a sum of effects of level, season, air temperature and time (theory 12.1).
+    """Readings as a sum of effects of level, season, air temperature and time (theory 16.1).
 
     Args:
         since: when the effects of time begin, s since 1970.

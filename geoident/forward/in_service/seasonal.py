@@ -1,4 +1,4 @@
-"""The effects of a seasonal model: columns of a linear model of the readings (theory 12.1).
+"""The effects of a seasonal model: columns of a linear model of the readings (theory 16.1).
 
 Powers of the level relative to its range, waves of the year, air temperature less its mean as
 bodies of some response times feel it, and motions that begin with the service.

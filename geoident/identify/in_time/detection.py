@@ -1,4 +1,4 @@
-"""Changes of gauges and of the structure, from innovations (theory 12.3).
+"""Changes of gauges and of the structure, from innovations (theory 16.4).
 
 A step or a drift of one gauge that begins at a time t0 adds a known pattern g to its innovations,
 in an unknown size a. The generalized likelihood ratio for it is

@@ -1,4 +1,4 @@
-"""What each new reading says that those before it did not (theory 12.3).
+"""What each new reading says that those before it did not (theory 16.3).
 
 After the readings that a regression rests on, its coefficients and the lasting error have a mean
 and a covariance. A filter carries both from reading to reading and gives of each the innovation

@@ -1,4 +1,4 @@
-"""Noise of a gauge in time: an error of each reading, and one that fades (theory 12.2).
+"""Noise of a gauge in time: an error of each reading, and one that fades (theory 16.2).
 
 The errors of the readings of one gauge at times t_1 < ... < t_m are
 

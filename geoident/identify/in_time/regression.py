@@ -1,4 +1,4 @@
-"""Linear regression of a gauge's readings in time, with its noise from the residuals (theory 12.2).
+"""Linear regression of a gauge's readings in time, with its noise from the residuals (theory 16.2).
 
 y = X b + e with e of a `Noise`. For a given noise b follows from generalized least squares,
 

@@ -54,8 +54,9 @@ from geoident.io.schema.values import (
     Text,
     TextOrList,
 )
+from geoident.io.text.dates import read_date
 from geoident.io.text.faults import Faults
-from geoident.model.case import Analysis, Case, KeyPath, Material
+from geoident.model.case import VIRGIN, Analysis, Case, KeyPath, Material
 from geoident.model.parameter import scalars_of
 
 _AXES = "xyz"
@@ -267,6 +268,8 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
         if key in section.model_fields_set and given:
             faults.add((key,), "no-ground", why, "Remove it.")
     _check_series(section, faults)
+    if isinstance(section.model, SeasonalModelSection):
+        _check_seasonal(section, section.model, faults)
     for n, stage in enumerate(section.stages):
         fields = type(stage).model_fields
         for key in sorted(stage.model_fields_set - {"name"}):
@@ -280,6 +283,29 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
             faults.add(("gauges", name, "kind"), "no-place", message, hint)
     if not section.stages:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
+
+
+def _check_seasonal(
+    section: CaseSection, model: SeasonalModelSection, faults: SectionFaults
+) -> None:
+    """A seasonal model has no stages, zeros, parameters and methods; it ends after it begins."""
+    own = "a seasonal model has a constant of its own for each gauge, so this would change nothing"
+    if [stage.name for stage in section.stages] != [IN_SERVICE]:
+        message = "a structure in service has no stages: its readings have dates"
+        faults.add(("stages",), "no-stages", message, "Remove it.")
+    for name, gauge in section.gauges.items():
+        if gauge.zero != VIRGIN:
+            faults.add(("gauges", name, "zero"), "no-zero", own, "Remove it.")
+    if section.parameters:
+        message = "a seasonal model has coefficients of each gauge, and no parameters"
+        faults.add(("parameters",), "no-parameters", message, "Remove them.")
+    if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
+        message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
+        faults.add(("fit", "method"), "no-method", message, "Remove it.")
+    until = section.fit.until
+    if until is not None and read_date(until) <= read_date(model.since):
+        message = f"'{until}' is not after model.since, '{model.since}'"
+        faults.add(("fit", "until"), "dates", message, "Correct one of them.")
 
 
 def _check_series(section: CaseSection, faults: SectionFaults) -> None:

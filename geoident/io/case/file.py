@@ -229,6 +229,7 @@ def _elsewhere(
         faults=faults,
         dates=dates,
         series=_series(section, folder, faults),
+        loads=tuple(section.loads),
     )
     return build_elsewhere(section.model, around)
 

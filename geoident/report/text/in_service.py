@@ -368,14 +368,17 @@ class ListedChange:
 
 def listed_changes(result: Result) -> list[ListedChange]:
     """Every change and every wrong reading."""
-    return [
-        ListedChange(
-            row.change, row.kind, row.gauge,
-            *(moment_text(t) or "" for t in (row.since, row.earliest, row.latest, row.shown)),
-            row.size, row.sd, row.surprise, row.lasts, row.unit, row.dimension,
-        )
-        for row in result.changes
-    ]  # fmt: skip
+    changes = []
+    for row in result.changes:
+        times = (row.since, row.earliest, row.latest, row.shown)
+        since, earliest, latest, shown = (moment_text(t) or "" for t in times)
+        changes.append(
+            ListedChange(
+                row.change, row.kind, row.gauge, since, earliest, latest, shown, row.size, row.sd,
+                row.surprise, row.lasts, row.unit, row.dimension,
+            )
+        )  # fmt: skip
+    return changes
 
 
 def outside_table(result: Result) -> TextTable:

@@ -95,7 +95,11 @@ def read_fit(path: str, made: str) -> tuple[Result, Inputs]:
     fit = read_result(path)
     if fit.kind != "fit":
         message = f"A {fit.kind} cannot be {made} from; the result of a fit is expected."
-        raise InputError([Fault("not-a-fit", message, location=Location(path))])
+        hint = ""
+        if made == CONTROLLED:
+            message = f"this is the result of a {fit.kind}; new readings are held against a fit"
+            hint = f"Name the result of the fit: {fit.provenance.fit_file or 'CASE.fit.h5'}."
+        raise InputError([Fault("not-a-fit", message, hint, Location(path))])
     if fit.seasonal is not None and made != CONTROLLED:
         message = "The fit is of a seasonal model, which has no parameters."
         hint = f"Judge new readings: {Term.CONTROL}."

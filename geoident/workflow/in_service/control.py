@@ -31,7 +31,7 @@ from geoident.model.results.result import Result
 from geoident.units import UnitError, in_unit, read_quantity, shown_unit
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_fit, read_fit
-from geoident.workflow.in_service.fit import rows_in_time, with_reasons
+from geoident.workflow.in_service.fit import rows_in_time, unknown_later, with_reasons
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
@@ -123,6 +123,10 @@ def plan_control(request: ControlRequest) -> ControlTask:
         hint = "Fit a case with 'model: {kind: seasonal}'."
         place = Location(request.result)
         raise InputError([Fault("not-seasonal", message, hint, place)])
+    if request.readings is not None and not Path(request.readings).is_file():
+        hint = "Check the path of the new readings."
+        place = Location(request.readings)
+        raise InputError([Fault("missing-file", "there is no such file", hint, place)])
     overrides = [] if request.readings is None else [_in_place(fit, request.readings)]
     inputs = load_inputs(origin.path, overrides=overrides, text=fit.case_resolved)
     asked = Request(
@@ -155,7 +159,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
         if (gauge := _watched(i, task.fit, model, scales, table, effects)) is not None
     ]
     if not watched:
-        raise InputError([_nothing_new(case, task)])
+        raise InputError([_nothing_new(case, task, table)])
     correlation = _correlation(watched)
     rng = np.random.default_rng(task.request.seed)
     controlling.monitor.detail("simulating false alarms")
@@ -464,7 +468,13 @@ def _size(value: float, channel: Channel) -> str:
     return f"{in_unit(value, *unit):+.3g} {shown_unit(*unit)}".rstrip()
 
 
-def _nothing_new(case: Case, task: ControlTask) -> Fault:
+def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:
     message = "there is no reading later than those of the fit, of a gauge that was fitted"
     hint = f"Give new ones with {Term.READINGS}, or add them to the file of the case."
+    if why := sorted({reason for reason in table.reason if reason}):
+        hint += f" Not used: {'; '.join(why)}."
+    hint = " ".join([hint, *unknown_later(case, table)])
+    if task.request.readings is not None:
+        place = Location(task.request.readings)
+        return Fault("no-new-readings", message, hint, place)
     return case.source.fault(("readings",), code="no-new-readings", message=message, hint=hint)

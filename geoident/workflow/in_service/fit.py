@@ -68,6 +68,8 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
         control.monitor.part(channel.name, number / len(case.channels))
         fits.append(fitted(table, effects, channel.name))
     control.finish()
+    if not any(fits):
+        raise InputError([_too_few(case, table, effects)])
     seasonal, judged = seasonal_fit(fits, effects, scales), judged_later(fits, table, effects)
     table = replace(table, computed=_explained(fits, case, table, effects))
     stage = np.full((len(case.channels), len(case.stages)), np.nan)
@@ -239,9 +241,33 @@ def _explained(
     return computed
 
 
+def unknown_later(case: Case, table: ReadingTable) -> Iterator[str]:
+    """Loads that end before the last reading, and which file is to go on."""
+    assert isinstance(case.elsewhere, SeasonalModel)
+    for series in case.elsewhere.series:
+        end = float(series.times[-1])
+        if (table.time > end).any():
+            yield f"The {series.name} is known to {date_text(end)}: extend '{series.path}'."
+
+
+def _too_few(case: Case, table: ReadingTable, effects: Effects) -> Fault:
+    """No gauge has as many readings as its coefficients need."""
+    need = len(effects.names) + FURTHER
+    most = max(int(table.used[np.array(table.channel) == c.name].sum()) for c in case.channels)
+    message = (
+        f"no gauge has enough readings: {len(effects.names)} coefficients need {need} of a gauge, "
+        f"and there are {most} at most"
+    )
+    why = sorted({reason for reason in table.reason if reason})
+    hint = "Add readings, or leave out effects of the model."
+    hint += f" Not used: {'; '.join(why)}." if why else ""
+    return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
+
+
 def _no_reading(case: Case, table: ReadingTable) -> Fault:
     why = sorted({reason for reason in table.reason if reason})
     hint = f"Not used: {'; '.join(why)}." if why else "Add readings with dates."
+    hint = " ".join([hint, *unknown_later(case, table), *case.notes])
     message = "there is no reading to which the model could be fitted"
     return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
 

@@ -48,7 +48,7 @@ def build_elsewhere(section: ElsewhereSection, around: ModelContext) -> External
     if isinstance(section, ConvergenceLawSection):
         return build_law(section, around)
     if isinstance(section, SeasonalModelSection):
-        return build_seasonal(section, around.series, around.faults)
+        return build_seasonal(section, around.series, around.loads, around.faults)
     machine = Machine(section.time_limit, section.at_once)
     if isinstance(section, ExternalModelSection):
         return _program(section, machine, around)

@@ -32,6 +32,7 @@ class ModelContext:
         faults: is told what is wrong.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
         series: loads that change in time, by name.
+        loads: names of all loads, also of those that could not be read.
     """
 
     parameters: Mapping[str, Parameter]
@@ -43,6 +44,7 @@ class ModelContext:
     faults: Faults
     dates: Mapping[str, float] = field(default_factory=dict)
     series: Mapping[str, Series] = field(default_factory=dict)
+    loads: Sequence[str] = ()
 
     def check_inside(self, name: str, path: KeyPath, *, key: bool = False) -> None:
         """Note a name that leads out of the folder of a run.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -18,14 +18,19 @@ from geoident.model.in_service import SeasonalModel, Series
 IN_SERVICE = "service"
 """Name of the one stage of a structure in service."""
 
+_LOADS = {"level": "level", "air": "temperature of the air"}
+
+_MOST_POWERS, _MOST_HARMONICS = 6, 12
+"""Beyond them columns are so much alike that no reading tells them apart."""
+
 _FixedTime = Annotated[CaseNumber, QuantityType("time", above=0.0)]
 
 
 class SeasonalModelSection(Section):
     """Readings of a structure in service as a sum of effects: season, level, air, time.
 
-    With `level`, `season` and `irreversible` it is the model HST of dam owners, with `air` as
-    well HSTT, with `air` in place of `season` HTT. Each gauge has coefficients of its own and an
+    With `level`, `season` and `linear` or `settling` it is the model HST of dam owners, with `air`
+    as well HSTT, with `air` in place of `season` HTT. Each gauge has coefficients of its own and an
     error that lasts in time; both follow from its readings. `loads` has the level and the air
     temperature day by day.
     """
@@ -65,6 +70,10 @@ class SeasonalModelSection(Section):
         if not (self.level or self.season or self.air or self.linear or self.settling):
             hint = "Write season: 2, and level: 3 where a water level acts."
             faults.add((), "missing-key", "the model has no effect at all", hint)
+        for key, most in (("level", _MOST_POWERS), ("season", _MOST_HARMONICS)):
+            if (getattr(self, key) or 0) > most:
+                message = f"'{getattr(self, key)}' is more than readings can tell"
+                faults.add((key,), "too-many", message, f"Write {most} at most, mostly 2 to 4.")
 
     def used_loads(self) -> list[str]:
         """Names of the loads in time on which it depends."""
@@ -72,19 +81,23 @@ class SeasonalModelSection(Section):
 
 
 def build_seasonal(
-    section: SeasonalModelSection, series: Mapping[str, Series], faults: Faults
+    section: SeasonalModelSection,
+    series: Mapping[str, Series],
+    given: Collection[str],
+    faults: Faults,
 ) -> SeasonalModel:
     """The model of a case.
 
     Args:
         section: the key ``model``.
         series: the loads that change in time, by name.
+        given: names of all of them in the case, also of those that could not be read.
         faults: takes what is wrong.
     """
     at: KeyPath = ("model",)
     for name in section.used_loads():
-        if name not in series:
-            message = f"'{name}' of the model needs the {name} over time"
+        if name not in given:
+            message = f"'{name}' of the model needs the {_LOADS[name]} over time"
             hint = f"Add loads: {{{name}: {{file: {name}.csv}}}}."
             faults.add((*at, name), "missing-load", message, hint, key=True)
     return SeasonalModel(

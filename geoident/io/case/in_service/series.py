@@ -5,19 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from geoident.errors import InputError
+from geoident.errors import Fault, InputError
 from geoident.io.case.site_files.file import DELIMITERS
 from geoident.io.case.site_files.values import Cells, DateFormat, TextEncoding
 from geoident.io.readings.file import read_readings
 from geoident.io.readings.layout import Layout, Origin
-from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Text
+from geoident.io.schema.values import CaseNumber, QuantityType, Text
 from geoident.io.text.dates import ISO, date_text
 from geoident.io.text.faults import Faults
 from geoident.model.case import KeyPath
@@ -49,9 +48,9 @@ class SeriesSection(Section):
     )
     date: Text = Field("date", description="Name of the column of dates.")
     date_format: DateFormat = Field(
-        ISO, description="How dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
+        ISO, description="How its dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
     )
-    bridge: GivenTime | None = Field(
+    bridge: Annotated[CaseNumber, QuantityType("time", above=0.0)] | None = Field(
         None,
         description="Longest gap over which values are taken as linear in between. Without it "
         "nothing is known inside of gaps, and readings there are not used.",
@@ -100,7 +99,7 @@ def read_series(
     """
     dimension = DIMENSION_OF[name]
     if section.unit is not None and size_in(section.unit, dimension) is None:
-        hint = f"Write one such as '{units_of(dimension)[-1]}'."
+        hint = f"Its units: {', '.join(units_of(dimension))}."
         faults.add((*at, "unit"), "unit", f"'{section.unit}' is not a unit of the {name}", hint)
         return None
     try:
@@ -110,18 +109,20 @@ def read_series(
         return None
     rows = sorted((row for row in read if row.value is not None and not row.bad), key=_time)
     if len(rows) < _FEWEST:
-        message = f"the file has {len(rows)} values of the {name}; expected one for each day"
+        few = "one value" if rows else "no value"
+        message = f"the file has {few} of the {name}; expected one for each day or so"
         faults.add((*at, "file"), "too-few", message, "Give all of the time of the readings.")
         return None
     for one, other in itertools.pairwise(rows):
         if _time(one) == _time(other):
-            message = f"the {name} of {date_text(_time(one))} is given twice, "
-            message += f"in line {one.location.line} and line {other.location.line}"
-            faults.add((*at, "file"), "repeated-date", message, "Remove one of the lines.")
+            message = f"a second {name} of {date_text(_time(one))}, first at {one.location}"
+            fault = Fault("repeated-date", message, "Keep one of them.", other.location)
+            faults.extend([fault])
             return None
     times = np.array([_time(row) for row in rows])
     values = np.array([row.value for row in rows], dtype=np.float64)
-    bridge = section.bridge or _REGULAR * float(np.median(np.diff(times)))
+    given = section.bridge
+    bridge = given.factor if given else _REGULAR * float(np.median(np.diff(times)))
     return Series(name, path, times, values, bridge)
 
 
