@@ -39,8 +39,9 @@ def command(result: str, readings: str | None, false_alarms: str, options: Optio
     """Hold new readings of a structure in service against its fit.
 
     Each reading is judged before it is used. Steps and drifts are looked for, of single gauges and
-    of several at once, with the date at which they began. The state is green; amber where a gauge
-    has changed or a reading is wrong; red where the structure has, or an alarm value is reached.
+    of several at once, with the date at which they began. The state is green; amber where the last
+    readings show that a gauge has changed; red where the structure has, or an alarm value is
+    reached. Single wrong readings are named, and over with the next.
     Amber and red end with exit code 8. Writes RESULT.control.h5 and prints its path.
     """
     from geoident.cli.error_boundary import failures_as_json

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.errors import ModelError
+from geoident.errors import InputError, Term
 from geoident.forward.external.model import ExternalModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
@@ -25,9 +25,9 @@ class SeasonalReadings(ExternalModel):
         """Nothing: the coefficients of the gauges are no parameters of the case.
 
         Raises:
-            ModelError: always.
+            InputError: always.
         """
-        raise ModelError(
-            "A seasonal model has coefficients of each gauge, and no parameters to vary.",
-            "`geoident fit` fits it; `geoident control` holds new readings against it.",
-        )
+        message = "a seasonal model has coefficients of each gauge, and no parameters to vary"
+        hint = f"{Term.FIT} fits it; {Term.CONTROL} holds new readings against it."
+        fault = self.case.source.fault(("model",), code="no-parameters", message=message, hint=hint)
+        raise InputError([fault])

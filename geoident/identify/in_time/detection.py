@@ -27,7 +27,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from geoident.identify.in_time.innovations import Filter
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.in_service import DAY, YEAR
 
 WINDOW = 2.0 * YEAR
@@ -201,7 +201,7 @@ class Detector:
         return Change(
             kind=KINDS[kind],
             gauges=tuple(gauges[i] for i in showing),
-            shown=float(self.dates[np.argmax(surprise > threshold)]),
+            shown=float(self.dates[self._shown(surprise > threshold, float(self.begun[low]))]),
             since=float(self.begun[first]),
             earliest=float(self.begun[low]),
             latest=float(self.begun[min(high, len(odds) - 1)]),
@@ -211,6 +211,11 @@ class Detector:
             surprise=float(last if lasts else surprise[at]),
             lasts=lasts,
         )
+
+    def _shown(self, seen: Bools, earliest: float) -> int:
+        """Number of the first date that shows a change which began at the earliest then."""
+        after = seen & (self.dates > earliest)
+        return int(np.argmax(after if after.any() else seen))
 
     def surprises(self, z: Floats) -> tuple[Floats, Floats]:
         """Of single gauges (n, k, s) and of all together (k, s), at each date.

@@ -46,7 +46,7 @@ class Filter:
             P[:, -1] *= phi
             P[-1, -1] += noise.lasting**2 * (1.0 - phi**2)
             Ph = P @ h
-            variance = h @ Ph + noise.white**2
+            variance = max(float(h @ Ph), 0.0) + noise.white**2  # rounding may leave less
             self.sd[k] = np.sqrt(variance)
             if not self.skipped[k]:
                 self._gain[k] = Ph / variance

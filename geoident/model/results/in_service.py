@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.columns import ROW, column, derived
+from geoident.units import in_unit, shown_unit
 
 _LIKE_READING = column("gauge", dimension="gauge")
 
@@ -131,3 +133,16 @@ class ChangeRow:
     lasts: bool
     unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
     dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+    @property
+    def text(self) -> str:
+        """Its size with the 95 % interval and the unit; of a single reading without interval."""
+        size, half = (
+            in_unit(x, self.unit, self.dimension) for x in (self.size, NORMAL_95 * self.sd)
+        )
+        places = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0.0 else 3
+        interval = "" if self.kind == "reading" else f" ± {half:.{places}f}"
+        rate = " a year" if self.kind == "drift" else ""
+        return (
+            f"{size:+.{places}f}{interval} {shown_unit(self.unit, self.dimension)}".rstrip() + rate
+        )

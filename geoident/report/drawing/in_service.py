@@ -30,7 +30,7 @@ from geoident.report.drawing.style import (
     key,
     paged,
 )
-from geoident.report.text.in_service import change_text, gauge_states
+from geoident.report.text.in_service import gauge_states
 from geoident.units import in_unit
 
 _PER_FIGURE = 5
@@ -207,7 +207,7 @@ def _draw_changes(axes: Axes, rows: Sequence[ChangeRow]) -> None:
         if row.latest > row.earliest:
             axes.axvspan(row.earliest / DAY, row.latest / DAY, color=ACCENT, alpha=0.13, lw=0)
         axes.axvline(row.since / DAY, color=ACCENT, lw=1.2)
-        words = f"{row.kind} {change_text(row)}, {date_text(row.since)[:10]}"
+        words = f"{row.kind} {row.text}, {date_text(row.since)[:10]}"
         axes.annotate(words, (row.since / DAY, 0.97 - 0.13 * k), xytext=(3, 0),
                       xycoords=("data", "axes fraction"), textcoords="offset points",
                       fontsize=SMALL - 0.5, color=ACCENT, va="top")  # fmt: skip

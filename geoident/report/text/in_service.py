@@ -17,7 +17,7 @@ from geoident.model.results.result import Result
 from geoident.report.text.gauges import moment_text, predicted_texts, reading_text
 from geoident.report.text.layout import TextTable, decimals, section, sentence
 from geoident.report.text.rows import CsvTable, beside, objects, sheet
-from geoident.units import in_unit, shown_unit, size_in
+from geoident.units import size_in
 
 TITLE = "Effects on the gauges"
 
@@ -120,8 +120,8 @@ def judged_table(result: Result) -> TextTable:
 def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
     """Gauge with new readings to its state and to what led there; nothing but of a control.
 
-    A gauge is red that shows a change of several, or has reached an alarm value, amber with a
-    change or wrong readings of its own.
+    A gauge is red whose last readings show a change of several, or that has reached an alarm value,
+    amber with a change of its own.
     """
     if result.kind != "control" or result.judged is None:
         return {}
@@ -135,16 +135,16 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
         own = [row for row in result.changes if row.gauge == name]
         reached = [f"alarm value '{a.level}' reached" for a in result.alarms
                    if a.gauge == name and a.reached]  # fmt: skip
-        lasting = [row for row in own if row.kind != "reading"]
-        wrong = len(own) - len(lasting)
+        lasting = [row for row in own if row.lasts]
+        wrong = sum(row.kind == "reading" for row in own)
         why = [
             *reached,
             *(f"{row.kind}{' of several' * (row.change in several)} since {_day(row.since)}"
               for row in lasting),
             *([f"{wrong} wrong {'reading' if wrong == 1 else 'readings'}"] if wrong else []),
         ]  # fmt: skip
-        is_red = reached or any(row.change in several for row in own)
-        states[name] = RED if is_red else AMBER if own else GREEN, "; ".join(why)
+        is_red = reached or any(row.change in several for row in lasting)
+        states[name] = RED if is_red else AMBER if lasting else GREEN, "; ".join(why)
     return states
 
 
@@ -163,7 +163,7 @@ def changes_table(result: Result) -> TextTable:
             since = _day(row.earliest), _day(row.latest)
             rows.append(
                 [str(row.change), f"{row.kind}{' of several' * (len(own) > 1)}", row.gauge,
-                 change_text(row), _day(row.since),
+                 row.text, _day(row.since),
                  f"{since[0]} to {since[1]}" if row.latest > row.earliest else "",
                  _day(row.shown), "still there" if row.lasts else "no longer"]
             )  # fmt: skip
@@ -173,21 +173,11 @@ def changes_table(result: Result) -> TextTable:
 def wrong_table(result: Result) -> TextTable:
     """Single readings that are far off."""
     rows = [
-        [row.gauge, date_text(row.since), change_text(row), f"{row.size / row.sd:+.1f}"]
+        [row.gauge, date_text(row.since), row.text, f"{row.size / row.sd:+.1f}"]
         for row in result.changes
         if row.kind == "reading"
     ]
     return TextTable(("gauge", "read on", "off by", "in sd"), rows, right="lllr")
-
-
-def change_text(row: ChangeRow) -> str:
-    """The size of a change with its 95 % interval and unit; of a single reading without."""
-    size, half = (in_unit(x, row.unit, row.dimension) for x in (row.size, NORMAL_95 * row.sd))
-    places = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0.0 else 3
-    unit = shown_unit(row.unit, row.dimension)
-    interval = "" if row.kind == "reading" else f" ± {decimals(half, places)}"
-    rate = " a year" if row.kind == "drift" else ""
-    return f"{size:+.{places}f}{interval} {unit}".rstrip() + rate
 
 
 def latest_table(result: Result) -> TextTable:
@@ -360,6 +350,7 @@ class ListedChange:
     shown: str
     size: float = field(metadata=column(dimension=ROW))
     sd: float = field(metadata=column(dimension=ROW))
+    odds: float
     surprise: float
     lasts: bool
     unit: str = field(metadata=column(dimension=ROW))
@@ -375,7 +366,7 @@ def listed_changes(result: Result) -> list[ListedChange]:
         changes.append(
             ListedChange(
                 row.change, row.kind, row.gauge, since, earliest, latest, shown, row.size, row.sd,
-                row.surprise, row.lasts, row.unit, row.dimension,
+                row.odds, row.surprise, row.lasts, row.unit, row.dimension,
             )
         )  # fmt: skip
     return changes

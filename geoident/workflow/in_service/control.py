@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,13 @@ from geoident.io.text.dates import date_text
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Channel, ReadingTable
+from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import DAY, YEAR, SeasonalModel
-from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
 from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
-from geoident.model.results.result import Result
-from geoident.units import UnitError, in_unit, read_quantity, shown_unit
+from geoident.model.results.result import GaugeTable, Result
+from geoident.units import UnitError, read_quantity
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_fit, read_fit
 from geoident.workflow.in_service.fit import rows_in_time, unknown_later, with_reasons
@@ -170,8 +170,8 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
     table = replace(table, computed=_explained(task.fit, case, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
-    alarms = alarm_states(case, gauges, None)
-    state = _state(changes, watched)
+    alarms = alarm_states(case, _counting(gauges, watched), None)
+    state = _state(changes)
     if any(alarm.reached for alarm in alarms):
         state = RED
     return task.write(
@@ -182,7 +182,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             method="likelihood ratio",
             reason=_reason(state, table, watched, task.request),
             objective=float("nan"),
-            findings=(*alarm_findings(alarms), *_findings(changes, watched, case)),
+            findings=(*alarm_findings(alarms), *_findings(rows), *_wrong_findings(watched, case)),
             case_text=task.job.inputs.loaded.text,
             case_resolved=task.job.inputs.loaded.resolved,
             provenance=job_provenance(task.job),
@@ -378,19 +378,32 @@ def _explained(fit: Result, case: Case, table: ReadingTable, effects: Effects) -
     return np.where(own, np.einsum("kq,kq->k", effects.columns, np.nan_to_num(b)), np.nan)
 
 
-def _state(changes: Sequence[Change], watched: Sequence[_Watched]) -> str:
-    """Red where the structure has changed, amber where gauges have."""
-    if any(len(change.gauges) > 1 for change in changes):
+def _state(changes: Sequence[Change]) -> str:
+    """Red where the last readings show that the structure has changed, amber where gauges have.
+
+    A single wrong reading is over with the next one, and a change that is no longer seen as well.
+    """
+    lasting = [change for change in changes if change.lasts]
+    if any(len(change.gauges) > 1 for change in lasting):
         return RED
-    return AMBER if changes or any(gauge.wrong.size for gauge in watched) else GREEN
+    return AMBER if lasting else GREEN
+
+
+def _counting(gauges: GaugeTable, watched: Sequence[_Watched]) -> GaugeTable:
+    """New readings that are not wrong alone: those that may reach an alarm value."""
+    counts = np.zeros(len(gauges.readings), dtype=np.bool_)
+    for gauge in watched:
+        counts[gauge.rows[~gauge.filter.skipped]] = True
+    value = np.where(counts, gauges.readings.value, np.nan)
+    return replace(gauges, readings=replace(gauges.readings, value=value))
 
 
 def _reason(
     state: str, table: ReadingTable, watched: Sequence[_Watched], request: ControlRequest
 ) -> str:
     words = {
-        GREEN: "No change is seen",
-        AMBER: "Gauges have changed, or readings are wrong",
+        GREEN: "The last readings show no change",
+        AMBER: "A gauge has changed",
         RED: "The structure or what acts on it has changed, or an alarm value is reached",
     }
     number = sum(len(gauge.rows) for gauge in watched)
@@ -402,38 +415,33 @@ def _reason(
     )
 
 
-def _findings(
-    changes: Sequence[Change], watched: Sequence[_Watched], case: Case
-) -> Iterator[Finding]:
-    """A sentence for each change."""
-    for change in changes:
-        channels = [case.channels[watched[i].number] for i in change.gauges]
-        sizes = [
-            f"{channel.name} {_size(size, channel)} ± {_size(NORMAL_95 * sd, channel)[1:]}"
-            for channel, size, sd in zip(channels, change.size, change.sd, strict=True)
-        ]
-        rate = " a year" if change.kind == "drift" else ""
-        when = date_text(change.since)[:10]
-        if change.latest > change.earliest:
-            when += f" ({date_text(change.earliest)[:10]} to {date_text(change.latest)[:10]})"
-        names = ", ".join(channel.name for channel in channels)
-        other = "drift" if change.kind == "step" else "step"
-        doubt = (
-            "" if change.odds > _SURE else f" It may also be a {other}: more readings will tell."
-        )
-        over = "" if change.lasts else " The last reading does not show it any more."
-        if len(channels) == 1:
-            sentence = (
-                f"A {change.kind} of {sizes[0]}{rate} since {when}, seen since "
-                f"{date_text(change.shown)[:10]}. The other gauges do not show it: check this one."
-            )
+def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
+    """A sentence for each step and drift."""
+    changes = (row for row in rows if row.kind != "reading")
+    for _, group in groupby(changes, key=lambda row: row.change):
+        own = list(group)
+        one = own[0]
+        when = date_text(one.since)[:10]
+        if one.latest > one.earliest:
+            when += f" ({date_text(one.earliest)[:10]} to {date_text(one.latest)[:10]})"
+        sizes = ", ".join(f"{row.gauge} {row.text}" for row in own)
+        seen = f"seen since {date_text(one.shown)[:10]}"
+        if len(own) == 1:
+            sentence = f"A {one.kind} of {sizes} since {when}, {seen}. "
+            sentence += "The other gauges do not show it: check this one."
         else:
-            sentence = (
-                f"A {change.kind} of several gauges since {when}, seen since "
-                f"{date_text(change.shown)[:10]}: {', '.join(sizes)}{rate}. The structure, or what "
-                "acts on it, has changed."
-            )
-        yield Finding("change", names, sentence + doubt + over, {"since": change.since})
+            sentence = f"A {one.kind} of several gauges since {when}, {seen}: {sizes}. "
+            sentence += "The structure, or what acts on it, has changed."
+        if one.odds < _SURE:
+            other = "drift" if one.kind == "step" else "step"
+            sentence += f" It may also be a {other}: more readings will tell."
+        if not one.lasts:
+            sentence += " The last readings do not show it any more."
+        yield Finding("change", ", ".join(row.gauge for row in own), sentence, {"since": one.since})
+
+
+def _wrong_findings(watched: Sequence[_Watched], case: Case) -> Iterator[Finding]:
+    """A sentence for each gauge with single wrong readings."""
     for gauge in watched:
         if gauge.wrong.size:
             yield _wrong_finding(gauge, case)
@@ -460,12 +468,6 @@ def _wrong_finding(gauge: _Watched, case: Case) -> Finding:
 
 _NAMED = 5
 """Wrong readings of a gauge that are named."""
-
-
-def _size(value: float, channel: Channel) -> str:
-    """A change of a gauge with its unit."""
-    unit = channel.unit, channel.dimension
-    return f"{in_unit(value, *unit):+.3g} {shown_unit(*unit)}".rstrip()
 
 
 def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:
