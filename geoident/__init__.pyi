@@ -4,6 +4,7 @@ from geoident.api import CampaignResult as CampaignResult
 from geoident.api import CaseFile as CaseFile
 from geoident.api import ChannelReadings as ChannelReadings
 from geoident.api import CheckResult as CheckResult
+from geoident.api import ControlResult as ControlResult
 from geoident.api import Drawing as Drawing
 from geoident.api import FitResult as FitResult
 from geoident.api import GaugeReadings as GaugeReadings
@@ -25,6 +26,7 @@ from geoident.api import backtest as backtest
 from geoident.api import batch as batch
 from geoident.api import check as check
 from geoident.api import compare as compare
+from geoident.api import control as control
 from geoident.api import export as export
 from geoident.api import fit as fit
 from geoident.api import fit_project as fit_project

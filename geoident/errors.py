@@ -32,6 +32,7 @@ class ExitCode(IntEnum):
     NO_SOLUTION = 5
     OUTPUT = 6
     SOME_FAILED = 7
+    ALARM = 8
     INTERRUPTED = 130
     TERMINATED = 143
 
@@ -53,6 +54,7 @@ class Term(Enum):
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
     CLUSTER = ("--cluster", "the cluster")
+    READINGS = ("--readings", "readings=...")
     OUTPUT = ("-o", "output=...")
     FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
@@ -64,6 +66,7 @@ class Term(Enum):
     COMMAND = ("command", "call")
     FIT = ("`geoident fit`", "`fit(case)`")
     INIT_FROM = ("`geoident init DIR --from MESH`", "the command `geoident init`")
+    CONTROL = ("`geoident control FIT --readings NEW`", "`control(fit, readings=...)`")
     SIMULATE = ("`geoident simulate`", "`simulate(case)`")
     KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
 

@@ -35,6 +35,7 @@ from geoident.api.projects import ProjectFit, SectionFit, fit_project, read_proj
 from geoident.api.reduced import KeptModel, ReducedReadings
 from geoident.api.results import (
     BacktestResult,
+    ControlResult,
     FitResult,
     ModelChoice,
     PredictionResult,
@@ -44,6 +45,7 @@ from geoident.api.results import (
     read_result,
 )
 from geoident.api.runs import backtest, fit, predict, sample, scan
+from geoident.api.service import control
 from geoident.api.tables import (
     ChannelReadings,
     GaugeReadings,
@@ -59,6 +61,7 @@ __all__ = [
     "CaseFile",
     "ChannelReadings",
     "CheckResult",
+    "ControlResult",
     "Drawing",
     "FitResult",
     "GaugeReadings",
@@ -80,6 +83,7 @@ __all__ = [
     "batch",
     "check",
     "compare",
+    "control",
     "export",
     "fit",
     "fit_project",

@@ -19,6 +19,7 @@ from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_
 from geoident.io.result.file import read_result as read_file
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
+from geoident.model.results.in_service import ChangeRow
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
 from geoident.model.results.rivals import Evidence, ModelComparison
@@ -207,12 +208,37 @@ class BacktestResult(ResultFile):
         return self.tables["backtest"].to_frame()
 
 
+@dataclass(frozen=True, repr=False)
+class ControlResult(ResultFile):
+    """What `control` found: whether new readings of a structure in service are as expected."""
+
+    @property
+    def state(self) -> str:
+        """``green``, ``amber`` or ``red``."""
+        return self.data.status
+
+    @property
+    def changes(self) -> tuple[ChangeRow, ...]:
+        """Steps and drifts that the readings show, SI; one of several gauges has a row for each."""
+        return self.data.changes
+
+    @spoken
+    def to_frame(self) -> pd.DataFrame:
+        """Every new reading and what it was expected to be, as a ``pandas.DataFrame``.
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        return self.tables["judged"].to_frame()
+
+
 KINDS: Mapping[str, type[ResultFile]] = {
     "fit": FitResult,
     "predict": PredictionResult,
     "scan": ScanResult,
     "sample": SampleResult,
     "backtest": BacktestResult,
+    "control": ControlResult,
 }
 """Kind of a result to its class."""
 

@@ -25,6 +25,7 @@ from geoident.workflow.check import summarize
 from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.in_service.control import ControlRequest, control, plan_control
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.workplace import on_cluster
 from geoident.workflow.running.control import Control
@@ -88,6 +89,15 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
     case, work = task.job.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
         return run_and_say(work, Terminal(options), options, title=request.result, case=case)
+
+
+def run_control(request: ControlRequest, options: Options) -> int:
+    """Judge new readings of a structure in service, and say what came out."""
+    task = plan_control(request)
+    work = partial(control, task)
+    return run_and_say(
+        work, Terminal(options), options, title=request.result, case=task.job.inputs.path
+    )
 
 
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:

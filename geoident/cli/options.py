@@ -195,7 +195,7 @@ def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[.
                     code = function(**given, options=options)
             else:
                 code = function(**given, options=options)
-            if code in (ExitCode.DONE, ExitCode.NOT_CONVERGED):
+            if code in (ExitCode.DONE, ExitCode.NOT_CONVERGED, ExitCode.ALARM):
                 _say_next(after, given, options)
             return code
 

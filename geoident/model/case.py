@@ -223,6 +223,7 @@ class FitSettings:
         methods: the chain of methods, each with its options, run one after the other.
         stages: names of the stages whose readings are used; None for all stages.
         predict_gauges: names of gauges, or of channels, whose readings are not used but predicted.
+        until: the last time, s since 1970, of the readings that are used; None for all.
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
         model_error: how far the ground may differ from the model.
@@ -237,6 +238,7 @@ class FitSettings:
     methods: tuple[MethodOptions, ...]
     stages: tuple[str, ...] | None = None
     predict_gauges: tuple[str, ...] = ()
+    until: float | None = None
     loss: LossOptions = field(default_factory=SquaredOptions)
     closed_form: ClosedFormOptions = field(default_factory=ClosedFormOptions)
     model_error: ModelErrorOptions = field(default_factory=ModelErrorOptions)

@@ -16,6 +16,7 @@ import numpy as np
 
 from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats
+from geoident.model.in_service import SeasonalModel
 from geoident.model.parameter import Scalar
 
 
@@ -437,7 +438,7 @@ class ConvergenceLaw:
         return ()
 
 
-ExternalSource = ExternalProgram | PythonFunction | RunTable | ConvergenceLaw
+ExternalSource = ExternalProgram | PythonFunction | RunTable | ConvergenceLaw | SeasonalModel
 
 
 def seen_parameters(source: ExternalSource, names: Sequence[str]) -> tuple[bool, ...]:
@@ -451,4 +452,6 @@ def seen_parameters(source: ExternalSource, names: Sequence[str]) -> tuple[bool,
         return (True,) * len(names)
     if isinstance(source, RunTable):
         return tuple(name in source.names for name in names)
+    if isinstance(source, SeasonalModel):
+        return (False,) * len(names)
     return tuple(name in source.seen for name in names)

@@ -23,6 +23,7 @@ from geoident.model.actions import FaceDistance
 from geoident.model.case import Case
 from geoident.model.external import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
+from geoident.model.in_service import SeasonalModel
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions, method_name
 from geoident.model.parameter import Scalar
@@ -152,7 +153,11 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
         places=_places(staged) if staged else (),
         readings=_readings(case, readings),
         parameters=tuple(parameter.name for parameter in case.parameters),
-        methods=tuple(method_name(options) for options in case.fit.methods),
+        methods=(
+            ("restricted likelihood",)
+            if isinstance(case.elsewhere, SeasonalModel)
+            else tuple(method_name(options) for options in case.fit.methods)
+        ),
         used=int(np.count_nonzero(readings.used)),
         unused=tuple(Counter(readings.reason[k] for k in readings.unused).items()),
         cost=cost,
@@ -174,7 +179,7 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
-    if isinstance(case.elsewhere, ConvergenceLaw):
+    if isinstance(case.elsewhere, ConvergenceLaw | SeasonalModel):
         return words
     if isinstance(case.elsewhere, RunTable):
         return f"the model is external: {words}, and response surfaces between them"

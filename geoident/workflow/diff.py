@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from geoident.io.result.file import read_result
+from geoident.io.text.dates import date_text
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.columns import columns
 from geoident.model.results.comparison import Amount, Comparison, Difference, Place, Tolerance
@@ -75,8 +76,11 @@ def numbers(result: Result) -> NamedAmounts:
     if math.isfinite(result.objective):
         yield Place("objective", "", "objective"), _pure(result.objective)
     yield from _of_parameters("parameters", result.parameters, result)
-    read = ("measured", "sd", "computed")
-    yield from _amounts("readings", result.gauges, ("stage", "gauge"), result, read)
+    if result.in_service:
+        yield from _in_service(result)
+    else:
+        read = ("measured", "sd", "computed")
+        yield from _amounts("readings", result.gauges, ("stage", "gauge"), result, read)
     if result.prediction is not None:
         yield from _amounts("predictions", result.prediction, ("stage", "gauge"), result)
     if result.grid is not None:
@@ -128,6 +132,29 @@ def _of_parameters(table: str, record: Any, result: Result) -> NamedAmounts:
     names = {name: k for k, name in enumerate(result.parameters.names)}
     amounts = _amounts(table, record, ("parameter",), result)
     yield from sorted(amounts, key=lambda one: names[one[0].item])
+
+
+def _in_service(result: Result) -> NamedAmounts:
+    """Effects and noise of the gauges, what later readings were expected to be, and changes."""
+    if result.seasonal is not None:
+        yield from _amounts("effects", result.seasonal, ("gauge",), result)
+    readings, of = (
+        result.gauges.readings,
+        dict(zip(result.gauges.channels, result.quantities["gauge"], strict=True)),
+    )
+    for k in () if result.judged is None else np.flatnonzero(np.isfinite(result.judged.innovation)):
+        assert result.judged is not None
+        unit, dimension = of[readings.channel[k]]
+        item = f"{readings.channel[k]}, {date_text(float(readings.time[k]))}"
+        for quantity, value in (
+            ("measured", readings.value[k]),
+            ("predicted", result.judged.predicted[k]),
+            ("sd", result.judged.predicted_sd[k]),
+        ):
+            yield Place("judged", item, quantity), Amount(float(value), dimension, unit)
+    for row in result.changes:
+        item = f"{row.kind} of {row.gauge}, {date_text(row.since)}"
+        yield Place("changes", item, "size"), Amount(row.size, row.dimension, row.unit)
 
 
 def _grid(result: Result) -> NamedAmounts:

@@ -12,6 +12,7 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools
+from geoident.model.in_service import SeasonalModel
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
 from geoident.model.results.findings import Finding
@@ -59,6 +60,7 @@ from geoident.workflow.estimating.wrong_readings import (
     gross_findings,
     gross_readings,
 )
+from geoident.workflow.in_service.fit import fit_seasonal
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
@@ -82,6 +84,8 @@ def fit(job: Job, control: Control) -> Finished:
         InputError, ModelError, OutputError: see the commands' exit codes.
         Interrupted: a stop was asked for; a checkpoint is there.
     """
+    if isinstance(job.inputs.case.elsewhere, SeasonalModel):
+        return fit_seasonal(job, control)
     if job.inputs.case.fit.ladder:
         return fit_ladder(job, control, _fit)
     return _fit(job, control)

@@ -24,6 +24,7 @@ MISSING = (
     *("posterior", "draws", "fields", "yielded", "alarms", "troughs", "convergence"),
     *("opening", "ground-reaction", "opening-stresses", "opening-supports"),
     *("face", "face-profile"),
+    *("seasonal", "judged", "changes"),
 )
 """Tables of which a plain fit has nothing to say."""
 

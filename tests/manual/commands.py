@@ -37,6 +37,8 @@ EXIT_CODES = {
     "CASE.collapse.png)",
     ExitCode.OUTPUT: "output exists from other input, no permission, disk full",
     ExitCode.SOME_FAILED: "some of several cases, or of the runs of a campaign, failed",
+    ExitCode.ALARM: "an alarm: `control` sees a change of a gauge or of the structure, wrong "
+    "readings, or a reached alarm value; the result is written",
     ExitCode.INTERRUPTED: "interrupted; the same command continues from the checkpoint",
     ExitCode.TERMINATED: "terminated from outside; the same command continues",
 }

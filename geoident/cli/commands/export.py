@@ -44,6 +44,9 @@ TABLES = (
     "posterior",
     "draws",
     "fields",
+    "seasonal",
+    "judged",
+    "changes",
     "backtest",
     "backtest-parameters",
 )

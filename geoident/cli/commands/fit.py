@@ -34,9 +34,14 @@ def _next(arguments: Arguments, options: Options) -> Steps:
         if options.dry_run:
             return (line("fit", case, *overrides(options)),)
         from geoident.io.project.head import is_project
+        from geoident.io.result.file import read_identity
 
-        further = () if is_project(case) else ("predict",)
-        return on_result(result_of("fit", case, options), *further)
+        result = result_of("fit", case, options)
+        if is_project(case):
+            return on_result(result)
+        written = read_identity(result)
+        in_service = written is not None and "seasonal" in written.contents.split()
+        return on_result(result, "control" if in_service else "predict")
 
     return for_one(arguments["cases"], steps)
 

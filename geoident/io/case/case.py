@@ -15,7 +15,9 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
+    Tag,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
@@ -30,6 +32,8 @@ from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
+from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
+from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
 from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder
 from geoident.io.case.parameters import ParameterSection
@@ -51,8 +55,9 @@ from geoident.io.schema.values import (
     Text,
     TextOrList,
 )
+from geoident.io.text.dates import read_date
 from geoident.io.text.faults import Faults
-from geoident.model.case import Analysis, Case, KeyPath, Material
+from geoident.model.case import VIRGIN, Analysis, Case, KeyPath, Material
 from geoident.model.parameter import scalars_of
 
 _AXES = "xyz"
@@ -74,6 +79,18 @@ class MeshSection(Section):
 
 Gravity = TextOrList[FixedAcceleration, Accelerations]
 
+
+def _load_shape(value: object) -> str:
+    if isinstance(value, SeriesSection) or (isinstance(value, Mapping) and "file" in value):
+        return "<file>"
+    return "mapping"
+
+
+LoadValue = Annotated[
+    Annotated[LoadSection, Tag("mapping")] | Annotated[SeriesSection, Tag("<file>")],
+    Discriminator(_load_shape),
+]
+"""A load that stays, or one that changes in time."""
 
 ONE_STAGE = "end"
 """Name of the one stage of a case with a model elsewhere that lists none."""
@@ -107,6 +124,8 @@ def _stages(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationI
     model = info.data.get("model")
     if isinstance(model, ConvergenceLawSection):
         return [StageSection(name=name) for name in model.face]
+    if isinstance(model, SeasonalModelSection):
+        return [StageSection(name=IN_SERVICE)]
     return [] if model is None else [StageSection(name=ONE_STAGE)]
 
 
@@ -175,7 +194,12 @@ class CaseSection(Section):
         description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",
         examples=["9.81 m/s2"],
     )
-    loads: dict[Name, LoadSection] = Field({}, description="Loads that act from the beginning.")
+    loads: dict[Name, LoadValue] = Field(
+        {},
+        description="Loads that act from the beginning; of a structure in service the level of the "
+        "water and the temperature of the air, `level` and `air`, day by day.",
+        examples=[{"level": {"file": "level.csv", "unit": "m"}}],
+    )
     structures: dict[Name, StructureSection] = Field(
         {},
         description="Walls, linings, struts, anchors and bolts by name; a stage says when it "
@@ -220,7 +244,12 @@ class CaseSection(Section):
 
 
 def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
-    """What geoident computes has materials, and gauges that are somewhere."""
+    """What geoident computes has materials, loads that stay, and gauges that are somewhere."""
+    for name, load in section.loads.items():
+        if isinstance(load, SeriesSection):
+            message = f"'{name}' changes in time, and the model has none"
+            hint = "Loads from files belong to 'model: {kind: seasonal}'. In stages write numbers."
+            faults.add(("loads", name), "no-time", message, hint)
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
             message = "a plain reading is nowhere, so geoident cannot compute it"
@@ -240,8 +269,14 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
     """A model elsewhere has its ground, its construction and its gauges there."""
     why = "the model is external ('model'), so this would change nothing"
     for key in _OF_THE_GROUND:
-        if key in section.model_fields_set and getattr(section, key):
+        given = getattr(section, key)
+        if key == "loads":
+            given = {n: load for n, load in given.items() if not isinstance(load, SeriesSection)}
+        if key in section.model_fields_set and given:
             faults.add((key,), "no-ground", why, "Remove it.")
+    _check_series(section, faults)
+    if isinstance(section.model, SeasonalModelSection):
+        _check_seasonal(section, section.model, faults)
     for n, stage in enumerate(section.stages):
         fields = type(stage).model_fields
         for key in sorted(stage.model_fields_set - {"name"}):
@@ -255,6 +290,43 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
             faults.add(("gauges", name, "kind"), "no-place", message, hint)
     if not section.stages:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
+
+
+def _check_seasonal(
+    section: CaseSection, model: SeasonalModelSection, faults: SectionFaults
+) -> None:
+    """A seasonal model has no stages, zeros, parameters and methods; it ends after it begins."""
+    own = "a seasonal model has a constant of its own for each gauge, so this would change nothing"
+    if [stage.name for stage in section.stages] != [IN_SERVICE]:
+        message = "a structure in service has no stages: its readings have dates"
+        faults.add(("stages",), "no-stages", message, "Remove it.")
+    for name, gauge in section.gauges.items():
+        if gauge.zero != VIRGIN:
+            faults.add(("gauges", name, "zero"), "no-zero", own, "Remove it.")
+    if section.parameters:
+        message = "a seasonal model has coefficients of each gauge, and no parameters"
+        faults.add(("parameters",), "no-parameters", message, "Remove them.")
+    if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
+        message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
+        faults.add(("fit", "method"), "no-method", message, "Remove it.")
+    until = section.fit.until
+    if until is not None and read_date(until) <= read_date(model.since):
+        message = f"'{until}' is not after model.since, '{model.since}'"
+        faults.add(("fit", "until"), "dates", message, "Correct one of them.")
+
+
+def _check_series(section: CaseSection, faults: SectionFaults) -> None:
+    """Loads that change in time are those that the model uses."""
+    model = section.model
+    used = model.used_loads() if isinstance(model, SeasonalModelSection) else []
+    for name, load in section.loads.items():
+        if isinstance(load, SeriesSection) and name not in used:
+            message = f"the model does not depend on '{name}'"
+            hint = "Remove it."
+            if name in DIMENSION_OF and isinstance(model, SeasonalModelSection):
+                example = "3" if name == "level" else "[3 d, 20 d]"
+                hint = f"Add model: {{{name}: {example}}}, or remove it."
+            faults.add(("loads", name), "unused-load", message, hint)
 
 
 def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> Case:
@@ -296,6 +368,11 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=tuple(build_supports(section.supports, context.at("supports")).values()),
         in_situ=in_situ,
+        loads={
+            name: load.for_model(context.at("loads", name))
+            for name, load in section.loads.items()
+            if isinstance(load, LoadSection)
+        },
         gravity=_gravity(section.gravity, context.at("gravity")),
         channels=channels,
         readings=(),

@@ -24,6 +24,12 @@ from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
 from geoident.io.case.face import with_zero_stage
 from geoident.io.case.gauges.channel_errors import described_channels
+from geoident.io.case.in_service.series import (
+    DIMENSION_OF,
+    SeriesSection,
+    gap_notes,
+    read_series,
+)
 from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
@@ -42,6 +48,7 @@ from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.io.text.yaml_writer import yaml_text
 from geoident.model.case import Case, KeyPath
 from geoident.model.external import ExternalSource, RunTable
+from geoident.model.in_service import SeasonalModel, Series
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 
 STDIN_NAME = "<stdin>"
@@ -195,6 +202,8 @@ def _build(
     elsewhere = _elsewhere(section, built, read.dates, folder, faults) if with_mesh else None
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
+    if isinstance(elsewhere, SeasonalModel):
+        read.notes += gap_notes({one.name: one for one in elsewhere.series})
     case = replace(
         read.given_to(built),
         channels=described_channels(built, section, read.zeros, faults),
@@ -219,8 +228,24 @@ def _elsewhere(
         find=partial(_find, folder, faults=faults),
         faults=faults,
         dates=dates,
+        series=_series(section, folder, faults),
+        loads=tuple(section.loads),
     )
     return build_elsewhere(section.model, around)
+
+
+def _series(section: CaseSection, folder: Path, faults: Faults) -> dict[str, Series]:
+    """The loads of a case that change in time."""
+    series = {}
+    for name, load in section.loads.items():
+        if isinstance(load, SeriesSection) and name in DIMENSION_OF:
+            at: KeyPath = ("loads", name)
+            before = len(faults.found)
+            path = _find(folder, load.file, (*at, "file"), faults=faults)
+            read = None if len(faults.found) > before else read_series(name, load, path, at, faults)
+            if read is not None:
+                series[name] = read
+    return series
 
 
 def _shown(path: str) -> str:

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
+from geoident.io.case.readings import Date
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
@@ -29,6 +30,7 @@ from geoident.io.schema.values import (
     TextOrList,
     require_text,
 )
+from geoident.io.text.dates import read_date
 from geoident.io.text.wording import Refusal, did_you_mean, listing, shorten
 from geoident.model.case import FitSettings
 from geoident.model.methods import (
@@ -118,6 +120,11 @@ class FitBase(Section):
         "predicted with bands, and the result says how many lie inside.",
         examples=[["D-E"]],
     )
+    until: Date | None = Field(
+        None,
+        description="Readings after this date are not used; they are predicted and judged.",
+        examples=["2024-12-31"],
+    )
 
     accuracies: EstimatedKinds | None = Field(
         None,
@@ -201,6 +208,7 @@ class FitBase(Section):
             keep_reduced=self.reduced == "keep",
             ladder=(),
             predict_gauges=tuple(self.predict_gauges or ()),
+            until=None if self.until is None else read_date(self.until),
         )
 
     def _method(self, name: str) -> MethodOptions:

@@ -16,6 +16,7 @@ from typing import Any
 
 from geoident.errors import InputError
 from geoident.io.case.case import CaseSection
+from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.calendar import Calendar, calendar_of
 from geoident.io.case.site_files.checks import ReadingChecks
@@ -99,7 +100,8 @@ def read_all(
     read.notes += checks.drifts(read.readings)
     read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
-    if read.by_stage and not faults.found:
+    in_service = isinstance(section.model, SeasonalModelSection)
+    if read.by_stage and not faults.found and not in_service:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
     return read
 
@@ -174,7 +176,8 @@ def _of_file(
         read.notes += [note] if note not in read.notes else []
     if sound:
         read.notes += exchanged(rows, described.date_format, calendar)
-    repeated = described.repeated_readings or described.several or ("last" if dated else "")
+    usual = "all" if isinstance(checks.section.model, SeasonalModelSection) else "last"
+    repeated = described.repeated_readings or described.several or (usual if dated else "")
     read.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in rows

@@ -109,7 +109,8 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
 
 def _check_seismic(section: CaseSection, faults: Faults) -> None:
     """A seismic load is a part of the weight."""
-    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), section.loads)]
+    lasting = {n: load for n, load in section.loads.items() if isinstance(load, LoadSection)}
+    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), lasting)]
     loads += [(("stages", n, "loads"), stage.loads) for n, stage in enumerate(section.stages)]
     for path, given in loads:
         for name, load in given.items():

@@ -18,7 +18,7 @@ from dataclasses import replace
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.layout import ENCODING_HINT, Layout, Origin
+from geoident.io.readings.layout import Layout, Origin
 from geoident.io.readings.table import Table
 from geoident.io.text.cells import Cell, Row
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
@@ -43,7 +43,7 @@ def ags_rows(table: Table) -> Iterator[Row]:
         InputError: it is no AGS4 file, or there is no library to read it.
     """
     data = read_bytes(table.file, limit=MAX_BYTES, what="AGS file")
-    text = decode(data, table.file, encoding=table.layout.encoding, hint=ENCODING_HINT)
+    text = decode(data, table.file, encoding=table.layout.encoding, hint=table.layout.encoding_hint)
     groups = _groups(text, table.file)
     group, channels = groups.get("MOND", {}), table.layout.channels
     if not len(group.get("HEADING", ())):

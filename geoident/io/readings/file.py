@@ -15,7 +15,7 @@ from pathlib import Path
 from geoident.errors import Fault, InputError, Location
 from geoident.io.readings.ags import ags_rows
 from geoident.io.readings.coordinates import CoordinateRows
-from geoident.io.readings.layout import ENCODING_HINT, Layout
+from geoident.io.readings.layout import Layout
 from geoident.io.readings.long import LongRows
 from geoident.io.readings.table import FaultyReadings, Table
 from geoident.io.readings.wide import WideRows
@@ -156,7 +156,7 @@ def joined_header(rows: Sequence[Row]) -> Row | None:
 
 def _text_rows(table: Table) -> Iterator[Row]:
     """Rows of a text, CSV by another name."""
-    return _parsed(table, read_bytes(table.file, limit=MAX_BYTES, what="readings file"))
+    return _parsed(table, read_bytes(table.file, limit=MAX_BYTES, what=table.layout.what))
 
 
 def _parsed(table: Table, content: bytes) -> Iterator[Row]:
@@ -165,7 +165,7 @@ def _parsed(table: Table, content: bytes) -> Iterator[Row]:
     if content.count(b"\n") > MAX_ROWS:
         table.refuse(0, 0, "too-large", f"the file has more than {MAX_ROWS:,} rows")
         return
-    text = decode(content, table.file, encoding=layout.encoding, hint=ENCODING_HINT)
+    text = decode(content, table.file, encoding=layout.encoding, hint=layout.encoding_hint)
     header = True
     for line, written in written_lines(text):
         if line < layout.header_row or not written.strip(f" \t{layout.delimiter}"):
@@ -186,14 +186,15 @@ def _parsed(table: Table, content: bytes) -> Iterator[Row]:
 
 def _separated_otherwise(table: Table, line: int, header: str) -> bool:
     """Note a header that is separated by something else than declared."""
-    wanted = table.layout.delimiter
+    layout = table.layout
+    wanted = layout.delimiter
     others = [d for d in _DELIMITERS if d != wanted and d in header]
     if wanted in header or not others:
         return False
     if wanted == ",":
         message = "the columns are separated by semicolons or tabs; expected commas"
         hint = "Export as comma-separated values, with decimal points, or declare them in the case:"
-        hint += " readings: {file: ..., delimiter: ';', decimal: ','}."
+        hint += " " + layout.declaring("delimiter: ';', decimal: ','") + "."
     else:
         message = f"there are no {_DELIMITERS[wanted]} in the header; they are declared"
         hint = f"It has {listing(_DELIMITERS[d] for d in others)}: correct 'delimiter' in the case."

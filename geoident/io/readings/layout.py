@@ -14,10 +14,6 @@ COLUMNS = ("gauge", "stage", "date", "value", "unit", "accuracy", "bad", "remark
 POINT_COLUMNS = ("point", "east", "north", "height")
 """Columns of the layout of coordinates, beside stage or date, bad and remarks."""
 
-ENCODING_HINT = (
-    "Declare its encoding: readings: {file: ..., encoding: windows-1252}, or save it as UTF-8."
-)
-
 
 @dataclass(frozen=True)
 class Origin:
@@ -62,6 +58,7 @@ class Layout:
         sheet: name of the sheet of a workbook; empty for its only one.
         cells: range of the sheet, such as ``B4:H60``; empty for all.
         survey: how coordinates become readings; None where the file has readings.
+        load: name of the load that the file describes; empty for a file of readings.
     """
 
     delimiter: str = ","
@@ -82,6 +79,27 @@ class Layout:
     sheet: str = ""
     cells: str = ""
     survey: SurveyGrid | None = None
+    load: str = ""
+
+    def declaring(self, key: str) -> str:
+        """What a user writes in the case to declare one more key of the file.
+
+        >>> Layout().declaring("decimal: ','"), Layout(load="air").declaring("decimal: ','")
+        ("readings: {file: ..., decimal: ','}", "loads: {air: {file: ..., decimal: ','}}")
+        """
+        declared = f"{{file: ..., {key}}}"
+        return f"loads: {{{self.load}: {declared}}}" if self.load else f"readings: {declared}"
+
+    @property
+    def what(self) -> str:
+        """What the file is, in messages."""
+        return "file of a load" if self.load else "readings file"
+
+    @property
+    def encoding_hint(self) -> str:
+        """The remedy for a text in another encoding."""
+        declared = self.declaring("encoding: windows-1252")
+        return f"Declare its encoding: {declared}, or save it as UTF-8."
 
     def header(self, key: str) -> str:
         """Name of a column in the header, in small letters."""

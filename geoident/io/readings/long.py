@@ -64,6 +64,8 @@ class LongRows:
         missing = [layout.header(key) for key in self.required if key not in self.columns]
         if missing:
             hint = f"The first line names the columns: {','.join(REQUIRED)}[,accuracy]."
+            if missing == [layout.header("stage")]:
+                hint += " A column 'date' may stand in place of 'stage'."
             if missing == [layout.header("unit")]:
                 hint += " One unit for all may stand in the case: readings: {file: ..., unit: mm}."
             message = f"columns missing in the header: {listing(missing)}"

@@ -156,7 +156,7 @@ class Table:
         row = "row" if self.sheet else "line"
         message = f"this {row} is not a header: it has numbers, and none of the names of columns"
         hint = f"If it is a reading already, put a header above it: {header}. If the header is "
-        hint += "further down, declare its row: readings: {file: ..., header_row: ...}."
+        hint += f"further down, declare its row: {self.layout.declaring('header_row: ...')}."
         self.refuse(line, 1, "bad-header", message, hint)
         return True
 
@@ -239,7 +239,7 @@ class Table:
             message: what is wrong with this one.
             hint: how it would be right.
         """
-        declared = 'readings: {file: ..., decimal: ","}'
+        declared = self.layout.declaring('decimal: ","')
         if not self._commas:
             self._first_comma = len(self.faults)
             self.refuse(line, cell, "bad-number", message, f"{hint} Or declare it: {declared}.")
@@ -306,7 +306,7 @@ class Table:
         try:
             return read_date(cell.text, self.layout.date_format)
         except DateError as error:
-            hint = date_hint(cell.text, self.layout.date_format)
+            hint = date_hint(cell.text, self.layout.date_format, self.layout.declaring)
             self.refuse(line, cell, "bad-date", str(error), hint)
             return None
 

@@ -69,6 +69,9 @@ class WideRows:
         if self.when not in self.keys:
             message = f"there is no column '{layout.header('date')}' or 'stage'"
             hint = "Name it in the case: columns: {date: NAME}."
+            if layout.load:
+                message = f"there is no column '{layout.header('date')}'"
+                hint = f"Name it in the case: {layout.declaring('date: NAME')}."
             table.refuse(line, 1, "bad-header", message, hint)
             return
         if self.when == "date":
@@ -124,7 +127,8 @@ class WideRows:
         """How the numbers of a column become readings; None, with a fault, if they cannot."""
         if unit.text or column.origin.calibration:
             return self.table.scale(line, unit, column.channel, column.origin)
-        usual = _USUAL.get(self.table.layout.dimension(column.channel), "mm")
+        layout = self.table.layout
+        usual = _USUAL.get(layout.dimension(column.channel), "m" if layout.load else "mm")
         hint = f"Write '{column.name} ({usual})' in the header, or 'unit: {usual}' in the case, or "
         hint += "'unit_row: true' where the next row has the units."
         if column.channel not in self.table.layout.channels:

@@ -55,6 +55,7 @@ class ResultIdentity:
         stamp: see `geoident.model.results.result.Provenance`.
         fit_file: likewise.
         fit_fingerprint: likewise.
+        contents: names of its groups, with spaces between them.
     """
 
     identity: str
@@ -67,6 +68,7 @@ class ResultIdentity:
     stamp: str = field(default="", metadata=column(optional=True))
     fit_file: str = field(default="", metadata=column(optional=True))
     fit_fingerprint: str = field(default="", metadata=column(optional=True))
+    contents: str = field(default="", metadata=column(optional=True))
 
     @property
     def fingerprint(self) -> str:

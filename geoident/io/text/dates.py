@@ -8,6 +8,7 @@ all dates of a file brings them to one clock.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from datetime import UTC, datetime
 
 ISO = "YYYY-MM-DD"
@@ -75,13 +76,18 @@ _USUAL = ("YYYY-MM-DD", "DD.MM.YYYY", "DD/MM/YYYY", "MM/DD/YYYY", "DD-MM-YYYY", 
 _TIMES = ("", " hh:mm", " hh:mm:ss")
 
 
-def date_hint(text: str, pattern: str) -> str:
+def date_hint(text: str, pattern: str, declaring: Callable[[str], str]) -> str:
     """What is to be done about a text that is no date of a format.
 
-    >>> date_hint("31.02.2025", "DD.MM.YYYY")
+    >>> date_hint("31.02.2025", "DD.MM.YYYY", str)
     'There is no such day in the calendar: correct it, or date_format (day, month).'
-    >>> date_hint("21.02.2025", "YYYY-MM-DD")
+    >>> date_hint("21.02.2025", "YYYY-MM-DD", "readings: {{file: ..., {}}}".format)
     'Declare how it is written: readings: {file: ..., date_format: DD.MM.YYYY}.'
+
+    Args:
+        text: that is none.
+        pattern: the format.
+        declaring: what a user writes to declare a key of the file.
     """
     text = text.strip()
     shape = re.escape(_TOKEN.sub(lambda match: "0" * len(match[0]), pattern))
@@ -89,7 +95,7 @@ def date_hint(text: str, pattern: str) -> str:
         return "There is no such day in the calendar: correct it, or date_format (day, month)."
     others = [day + time for day in _USUAL for time in _TIMES if _is_date(text, day + time)]
     forms = " or ".join(others) or "DD.MM.YYYY hh:mm"
-    return f"Declare how it is written: readings: {{file: ..., date_format: {forms}}}."
+    return f"Declare how it is written: {declaring(f'date_format: {forms}')}."
 
 
 _STRFTIME = {"%Y": "YYYY", "%m": "MM", "%d": "DD", "%H": "hh", "%M": "mm", "%S": "ss"}

@@ -23,6 +23,7 @@ from geoident.model.results.columns import column, derived, select
 from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
+from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
 from geoident.model.results.left_out import LeftOutTable
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
@@ -828,6 +829,9 @@ class Result:
         comparison: of a ladder of models, of which this is the chosen one, or None.
         surface: the response surfaces of a table of runs, or None.
         left_out: how well gauges that the fit left out are predicted, or None.
+        seasonal: coefficients and errors of the gauges of a structure in service, or None.
+        changes: what new readings of a structure in service show.
+        judged: readings after the end of a fit, held against it, or None.
         alarms: what is known of each alarm value of each channel.
         convergence: what a convergence law says of each channel.
         varied: what is known of each constant that varies from place to place.
@@ -919,6 +923,13 @@ class Result:
     left_out: LeftOutTable | None = field(
         default=None, metadata=column(group="left_out", optional=True)
     )
+    seasonal: SeasonalFit | None = field(
+        default=None, metadata=column(group="seasonal", optional=True)
+    )
+    judged: Judged | None = field(default=None, metadata=column(group="judged", optional=True))
+    changes: tuple[ChangeRow, ...] = field(
+        default=(), metadata=column("change", group="changes", optional=True)
+    )
     alarms: tuple[AlarmState, ...] = field(
         default=(), metadata=column("alarm", group="alarms", optional=True)
     )
@@ -952,6 +963,11 @@ class Result:
             "parameter": list(zip(table.units, table.dimensions, strict=True)),
             "gauge": list(zip(gauges.units, gauges.dimensions, strict=True)),
         }
+
+    @property
+    def in_service(self) -> bool:
+        """It is of a structure in service: its readings belong to dates, not to stages."""
+        return self.seasonal is not None or self.kind == "control"
 
     @cached_property
     def for_people(self) -> Result:

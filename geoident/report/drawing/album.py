@@ -22,6 +22,7 @@ from geoident.report.drawing.gauges.course import (
     reading_pictures,
 )
 from geoident.report.drawing.gauges.profiles import profile_pictures
+from geoident.report.drawing.in_service import time_pictures
 from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.opening import advance_pictures, opening_pictures
 from geoident.report.drawing.overview import overview_pictures
@@ -79,7 +80,9 @@ def album(result: Result, *, prefix: str = "") -> Album:
         model_pictures(result),
         overview_pictures(result, scene),
         (*parameter_pictures(result), *pair_pictures(result), *scan_pictures(result)),
-        (
+        time_pictures(result)
+        if result.in_service
+        else (
             *profile_pictures(result),
             *reading_pictures(result),
             *face_pictures(result),

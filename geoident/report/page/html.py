@@ -126,6 +126,15 @@ dt { color: #555; }
 dd { margin: 0; overflow-wrap: anywhere; }
 .lead { font-size: 1.1em; }
 .note { color: #555; }
+.status { display: flex; gap: 1.2em; align-items: flex-start; margin: .8em 0; }
+.status b { font-size: 1.5em; }
+.status p { margin: .2em 0; }
+.status span { display: flex; flex-direction: column; gap: .35em; padding: .45em;
+  background: #333; border-radius: .6em; print-color-adjust: exact; }
+.status i { width: 1.5em; height: 1.5em; border-radius: 50%; background: #6b6b6b; }
+.status .red { background: #d7301f; }
+.status .amber { background: #f5b400; }
+.status .green { background: #2ca25f; }
 .warn { border-left: 4px solid #d95f02; padding: .3em .8em; background: #fdf3ea;
   max-width: 76ch; }
 .wide { overflow-x: auto; margin: .6em 0 1em; }

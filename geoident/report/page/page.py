@@ -14,6 +14,7 @@ from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import Album, album, comparison
 from geoident.report.drawing.style import svg_files
+from geoident.report.page import in_service
 from geoident.report.page.blocks import (
     Block,
     Draw,
@@ -37,10 +38,11 @@ from geoident.report.text import (
     varied,
     yielding,
 )
+from geoident.report.text import in_service as words
 from geoident.report.text.case import case_entries, case_title
 from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import few_of, read_or_predicted, reading_table, unit_title
-from geoident.report.text.inputs.construction import construction_table
+from geoident.report.text.inputs.construction import construction_table, load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import ShownNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
@@ -135,7 +137,8 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
     tested, backtested = _backtest(result), result.kind == "backtest"
     readings = reading_table(result)
     return (
-        section(
+        section("Status", *in_service.status(result))
+        or section(
             "Summary",
             tag("p", " ".join(outcome_sentences(result)), class_="lead"),
             _warnings(result),
@@ -160,6 +163,9 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(
             left_out.TITLE, TitledTable(left_out.TITLE, left_out.left_out_table(result.left_out))
         ),
+        section(words.TITLE, *in_service.effects(result)),
+        section("Changes", *in_service.changed(result)),
+        section(words.later_title(result), *in_service.later(result)),
         section(
             alarms.NAME,
             TitledTable(alarms.NAME, alarms.alarm_table(result)),
@@ -197,6 +203,11 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             ),
             appendix=True,
         ),
+        section(
+            "Readings outside of their bands",
+            TitledTable("Readings outside of their 95 % bands", words.outside_table(result)),
+            appendix=True,
+        ),
         section("Predictions tested", *(() if backtested else tested), appendix=True),
         section("Course of the search", Figures(search), appendix=True),
         section(
@@ -232,6 +243,9 @@ def _model(result: Result, pictures: Album) -> PagePart:
     case = case_entries(result.case_resolved)
     numbers = ShownNumbers(entries(case, "parameters"), result.parameters)
     sentences = [tag("p", text) for text in ground_sentences(case, numbers)]
+    if result.in_service:
+        loads = load_texts(entries(case, "loads"), numbers)
+        sentences += [tag("p", f"Load {text}.") for text in loads]
     return section(
         "Model",
         TitledTable(

@@ -20,6 +20,7 @@ from geoident.model.results.result import Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import predictions, step_parameters
 from geoident.report.text.gauges import each_reading, predicted_readings
+from geoident.report.text.in_service import judged_readings, listed_changes, seasonal_sheet
 from geoident.report.text.parameters import headers, parameters_sheet
 from geoident.report.text.posterior import draws_sheet, posterior_sheet
 from geoident.report.text.residuals import compared_readings, diagnostics_sheet
@@ -232,6 +233,9 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "posterior": posterior_sheet,
     "draws": draws_sheet,
     "fields": _fields,
+    "seasonal": seasonal_sheet,
+    "judged": lambda result: sheet(judged_readings(result), ROW),
+    "changes": lambda result: sheet(listed_changes(result), ROW),
     "backtest": lambda result: sheet(predictions(result), ROW),
     "backtest-parameters": lambda result: sheet(step_parameters(result), ROW),
 }

@@ -171,7 +171,8 @@ def few_of(count: int) -> str:
 def _fitted(result: Result) -> Bools:
     """(n_channels, n_stages) readings that do not stand among the predictions."""
     gauges = result.gauges
-    return np.isfinite(gauges.measured) & (gauges.used | ~has_prediction(result))
+    read = np.isfinite(gauges.measured) & (not result.in_service)
+    return read & (gauges.used | ~has_prediction(result))
 
 
 def fit_title(result: Result) -> str:
@@ -266,8 +267,9 @@ def _mark(measured: float, low: float, high: float) -> str:
 
 
 def read_or_predicted(result: Result) -> Bools:
-    """(n_channels, n_stages) readings that are measured or predicted."""
-    return np.isfinite(result.gauges.measured) | has_prediction(as_predicted(result))
+    """(n_channels, n_stages) readings that are measured or predicted in a stage."""
+    read = np.isfinite(result.gauges.measured) & (not result.in_service)
+    return read | has_prediction(as_predicted(result))
 
 
 def reading_table(result: Result) -> TextTable:

@@ -150,7 +150,9 @@ class ComparedReading:
 
 
 def compared_readings(result: Result) -> list[ComparedReading]:
-    """Every reading beside what it is compared with, stage by stage."""
+    """Every reading beside what it is compared with, stage by stage; none of dates alone."""
+    if result.in_service:
+        return []
     table, computed = result.gauges, compared_with(result)
     in_sd, left = residual_in_sd(result), unexplained(result)
     return [

@@ -19,6 +19,7 @@ from geoident.report.text import (
     alarms,
     backtest,
     extent,
+    in_service,
     left_out,
     posterior,
     rivals,
@@ -94,6 +95,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
+        *in_service.parts(result),
         section(fit_title(result), *_fit_parts(result)),
         section(influence_title(result.diagnostics), influence_table(result).text),
         section(left_out.TITLE, left_out.left_out_table(result.left_out).text),
@@ -106,7 +108,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section("Scan", grid_text(result)),
         backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),
-        f"Cost: {counts_text(result.counts)}",
+        f"Cost: {counts_text(result.counts)}" if result.counts.evaluations else "",
     )
 
 
@@ -116,6 +118,8 @@ def summary_text(result: Result) -> str:
     parts = (
         head(result),
         _parameters_in_words(result),
+        section(f"{in_service.TITLE}:", in_service.effects_table(result).text),
+        section(f"{in_service.later_title(result)}:", in_service.judged_table(result).text),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
@@ -218,6 +222,8 @@ def _identified(result: Result) -> list[str]:
     status = _STATUS.get(result.status, result.status)
     if result.kind == "backtest":
         return [f"{status}. {result.reason}"]
+    if result.in_service:
+        return in_service.outcome_sentences(result)
     if result.kind != "fit" or not used:
         return [f"{status}."]
     stages = [

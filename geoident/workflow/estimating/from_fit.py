@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.result.file import read_result
 from geoident.model.results.result import Result
 from geoident.workflow.estimating.finished import Finished, write
@@ -78,6 +78,10 @@ def plan_on_fit(command: str, purpose: str, request: Request, fit: Result, input
     )
 
 
+CONTROLLED = "controlled"
+"""What new readings of a structure in service are by its fit."""
+
+
 def read_fit(path: str, made: str) -> tuple[Result, Inputs]:
     """The result of a fit, and its case with the mesh as it is now.
 
@@ -91,7 +95,15 @@ def read_fit(path: str, made: str) -> tuple[Result, Inputs]:
     fit = read_result(path)
     if fit.kind != "fit":
         message = f"A {fit.kind} cannot be {made} from; the result of a fit is expected."
-        raise InputError([Fault("not-a-fit", message, location=Location(path))])
+        hint = ""
+        if made == CONTROLLED:
+            message = f"this is the result of a {fit.kind}; new readings are held against a fit"
+            hint = f"Name the result of the fit: {fit.provenance.fit_file or 'CASE.fit.h5'}."
+        raise InputError([Fault("not-a-fit", message, hint, Location(path))])
+    if fit.seasonal is not None and made != CONTROLLED:
+        message = "The fit is of a seasonal model, which has no parameters."
+        hint = f"Judge new readings: {Term.CONTROL}."
+        raise InputError([Fault("no-parameters", message, hint, Location(path))])
     return fit, inputs_of_result(fit, case_path(path, fit.provenance.case_file))
 
 

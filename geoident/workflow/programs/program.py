@@ -46,6 +46,7 @@ from geoident.model.external import (
     TemplateField,
     seen_parameters,
 )
+from geoident.model.in_service import SeasonalModel
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import (
@@ -95,6 +96,8 @@ def executed(source: ExternalSource) -> str:
     if isinstance(source, ConvergenceLaw):
         also = "" if source.creep is None else " and time"
         return f"convergence law in distance to the face{also} (Sulem, Panet and Guenot 1987)"
+    if isinstance(source, SeasonalModel):
+        return f"seasonal model of {', '.join(source.words)}"
     if isinstance(source, RunTable):
         return f"the {len(source)} runs of {source.called}"
     if isinstance(source, PythonFunction):

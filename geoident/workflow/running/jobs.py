@@ -22,6 +22,7 @@ from geoident.forward.external.model import ExternalModel
 from geoident.forward.external.program import ProgramModel
 from geoident.forward.external.table import TableModel
 from geoident.forward.ground.field import mode_parameters
+from geoident.forward.in_service.model import SeasonalReadings
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -33,6 +34,7 @@ from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
 from geoident.model.external import ConvergenceLaw, ExternalProgram, PythonFunction, RunTable
+from geoident.model.in_service import SeasonalModel
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
@@ -294,6 +296,8 @@ def build_model(
             return TableModel(case, elsewhere)
         case ConvergenceLaw():
             return LawModel(case, elsewhere)
+        case SeasonalModel():
+            return SeasonalReadings(case)
         case ExternalProgram():
             runs = ProgramRuns(case, elsewhere, runs_folder(inputs.path), again=fresh)
             return ProgramModel(case, runs)
@@ -423,7 +427,14 @@ def _plan(request: Request, command: str, *further: str) -> Job:
     overrides = [*request.overrides, *further]
     inputs = load_inputs(request.case, overrides=overrides, text=request.text)
     case = inputs.case
-    if not case.parameters and not case.fields:
+    if isinstance(case.elsewhere, SeasonalModel):
+        if command != "fit":
+            message = "a seasonal model has coefficients of each gauge, and no parameters"
+            hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'."
+            raise InputError(
+                [case.source.fault(("model",), code="no-parameters", message=message, hint=hint)]
+            )
+    elif not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."
         written = case.source.locate(("parameters",))

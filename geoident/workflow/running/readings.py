@@ -33,11 +33,15 @@ from geoident.model.gauges import (
     ReadingTable,
     named_channels,
 )
+from geoident.model.in_service import SeasonalModel
 from geoident.model.response import Response
 from geoident.model.results.result import AccuracyTable
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
+
+LATER = "it was read after fit.until"
+"""Why a reading is not used that is only predicted."""
 
 MESH = "mesh"
 """The error of the mesh: one factor for all readings, and one for each channel."""
@@ -67,6 +71,8 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
             return useless
         if case.fit.stages is not None and reading.stage not in case.fit.stages:
             return "the stage is not in fit.stages"
+        if case.fit.until is not None and (reading.time or -math.inf) > case.fit.until:
+            return LATER
         channel = channels[reading.channel]
         if not {channel.gauge, channel.name}.isdisjoint(case.fit.predict_gauges):
             return "the gauge is in fit.predict_gauges"
@@ -172,18 +178,20 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
     known = _count(used, "usable reading")
     known += f" and {_count(priors, 'prior')}" if priors else ""
     hint = "Add readings, give priors, or make some parameters given numbers."
+    if isinstance(case.elsewhere, SeasonalModel):
+        hint = "Add readings, or change fit.until or model.since."
     if reasons := sorted({readings.reason[k] for k in readings.unused}):
         hint += f" {_not_used(len(readings.unused))}: {'; '.join(reasons)}."
     if case.when_read and case.notes:  # why dated readings are not where they should be
         hint += f" {' '.join(case.notes)}"
-    fault = case.source.fault(
-        ("readings",),
-        code="too-few-readings",
-        message=f"{known} cannot determine {_count(len(parameters), 'parameter')}"
+    message = (
+        f"{known} cannot determine {_count(len(parameters), 'parameter')}"
         f" ({', '.join(parameter.name for parameter in parameters)})"
-        + (" and how accurate the gauges are" if estimated else ""),
-        hint=hint,
-    )
+    ) + (" and how accurate the gauges are" if estimated else "")
+    if isinstance(case.elsewhere, SeasonalModel):
+        message = "there is no reading to which the model could be fitted"
+    at = ("readings",)
+    fault = case.source.fault(at, code="too-few-readings", message=message, hint=hint)
     raise InputError([fault])
 
 

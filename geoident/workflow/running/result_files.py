@@ -34,7 +34,7 @@ def case_path(output: Path | str, case_file: str) -> str:
     return os.path.normpath(Path(output).parent / case_file)
 
 
-OF_FITS = ("predict", "sample")
+OF_FITS = ("predict", "sample", "control")
 """Kinds of results that are made from a fit."""
 
 

@@ -194,7 +194,10 @@ def test_identity_of_existing_results(tmp_path: Path, result_maker: Make) -> Non
     path = tmp_path / "a.h5"
     assert read_identity(path) is None
     write_result(result_maker(full=False), path, overwrite=False)
-    expected = ResultIdentity("d" * 64, "fit", "converged", 0, "cavern.yaml", math.inf, 3.25)
+    expected = ResultIdentity(
+        "d" * 64, "fit", "converged", 0, "cavern.yaml", math.inf, 3.25,
+        contents="case gauges history parameters readings",
+    )  # fmt: skip
     assert read_identity(path) == expected
     took = result_maker(full=False)
     provenance = dataclasses.replace(took.provenance, seconds=4000.0)

@@ -20,6 +20,7 @@ from geoident.io.case.external.section import (
 )
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import build_table
+from geoident.io.case.in_service.seasonal import SeasonalModelSection, build_seasonal
 from geoident.io.external.imports import imported_files, is_program, words_of
 from geoident.io.external.templates import MAX_BYTES, read_template
 from geoident.model.case import KeyPath
@@ -46,6 +47,8 @@ def build_elsewhere(section: ElsewhereSection, around: ModelContext) -> External
         return build_table(section, around)
     if isinstance(section, ConvergenceLawSection):
         return build_law(section, around)
+    if isinstance(section, SeasonalModelSection):
+        return build_seasonal(section, around.series, around.loads, around.faults)
     machine = Machine(section.time_limit, section.at_once)
     if isinstance(section, ExternalModelSection):
         return _program(section, machine, around)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
+from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Alternatives, Section, SectionFaults
@@ -353,6 +354,10 @@ class ConvergenceLawSection(Section):
 
 
 ElsewhereSection = Annotated[
-    ExternalModelSection | PythonModelSection | TableModelSection | ConvergenceLawSection,
+    ExternalModelSection
+    | PythonModelSection
+    | TableModelSection
+    | ConvergenceLawSection
+    | SeasonalModelSection,
     Field(discriminator="kind"),
 ]

@@ -11,6 +11,7 @@ from geoident.io.text.faults import Faults
 from geoident.io.text.wording import shorten
 from geoident.model.case import KeyPath
 from geoident.model.gauges import Channel
+from geoident.model.in_service import Series
 from geoident.model.parameter import Parameter
 
 FindFile = Callable[[str, KeyPath], str]
@@ -30,6 +31,8 @@ class ModelContext:
         find: finds files.
         faults: is told what is wrong.
         dates: stage to the date of its end, seconds since 1970, where dates are given.
+        series: loads that change in time, by name.
+        loads: names of all loads, also of those that could not be read.
     """
 
     parameters: Mapping[str, Parameter]
@@ -40,6 +43,8 @@ class ModelContext:
     find: FindFile
     faults: Faults
     dates: Mapping[str, float] = field(default_factory=dict)
+    series: Mapping[str, Series] = field(default_factory=dict)
+    loads: Sequence[str] = ()
 
     def check_inside(self, name: str, path: KeyPath, *, key: bool = False) -> None:
         """Note a name that leads out of the folder of a run.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from geoident.io.case.case import CaseSection
+from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN
@@ -69,6 +70,8 @@ def calendar_of(section: CaseSection, channels: Sequence[Channel], faults: Fault
             dates[name] = read_date(text)
         else:
             faults.add_unknown(("dates", name), "stage", name, stages, key=True)
+    if isinstance(section.model, SeasonalModelSection):
+        dates.setdefault(IN_SERVICE, read_date(section.model.since))
     before: str | None = None
     for name in (stage for stage in stages if stage in dates):
         if before is not None and dates[name] < dates[before]:

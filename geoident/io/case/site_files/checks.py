@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from geoident.errors import Fault, Location
 from geoident.io.case.case import CaseSection
+from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.schema.values import CaseNumber
@@ -187,6 +188,8 @@ class ReadingChecks:
             hint = self.hints.get(("stage", name), "")
             if not hint:
                 hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
+                if isinstance(self.section.model, SeasonalModelSection):
+                    hint = "Readings of a structure in service have dates: name the column 'date'."
                 self.hints["stage", name] = hint
         elif self.order[name] < self.order.get(zero, 0):
             message = f"'{placed.channel}' is read at '{name}', before its zero at '{zero}'"
@@ -199,7 +202,8 @@ class ReadingChecks:
         """No channel is read twice at a stage, unless one file says what that means."""
         first = self.seen.setdefault((placed.channel, placed.stage), placed)
         same_file = first.location.file == placed.location.file
-        if first is placed or (same_file and not alone):
+        in_time = isinstance(self.section.model, SeasonalModelSection)
+        if first is placed or in_time or (same_file and not alone):
             return
         message = f"a second reading of '{placed.channel}' at '{placed.stage}', "
         message += f"first at {first.location}"

@@ -34,6 +34,8 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         "supports": lambda s: _supports(s, numbers, solid=solid),
         "follows": _base,
     }
+    if entries(case, "model").get("kind") == "seasonal":
+        return TextTable((), ())  # nothing is built
     stages = [stage for stage in case.get("stages", ()) if isinstance(stage, Mapping)]
     dates = entries(case, "dates")
     first: CaseTexts = {"loads": case.get("loads"), "water": case.get("water")}
@@ -106,6 +108,8 @@ def load_texts(loads: CaseTexts, numbers: ShownNumbers) -> list[str]:
 
 
 def _load(name: str, load: CaseTexts, numbers: ShownNumbers) -> str:
+    if load.get("file"):
+        return f"{name} over time: {load['file']}"
     kinds = [
         f"{str(key).replace('_', ' ')} {numbers.text(value)}"
         for key, value in load.items()

@@ -81,6 +81,8 @@ def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
     if model.get("kind") == "convergence-law":
         law = _convergence_law(model, numbers)
         return (f"Convergence law of Sulem, Panet and Guenot (1987): {law}.",)
+    if model.get("kind") == "seasonal":
+        return (f"Seasonal model of each gauge: {_seasonal(model)}.",)
     if model:
         run = model.get("command") or [model.get("function") or model.get("file", "")]
         return (f"The model is external ({model.get('kind')}): {' '.join(map(str, run))}.",)
@@ -100,6 +102,24 @@ def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
     if case.get("water"):
         sentences.append(f"Water in the pores: {numbers.text(case['water'])}.")
     return tuple(sentences)
+
+
+def _seasonal(model: CaseTexts) -> str:
+    """The effects of a seasonal model as the case gives them."""
+    words = {
+        "level": "powers of the level up to {}",
+        "season": "season with {} harmonics of the year",
+        "air": "air temperature with response times of {}",
+        "settling": "irreversible motions that fade in {}",
+    }
+    effects = [
+        text.format(", ".join(listed(model[key])) or model[key])
+        for key, text in words.items()
+        if model.get(key)
+    ]
+    if model.get("linear") == "true":
+        effects.append("an irreversible motion that goes on")
+    return f"{'; '.join(effects)}; in service since {model.get('since')}"
 
 
 def _convergence_law(model: CaseTexts, numbers: ShownNumbers) -> str:

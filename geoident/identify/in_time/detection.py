@@ -1,0 +1,282 @@
+"""Changes of gauges and of the structure, from innovations (theory 16.4).
+
+A step or a drift of one gauge that begins at a time t0 adds a known pattern g to its innovations,
+in an unknown size a. The generalized likelihood ratio for it is
+
+    z^2 ,    z = sum g e / sqrt(sum g^2) ,      a = sum g e / sum g^2 ,    sd(a) = 1 / sqrt(sum g^2)
+
+over the innovations since t0; z is standard normal where nothing has changed. At each date the
+largest over all t0 of a window counts. For all n gauges together, whose innovations of one day have
+the correlation R, a change of any pattern over the gauges at one t0 has
+
+    z^T R^-1 z less its largest term, at most chi-squared with n - 1 degrees of freedom,
+
+so that one gauge that fails is no change of the structure.
+
+Both are compared by their surprise, -log10 of the probability that chance does as much at one date
+and one t0. The threshold of it follows from simulated innovations in which nothing changes: it is
+passed, by any gauge or by all together, once in a stated time on the average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from geoident.identify.in_time.innovations import Filter
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.in_service import DAY, YEAR
+
+WINDOW = 2.0 * YEAR
+"""How far back changes are sought, s."""
+
+KINDS = ("step", "drift")
+
+_NEAR = 4.0
+"""Steps between possible beginnings by which changes that are one may differ."""
+
+_PART = 2.0
+"""Of z from which on a gauge shows a change of several."""
+
+_MOST_DATES = 120
+"""Dates of a period at which changes are sought; of more, some."""
+
+_MOST_BEGINNINGS = 40
+"""Times at which a change may begin within the window."""
+
+_MOST_SURPRISE = 300.0
+"""Beyond it floating-point numbers have no probability."""
+
+_SIMULATED, _AT_A_TIME = 200, 20
+"""Simulated periods in which nothing changes."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change that innovations show.
+
+    Args:
+        kind: ``step`` or ``drift``.
+        gauges: numbers of the gauges that show it.
+        shown: from when on it was seen, s.
+        since: when it most likely began, s.
+        earliest: beginning of the 95 % interval of that, s.
+        latest: its end, s.
+        size: of each of these gauges, SI; of a drift by year.
+        sd: standard deviation of each.
+        odds: probability that it is of this kind, and not a drift in place of a step or a step in
+            place of a drift.
+        surprise: of the innovations since.
+        lasts: the last reading still shows it.
+    """
+
+    kind: str
+    gauges: tuple[int, ...]
+    shown: float
+    since: float
+    earliest: float
+    latest: float
+    size: tuple[float, ...]
+    sd: tuple[float, ...]
+    odds: float
+    surprise: float
+    lasts: bool
+
+    def explains(self, other: Change) -> bool:
+        """Whether that of a gauge may be a part of this change of several."""
+        near = WINDOW / _MOST_BEGINNINGS * _NEAR
+        together = other.earliest - near <= self.latest and self.earliest <= other.latest + near
+        return together and set(other.gauges) <= set(self.gauges)
+
+
+class Detector:
+    """Looks for changes in the readings of several gauges over a period.
+
+    Args:
+        filters: one for each gauge, over its readings of the period.
+        correlation: (n, n) of the innovations that gauges have on one day.
+    """
+
+    def __init__(self, filters: Sequence[Filter], correlation: Floats) -> None:
+        self.filters, self.correlation = filters, correlation
+        days = np.unique(np.concatenate([f.times for f in filters]) // DAY) * DAY + DAY
+        self.dates = _some(days, _MOST_DATES)
+        step = WINDOW / _MOST_BEGINNINGS
+        first = days[0] - DAY
+        later = np.arange(first, days[-1], step)
+        self.begun: Floats = later if len(later) > 1 else np.array([first])
+        self._root = np.linalg.cholesky(correlation)
+        self._patterns = [self._pattern(f) for f in filters]
+        self._until = [np.searchsorted(f.times, self.dates) for f in filters]
+        old = self.dates[:, None] - self.begun[None, :]
+        self._recent = np.tile(old <= WINDOW + step, 2)
+        # (k, 2 c) sums of g^2; 0 where no reading is since
+        self._weight = [
+            _squares(g, ends) for g, ends in zip(self._patterns, self._until, strict=True)
+        ]
+
+    def _pattern(self, f: Filter) -> Floats:
+        """(m, 2 c) what steps and drifts of size 1 that begin at each time do to innovations."""
+        since = f.times[:, None] - self.begun[None, :]
+        changed = since > 0.0
+        return f.effects(np.hstack([changed.astype(float), np.where(changed, since / YEAR, 0.0)]))
+
+    def z(self, innovations: Sequence[Floats]) -> Floats:
+        """(n, k, 2 c, s) of each gauge, date and change; 0 where no reading can show it.
+
+        Args:
+            innovations: of each gauge, (m, s).
+        """
+        parts = []
+        for g, ends, weight, e in zip(
+            self._patterns, self._until, self._weight, innovations, strict=True
+        ):
+            first = np.concatenate([[0], ends[:-1]])
+            sums = [g[i:j].T @ e[i:j] for i, j in zip(first, ends, strict=True)]
+            seen = weight > 0.0
+            root = np.sqrt(np.where(seen, weight, 1.0))
+            parts.append(np.where(seen[..., None], np.cumsum(sums, axis=0), 0.0) / root[..., None])
+        return np.stack(parts)
+
+    def changes(self, e: Sequence[Floats], threshold: float) -> list[Change]:
+        """What has changed in the period: of single gauges, or of several at once.
+
+        Args:
+            e: (m,) innovations of each gauge.
+            threshold: the surprise from which on it is no chance.
+        """
+        columns = self.z([own[:, None] for own in e])
+        single, together = (surprise[..., 0] for surprise in self.surprises(columns))
+        last = [surprise[..., 0, 0] for surprise in self._surprises(columns[:, -1:])]
+        z = columns[..., 0]
+        alone = [
+            self._change(z[i : i + 1], z[i] ** 2, single[i], last[0][i], threshold, [i])
+            for i in range(len(z))
+            if (single[i] > threshold).any()
+        ]
+        if len(z) < 2 or not (together > threshold).any():
+            return alone
+        squares = (self._white(z) ** 2).sum(axis=0)
+        several = self._change(z, squares, together, last[1], threshold, range(len(z)))
+        return [several, *(one for one in alone if not several.explains(one))]
+
+    def _change(
+        self,
+        z: Floats,
+        squares: Floats,
+        surprise: Floats,
+        last: float,
+        threshold: float,
+        gauges: Sequence[int],
+    ) -> Change:
+        """The change of some gauges that the last date shows, or else the date that shows it most.
+
+        Args:
+            z: (n, k, 2 c) of these gauges.
+            squares: (k, 2 c) in favour of each change, of these gauges together.
+            surprise: (k,) of them, at each date, of what began in the window.
+            last: at the last date, of whatever began in the period.
+            threshold: the surprise from which on it is no chance.
+            gauges: their numbers.
+        """
+        lasts = bool(last > threshold)
+        at = len(surprise) - 1 if lasts else int(np.argmax(surprise))
+        best = int(np.argmax(squares[at]))
+        kind, first = divmod(best, len(self.begun))
+        same = slice(kind * len(self.begun), (kind + 1) * len(self.begun))
+        likelihood = np.exp(0.5 * (squares[at] - squares[at, best]))
+        odds = likelihood[same] / likelihood[same].sum()
+        low, high = np.searchsorted(np.cumsum(odds), [0.025, 0.975])
+        showing = [i for i in range(len(gauges)) if len(gauges) == 1 or abs(z[i, at, best]) > _PART]
+        sizes = []
+        for i in showing:  # over all that may be its beginning
+            weight = self._weight[gauges[i]][at, same]
+            a = z[i, at, same] / np.sqrt(np.where(weight > 0.0, weight, 1.0))
+            mean = float(odds @ a)
+            own = np.divide(odds, weight, out=np.zeros_like(odds), where=weight > 0.0)
+            sizes.append((mean, float(np.sqrt(own.sum() + odds @ (a - mean) ** 2))))
+        return Change(
+            kind=KINDS[kind],
+            gauges=tuple(gauges[i] for i in showing),
+            shown=float(self.dates[self._shown(surprise > threshold, float(self.begun[low]))]),
+            since=float(self.begun[first]),
+            earliest=float(self.begun[low]),
+            latest=float(self.begun[min(high, len(odds) - 1)]),
+            size=tuple(size for size, _ in sizes),
+            sd=tuple(sd for _, sd in sizes),
+            odds=float(likelihood[same].sum() / likelihood.sum()),
+            surprise=float(last if lasts else surprise[at]),
+            lasts=lasts,
+        )
+
+    def _shown(self, seen: Bools, earliest: float) -> int:
+        """Number of the first date that shows a change which began at the earliest then."""
+        after = seen & (self.dates > earliest)
+        return int(np.argmax(after if after.any() else seen))
+
+    def surprises(self, z: Floats) -> tuple[Floats, Floats]:
+        """Of single gauges (n, k, s) and of all together (k, s), at each date.
+
+        Changes count that began within the window before it.
+        """
+        return self._surprises(np.where(self._recent[..., None], z, 0.0))
+
+    def _surprises(self, z: Floats) -> tuple[Floats, Floats]:
+        single = _surprise(np.max(z**2, axis=2), 1)
+        white = self._white(z) ** 2
+        without_largest = white.sum(axis=0) - white.max(axis=0)
+        return single, _surprise(np.max(without_largest, axis=1), max(len(z) - 1, 1))
+
+    def _white(self, z: Floats) -> Floats:
+        """R^(-1/2) z."""
+        return np.linalg.solve(self._root, z.reshape(len(z), -1)).reshape(z.shape)
+
+    def simulated(self, rng: np.random.Generator) -> Floats:
+        """(s,) the largest surprise of periods in which nothing changes."""
+        days = [np.unique(f.times // DAY, return_inverse=True) for f in self.filters]
+        all_days = np.unique(np.concatenate([own for own, _ in days]))
+        place = [np.searchsorted(all_days, own)[back] for own, back in days]
+        largest = []
+        for _ in range(_SIMULATED // _AT_A_TIME):
+            draws = rng.standard_normal((len(self.filters), len(all_days), _AT_A_TIME))
+            draws = np.einsum("ij,jds->ids", self._root, draws)
+            z = self.z([own[at] for own, at in zip(draws, place, strict=True)])
+            single, together = self.surprises(z)
+            most = np.maximum(single.max(axis=(0, 1)), together.max(axis=0) if len(z) > 1 else 0.0)
+            largest.append(most)
+        return np.concatenate(largest)
+
+    @property
+    def length(self) -> float:
+        """Of the period, s."""
+        return float(self.dates[-1] - self.begun[0])
+
+    def threshold(self, between: float, rng: np.random.Generator) -> float:
+        """The surprise that chance passes once in a stated time.
+
+        Args:
+            between: two false alarms, s, on the average.
+            rng: random numbers.
+        """
+        without = np.exp(-self.length / between)
+        return float(np.quantile(self.simulated(rng), without))
+
+
+def _squares(g: Floats, ends: Ints) -> Floats:
+    """(k, c) sums of the squares of the first rows of g (m, c), up to some ends (k,)."""
+    sums = np.vstack([np.zeros(g.shape[1]), np.cumsum(g**2, axis=0)])
+    return np.asarray(sums[ends])
+
+
+def _surprise(chi_squared: Floats, freedom: int) -> Floats:
+    return np.asarray(np.minimum(-chi2.logsf(chi_squared, freedom) / np.log(10.0), _MOST_SURPRISE))
+
+
+def _some(values: Floats, most: int) -> Floats:
+    """At most so many of some values, the last among them."""
+    if len(values) <= most:
+        return values
+    return np.asarray(values[np.unique(np.linspace(0, len(values) - 1, most).round().astype(int))])

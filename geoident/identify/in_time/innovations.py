@@ -1,0 +1,107 @@
+"""What each new reading says that those before it did not (theory 16.3).
+
+After the readings that a regression rests on, its coefficients and the lasting error have a mean
+and a covariance. A filter carries both from reading to reading and gives of each the innovation
+
+    e_k = (y_k - prediction before k) / its standard deviation ,
+
+independent of all others and of variance one as long as model and noise are what they were. The
+filter is linear: what a step or a drift that begins with some reading does to the innovations after
+it follows with the same gains, from zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.identify.in_time.regression import GaugeState
+from geoident.model.arrays import Bools, Floats
+
+
+class Filter:
+    """Gains for readings of one gauge at given times, whatever they will be.
+
+    Args:
+        state: what is known of the gauge before.
+        times: (m,) s, increasing, after that.
+        X: (m, q) what explains the new readings.
+        skipped: (m,) readings that are predicted, but tell nothing; None for none.
+
+    Attributes:
+        sd: (m,) standard deviations of a reading about its prediction, SI.
+    """
+
+    def __init__(
+        self, state: GaugeState, times: Floats, X: Floats, skipped: Bools | None = None
+    ) -> None:
+        self.times, self._start = times, state.mean
+        self.skipped = np.zeros(len(times), dtype=np.bool_) if skipped is None else skipped
+        P, noise = state.P.copy(), state.noise
+        self._phi = noise.remaining(np.diff(times, prepend=state.time))
+        self._H = np.column_stack([X, np.ones(len(times))])
+        self._gain = np.zeros_like(self._H)
+        self.sd: Floats = np.zeros(len(times))
+        for k, (phi, h) in enumerate(zip(self._phi, self._H, strict=True)):
+            P[-1] *= phi
+            P[:, -1] *= phi
+            P[-1, -1] += noise.lasting**2 * (1.0 - phi**2)
+            Ph = P @ h
+            variance = max(float(h @ Ph), 0.0) + noise.white**2  # rounding may leave less
+            self.sd[k] = np.sqrt(variance)
+            if not self.skipped[k]:
+                self._gain[k] = Ph / variance
+                P -= np.outer(Ph, self._gain[k])
+
+    def predicted(self, y: Floats) -> Floats:
+        """(m,) what each of the readings y (m,) was expected to be before it was taken, SI."""
+        return y - self._run(y[:, None], self._start[:, None])[:, 0]
+
+    def effects(self, changes: Floats) -> Floats:
+        """What changes (m, c) of the readings, SI, do to the innovations, (m, c).
+
+        Nothing to those of readings that are skipped.
+        """
+        start = np.zeros((self._H.shape[1], changes.shape[1]))
+        g = self._run(changes, start) / self.sd[:, None]
+        g[self.skipped] = 0.0
+        return g
+
+    def _run(self, columns: Floats, state: Floats) -> Floats:
+        """Columns (m, c) less what the filter expects of them, begun with a state (q + 1, c)."""
+        left = np.empty_like(columns)
+        state = state.copy()
+        for k, (phi, h, gain) in enumerate(zip(self._phi, self._H, self._gain, strict=True)):
+            state[-1] *= phi
+            left[k] = columns[k] - h @ state
+            state += np.outer(gain, left[k])
+        return left
+
+
+def single_wrong(state: GaugeState, times: Floats, X: Floats, y: Floats, far: float) -> Bools:
+    """(m,) readings that are far off alone: those after them are as if they had not been.
+
+    A reading that begins a step is none of them. Of the last one nobody knows.
+
+    Args:
+        state: what is known of the gauge before.
+        times: (m,) s, increasing.
+        X: (m, q) what explains them.
+        y: (m,) readings, SI.
+        far: innovation from which on a reading is looked at.
+    """
+    wrong = np.zeros(len(y), dtype=np.bool_)
+    first = 0
+    while True:
+        filtered = Filter(state, times, X, wrong)
+        e = (y - filtered.predicted(y)) / filtered.sd
+        e[wrong] = 0.0
+        far_off = np.flatnonzero(np.abs(e[first:-1]) > far)
+        if not far_off.size:
+            return wrong
+        k = first + int(far_off[0])
+        alone, onward = np.zeros((2, len(y)))
+        alone[k], onward[k:] = 1.0, 1.0
+        g = filtered.effects(np.column_stack([alone, onward]))
+        z2 = (g.T @ e) ** 2 / (g**2).sum(axis=0)
+        wrong[k] = z2[0] > z2[1]
+        first = k + 1

@@ -1,0 +1,127 @@
+"""A structure in service: what acts on it day by day, and what its gauges make of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geoident.model.arrays import Floats
+
+DAY = 86400.0  # s
+YEAR = 365.25 * DAY
+
+
+@dataclass(frozen=True)
+class Series:
+    """A quantity that acts on the structure over time, such as the level of the reservoir.
+
+    Args:
+        name: of the load.
+        path: of the file that it is from.
+        times: (m,) s since 1970, increasing.
+        values: (m,) SI.
+        bridge: longest gap between two values, s, over which it is known in between, linearly.
+    """
+
+    name: str
+    path: str
+    times: Floats = field(compare=False)
+    values: Floats = field(compare=False)
+    bridge: float
+
+    def at(self, times: Floats) -> Floats:
+        """Its values (k,) at some times, s; NaN before, after and within gaps."""
+        values = np.interp(times, self.times, self.values, left=np.nan, right=np.nan)
+        values[self._is_unknown(times)] = np.nan
+        return np.asarray(values)
+
+    def _is_unknown(self, times: Floats) -> Floats:
+        """(k,) whether times are inside a gap that is too long."""
+        right = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
+        long = self.times[right] - self.times[right - 1] > self.bridge
+        inside = (times > self.times[right - 1]) & (times < self.times[right])
+        return np.asarray(long & inside)
+
+    def lagged(self, times: Floats, lag: float) -> Floats:
+        """What a body of a response time ``lag``, s, makes of it: w' = (value - w) / lag.
+
+        Exact for values that are linear in between. The body begins at the mean of the first year.
+        NaN where the series is, and where a gap that is too long lies within five lags before.
+
+        Args:
+            times: (k,) s.
+            lag: response time, s.
+        """
+        t, v = self.times, self.values
+        step = np.diff(t) / lag
+        left = np.exp(-step)
+        # of a ramp from v0 to v1: w1 = left w0 + (1 - left) v0 + (1 - (1 - left) / step) (v1 - v0)
+        rise = 1.0 - np.divide(1.0 - left, step)
+        w = np.empty(len(t))
+        w[0] = v[t <= t[0] + YEAR].mean()
+        for k in range(1, len(t)):
+            e = left[k - 1]
+            w[k] = e * w[k - 1] + (1.0 - e) * v[k - 1] + rise[k - 1] * (v[k] - v[k - 1])
+        known = self.at(times)
+        after = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 1)
+        since = np.maximum((times - t[after]) / lag, 0.0)
+        left = np.exp(-since)
+        part = np.where(since > 0.0, 1.0 - (1.0 - left) / np.where(since > 0.0, since, 1.0), 0.0)
+        value = left * w[after] + (1.0 - left) * v[after] + part * (known - v[after])
+        for start, end in self.gaps:
+            value[(times > start) & (times < end + 5.0 * lag)] = np.nan
+        return np.asarray(value)
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Beginning and end, s, of the gaps that are too long to be bridged."""
+        far = np.flatnonzero(np.diff(self.times) > self.bridge)
+        return [(float(self.times[k]), float(self.times[k + 1])) for k in far]
+
+
+@dataclass(frozen=True)
+class SeasonalModel:
+    """Readings as a sum of effects of level, season, air temperature and time (theory 16.1).
+
+    Args:
+        since: when the effects of time begin, s since 1970.
+        level: series of the level; None for no effect of it.
+        powers: highest power of the level.
+        harmonics: of the year; 0 for none.
+        air: series of the air temperature; None for no effect of it.
+        lags: response times, s, one effect of the air for each.
+        linear: whether there is a motion that goes on.
+        settling: times, s, in which motions fade.
+    """
+
+    since: float
+    level: Series | None = None
+    powers: int = 0
+    harmonics: int = 0
+    air: Series | None = None
+    lags: tuple[float, ...] = ()
+    linear: bool = False
+    settling: tuple[float, ...] = ()
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of all files that the model consists of."""
+        series = (self.level, self.air)
+        return tuple(dict.fromkeys(one.path for one in series if one is not None))
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The effects in words."""
+        given = {
+            "level": self.powers,
+            "season": self.harmonics,
+            "air temperature": self.lags,
+            "time": self.linear or self.settling,
+        }
+        return tuple(word for word, is_given in given.items() if is_given)
+
+    @property
+    def series(self) -> tuple[Series, ...]:
+        """All that acts."""
+        return tuple(one for one in (self.level, self.air) if one is not None)

@@ -1,0 +1,148 @@
+"""What is known of the gauges of a structure in service, each by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geoident.model.arrays import Floats, Ints
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.columns import ROW, column, derived
+from geoident.units import in_unit, shown_unit
+
+_LIKE_READING = column("gauge", dimension="gauge")
+
+
+@dataclass(frozen=True)
+class SeasonalFit:
+    """Coefficients and errors of all gauges, one entry of every column each.
+
+    NaN where a gauge has too few readings, or where its readings cannot tell a term from others.
+
+    Args:
+        terms: names of the q terms, ``constant`` first.
+        effects: to which effect each belongs: ``level``, ``season``, ``air`` or ``irreversible``.
+        coefficients: (n_gauges, q) in the unit of the gauge, by K for the air, by year for
+            ``linear``.
+        covariance: (n_gauges, q + 1, q + 1) of the coefficients and, last, of the lasting error at
+            the last reading.
+        lasting_now: (n_gauges,) that error.
+        number: (n_gauges,) readings that were used.
+        last: (n_gauges,) when the last of them was taken, s since 1970.
+        white: (n_gauges,) error that each reading has by itself.
+        lasting: (n_gauges,) standard deviation of the error that lasts.
+        fades: (n_gauges,) time in which that fades to 1/e, s.
+        level_low: level from which it counts, m; NaN where there is no effect of it.
+        level_high: level at which it counts as 1, m.
+        air_mean: air temperature from which it counts, K.
+        level: (n_gauges,) range of the readings that the level causes.
+        level_sd: (n_gauges,) its standard deviation.
+        season, season_sd: likewise the season.
+        air, air_sd: likewise the air temperature.
+        irreversible: (n_gauges,) motion between the first reading and the last that does not come
+            back.
+        irreversible_sd: (n_gauges,) its standard deviation.
+        explained: (n_gauges,) part of the variance of the readings that the effects explain.
+    """
+
+    terms: tuple[str, ...] = field(metadata=column("term", name="term"))
+    effects: tuple[str, ...] = field(metadata=column("term", name="effect"))
+    coefficients: Floats = field(
+        metadata=column("gauge", "term", dimension="gauge", sheet="coefficient {term}")
+    )
+    covariance: Floats = field(metadata=column("gauge", "state", "other_state", hidden=("csv",)))
+    lasting_now: Floats = field(metadata=_LIKE_READING)
+    number: Ints = field(metadata=column("gauge"))
+    last: Floats = field(
+        metadata=column("gauge", unit="s since 1970-01-01", hidden=("csv", "json", "diff"))
+    )
+    white: Floats = field(metadata=_LIKE_READING)
+    lasting: Floats = field(metadata=_LIKE_READING)
+    fades: Floats = field(metadata=column("gauge", dimension="time", shown="d"))
+    level_low: float
+    level_high: float
+    air_mean: float
+    level: Floats = field(metadata=_LIKE_READING)
+    level_sd: Floats = field(metadata=_LIKE_READING)
+    season: Floats = field(metadata=_LIKE_READING)
+    season_sd: Floats = field(metadata=_LIKE_READING)
+    air: Floats = field(metadata=_LIKE_READING)
+    air_sd: Floats = field(metadata=_LIKE_READING)
+    irreversible: Floats = field(metadata=_LIKE_READING)
+    irreversible_sd: Floats = field(metadata=_LIKE_READING)
+    explained: Floats = field(metadata=column("gauge"))
+
+    @property
+    @derived("gauge", dimension="gauge")
+    def scatter(self) -> Floats:
+        """(n_gauges,) standard deviation of a reading about what the effects explain."""
+        return np.hypot(self.white, self.lasting)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Readings that took no part in a fit, each held against what was expected before it was taken.
+
+    NaN for all other readings.
+
+    Args:
+        predicted: (k,) what each was expected to be, SI.
+        predicted_sd: (k,) standard deviation of that with a reading's errors, SI.
+        innovation: (k,) reading less prediction in these: of variance one, and independent, as long
+            as the structure and its gauges are what they were.
+    """
+
+    predicted: Floats = field(metadata=column("reading", dimension="gauge"))
+    predicted_sd: Floats = field(metadata=column("reading", dimension="gauge"))
+    innovation: Floats = field(metadata=column("reading"))
+
+
+@dataclass(frozen=True)
+class ChangeRow:
+    """A change that new readings show: of one gauge, or of several at once.
+
+    Args:
+        kind: ``step``, ``drift``, or ``reading`` for a single one that is far off.
+        gauge: name of the gauge of this row.
+        change: number of the change, from 1: of several gauges there is a row for each.
+        shown: from when on it was seen, s since 1970.
+        since: when it most likely began, s since 1970.
+        earliest: beginning of the 95 % interval of that.
+        latest: end of it.
+        size: of the step, SI; of a drift by year.
+        sd: its standard deviation.
+        odds: probability that it is a step and no drift, or a drift and no step.
+        surprise: -log10 of the probability that chance does as much.
+        lasts: the last reading still shows it.
+        unit: in which people see the readings.
+        dimension: key of `geoident.units.DIMENSIONS`.
+    """
+
+    kind: str
+    gauge: str
+    change: int
+    shown: float = field(metadata=column(unit="s since 1970-01-01"))
+    since: float = field(metadata=column(unit="s since 1970-01-01"))
+    earliest: float = field(metadata=column(unit="s since 1970-01-01"))
+    latest: float = field(metadata=column(unit="s since 1970-01-01"))
+    size: float = field(metadata=column(dimension=ROW, unit="SI unit of the gauge"))
+    sd: float = field(metadata=column(dimension=ROW, unit="SI unit of the gauge"))
+    odds: float
+    surprise: float
+    lasts: bool
+    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+    @property
+    def text(self) -> str:
+        """Its size with the 95 % interval and the unit; of a single reading without interval."""
+        size, half = (
+            in_unit(x, self.unit, self.dimension) for x in (self.size, NORMAL_95 * self.sd)
+        )
+        places = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0.0 else 3
+        interval = "" if self.kind == "reading" else f" ± {half:.{places}f}"
+        rate = " a year" if self.kind == "drift" else ""
+        return (
+            f"{size:+.{places}f}{interval} {shown_unit(self.unit, self.dimension)}".rstrip() + rate
+        )

@@ -1,0 +1,482 @@
+"""``geoident control``: new readings of a structure in service held against its fit."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import norm
+
+from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
+from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
+from geoident.identify.in_time.detection import Change, Detector
+from geoident.identify.in_time.innovations import Filter, single_wrong
+from geoident.identify.in_time.noise import Noise, whitened
+from geoident.identify.in_time.regression import GaugeState
+from geoident.io.text.dates import date_text
+from geoident.io.text.yaml_reader import parse_yaml
+from geoident.model.arrays import Floats, Ints
+from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
+from geoident.model.in_service import DAY, YEAR, SeasonalModel
+from geoident.model.results.costs import NO_COST
+from geoident.model.results.findings import Finding
+from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
+from geoident.model.results.result import GaugeTable, Result
+from geoident.units import UnitError, read_quantity
+from geoident.workflow.estimating.finished import Finished, job_at_hand
+from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_fit, read_fit
+from geoident.workflow.in_service.fit import rows_in_time, unknown_later, with_reasons
+from geoident.workflow.running.computed import gauge_table
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
+from geoident.workflow.running.readings import LATER, select_readings, unused_notes
+from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
+
+_FAR = 4.0
+"""Innovation from which on it is asked whether a single reading is wrong."""
+
+_STANDARD = 2.0 * YEAR
+"""Length of the period in which simulated false alarms are counted, s."""
+
+_COMMON_DAYS, _SHRUNK = 20, 0.8
+"""Days on which two gauges must have been read for their correlation, and what is kept of it."""
+
+_SURE = 0.9
+"""Probability of a kind of change from which on it is said without doubt."""
+
+GREEN, AMBER, RED = "green", "amber", "red"
+
+
+@dataclass(frozen=True)
+class ControlRequest:
+    """What to hold against a fit.
+
+    Args:
+        result: path of the fit.
+        readings: path of a file with new readings; None for those of the case.
+        false_alarms: time between two false alarms of all gauges together, s, on the average.
+        output: a file or an existing folder; None for beside the result.
+        seed: of the simulated noise.
+        force: overwrite a result of other input.
+        fresh: compute again what is up to date.
+    """
+
+    result: str
+    readings: str | None = None
+    false_alarms: float = 10.0 * YEAR
+    output: str | None = None
+    seed: int = 0
+    force: bool = False
+    fresh: bool = False
+
+
+def time_between(text: str) -> float:
+    """The time between two false alarms, s, of a rate such as ``1 per 10 years``.
+
+    >>> time_between("1 per 10 years") / YEAR
+    10.0
+
+    Raises:
+        UsageError: the text is no rate.
+    """
+    match = re.fullmatch(r"\s*([0-9.]+)\s+(?:per|in)\s+(.+)", text)
+    try:
+        if match is None:
+            raise ValueError
+        number = float(match[1])
+        time = read_quantity(match[2], "time").value
+        if not (number > 0.0 and time > 0.0):
+            raise ValueError
+    except (ValueError, UnitError):
+        message = f"'{text}' is not a rate of false alarms; expected one such as '1 per 10 years'."
+        raise UsageError(message) from None
+    return time / number
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlTask(FitTask):
+    """New readings that can be judged.
+
+    Args:
+        request: what was asked for.
+    """
+
+    request: ControlRequest
+
+
+def plan_control(request: ControlRequest) -> ControlTask:
+    """Read a fit and the new readings, and look at what stands where the result goes.
+
+    Raises:
+        InputError: the result is no fit of a seasonal model, or the readings are wrong.
+        OutputError: the result could not be written, or another one would be lost.
+    """
+    fit, origin = read_fit(request.result, CONTROLLED)
+    if fit.seasonal is None:
+        message = "the fit is of no structure in service"
+        hint = "Fit a case with 'model: {kind: seasonal}'."
+        place = Location(request.result)
+        raise InputError([Fault("not-seasonal", message, hint, place)])
+    if request.readings is not None and not Path(request.readings).is_file():
+        hint = "Check the path of the new readings."
+        place = Location(request.readings)
+        raise InputError([Fault("missing-file", "there is no such file", hint, place)])
+    overrides = [] if request.readings is None else [_in_place(fit, request.readings)]
+    inputs = load_inputs(origin.path, overrides=overrides, text=fit.case_resolved)
+    asked = Request(
+        case=request.result,
+        output=request.output,
+        seed=request.seed,
+        force=request.force,
+        fresh=request.fresh,
+    )
+    job = plan_on_fit("control", f"{request.false_alarms:g}", asked, fit, inputs)
+    return ControlTask(fit=fit, job=job, request=request)
+
+
+def control(task: ControlTask, controlling: Control) -> Finished:
+    """Judge new readings and write what they show; keep a result that is up to date."""
+    if (before := job_at_hand(task.job)) is not None:
+        return before
+    task.require_free()
+    case, fit = task.job.inputs.case, task.fit.seasonal
+    model = case.elsewhere
+    assert fit is not None
+    assert isinstance(model, SeasonalModel)
+    scales = Scales(fit.level_low, fit.level_high, fit.air_mean)
+    table = select_readings(case, build_model(task.job.inputs))
+    effects = effects_at(model, scales, table.time)
+    table = _new_readings(with_reasons(table, model, effects), task.fit)
+    watched = [
+        gauge
+        for i in range(len(case.channels))
+        if (gauge := _watched(i, task.fit, model, scales, table, effects)) is not None
+    ]
+    if not watched:
+        raise InputError([_nothing_new(case, task, table)])
+    correlation = _correlation(watched)
+    rng = np.random.default_rng(task.request.seed)
+    controlling.monitor.detail("simulating false alarms")
+    usual = Detector([gauge.standard for gauge in watched], correlation)
+    threshold = usual.threshold(task.request.false_alarms, rng)
+    new = Detector([gauge.filter for gauge in watched], correlation)
+    changes = new.changes([gauge.e for gauge in watched], threshold)
+    rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
+    table = replace(table, computed=_explained(task.fit, case, table, effects))
+    gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
+    alarms = alarm_states(case, _counting(gauges, watched), None)
+    state = _state(changes)
+    if any(alarm.reached for alarm in alarms):
+        state = RED
+    return task.write(
+        Result(
+            kind="control",
+            status=state,
+            exit_code=ExitCode.DONE if state == GREEN else ExitCode.ALARM,
+            method="likelihood ratio",
+            reason=_reason(state, table, watched, task.request),
+            objective=float("nan"),
+            findings=(*alarm_findings(alarms), *_findings(rows), *_wrong_findings(watched, case)),
+            case_text=task.job.inputs.loaded.text,
+            case_resolved=task.job.inputs.loaded.resolved,
+            provenance=job_provenance(task.job),
+            parameters=task.fit.parameters,
+            gauges=gauges,
+            counts=NO_COST,
+            judged=_judged(watched, table),
+            changes=rows,
+            alarms=alarms,
+            notes=(*case.notes, *unused_notes(table)),
+        )
+    )
+
+
+def _in_place(fit: Result, path: str) -> str:
+    """The override that reads another file as that of the case is read."""
+    given = json.dumps(str(Path(path).absolute()))
+    case = parse_yaml(fit.case_resolved, "").data
+    readings = case.get("readings") if isinstance(case, Mapping) else None
+    if isinstance(readings, list):
+        message = (
+            "the case has several files of readings, so it is not known how this one is laid out"
+        )
+        hint = f"Add the new readings to the files of the case, and leave out {Term.READINGS}."
+        raise InputError([Fault("several-files", message, hint, Location(path))])
+    return f"readings.file={given}" if isinstance(readings, Mapping) else f"readings={given}"
+
+
+@dataclass(frozen=True)
+class _Watched:
+    """A gauge with new readings.
+
+    Args:
+        number: of its channel.
+        rows: (m,) rows of its new readings.
+        filter: over them; it skips those that are wrong alone.
+        predicted: (m,) what they were expected to be, SI.
+        e: (m,) their innovations.
+        standard: a filter over dates as usual, for false alarms.
+        days: (k,) days of the fitted readings.
+        fitted: (k,) innovations of these.
+    """
+
+    number: int
+    rows: Ints
+    filter: Filter
+    predicted: Floats
+    e: Floats
+    standard: Filter
+    days: Ints
+    fitted: Floats
+
+    @property
+    def wrong(self) -> Ints:
+        """Numbers of the new readings that are far off alone."""
+        return np.flatnonzero(self.filter.skipped)
+
+
+def _watched(
+    number: int,
+    fit: Result,
+    model: SeasonalModel,
+    scales: Scales,
+    table: ReadingTable,
+    effects: Effects,
+) -> _Watched | None:
+    """A gauge that was fitted and has new readings; None for others."""
+    assert fit.seasonal is not None
+    state, terms = _state_of(fit.seasonal, number)
+    name = fit.gauges.channels[number]
+    rows = rows_in_time(table, name, table.used)
+    if state is None or not rows.size:
+        return None
+    times, X, y = table.time[rows], effects.columns[rows][:, terms], table.value[rows]
+    filtered = Filter(state, times, X, single_wrong(state, times, X, y, _FAR))
+    predicted = filtered.predicted(y)
+    before = fit.gauges.readings
+    old = rows_in_time(before, name, before.used)
+    columns = effects_at(model, scales, before.time[old]).columns[:, terms]
+    residual = before.value[old] - columns @ state.mean[:-1]
+    usual = before.time[old] > before.time[old[-1]] - _STANDARD
+    recent = before.time[old][usual]
+    return _Watched(
+        number=number,
+        rows=rows,
+        filter=filtered,
+        predicted=predicted,
+        e=(y - predicted) / filtered.sd,
+        standard=Filter(state, recent + (state.time - recent[0]) + DAY, columns[usual]),
+        days=(before.time[old] // DAY).astype(np.int64),
+        fitted=whitened(state.noise, before.time[old], residual),
+    )
+
+
+def _state_of(fit: SeasonalFit, number: int) -> tuple[GaugeState | None, Ints]:
+    """What a fit knows of a gauge, and the numbers of its terms; None where it was not fitted."""
+    if np.isnan(fit.white[number]):
+        return None, np.zeros(0, dtype=np.int64)
+    terms = np.flatnonzero(np.isfinite(fit.coefficients[number]))
+    noise = Noise(float(fit.white[number]), float(fit.lasting[number]))
+    if noise.lasting:
+        noise = replace(noise, time=float(fit.fades[number]))
+    mean = np.append(fit.coefficients[number, terms], fit.lasting_now[number])
+    at = np.append(terms, len(fit.terms))
+    P = fit.covariance[number][np.ix_(at, at)]
+    return GaugeState(noise, float(fit.last[number]), mean, P), terms
+
+
+def _judged(watched: Sequence[_Watched], table: ReadingTable) -> Judged:
+    """What each new reading was expected to be."""
+    predicted, sd, innovation = (np.full(len(table), np.nan) for _ in range(3))
+    for gauge in watched:
+        predicted[gauge.rows], sd[gauge.rows] = gauge.predicted, gauge.filter.sd
+        innovation[gauge.rows] = gauge.e
+    return Judged(predicted, sd, innovation)
+
+
+def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
+    """Readings of which those are used that came after the last one of the fit, of each gauge."""
+    assert fit.seasonal is not None
+    last = dict(zip(fit.gauges.channels, fit.seasonal.last.tolist(), strict=True))
+    reasons = list(table.reason)
+    for k, name in enumerate(table.channel):
+        if reasons[k] not in ("", LATER):
+            continue
+        new = table.time[k] > last[name]  # of a gauge that was not fitted nothing is
+        reasons[k] = "" if new else "it is no later than the fit"
+    used = np.array([not reason for reason in reasons], dtype=np.bool_)
+    return replace(table, reason=tuple(reasons), used=used)
+
+
+def _correlation(watched: Sequence[_Watched]) -> Floats:
+    """(n, n) of the innovations that gauges had on one day of the fit."""
+    n = len(watched)
+    R = np.eye(n)
+    for i in range(n):
+        for j in range(i):
+            _, a, b = np.intersect1d(watched[i].days, watched[j].days, return_indices=True)
+            if len(a) >= _COMMON_DAYS:
+                R[i, j] = R[j, i] = (
+                    _SHRUNK * np.corrcoef(watched[i].fitted[a], watched[j].fitted[b])[0, 1]
+                )
+    values, vectors = np.linalg.eigh(R)
+    if values[0] < _LEAST:  # gauges of different days may contradict each other
+        R = vectors @ np.diag(np.maximum(values, _LEAST)) @ vectors.T
+        size = np.sqrt(np.diag(R))
+        R = R / np.outer(size, size)
+    return R
+
+
+_LEAST = 0.05
+"""Eigenvalue of a correlation."""
+
+
+def _rows(
+    changes: Sequence[Change], watched: Sequence[_Watched], case: Case
+) -> Iterator[ChangeRow]:
+    for number, change in enumerate(changes, 1):
+        for i, size, sd in zip(change.gauges, change.size, change.sd, strict=True):
+            channel = case.channels[watched[i].number]
+            yield ChangeRow(
+                kind=change.kind, gauge=channel.name, change=number, shown=change.shown,
+                since=change.since, earliest=change.earliest, latest=change.latest, size=size,
+                sd=sd, odds=change.odds, surprise=change.surprise, lasts=change.lasts,
+                unit=channel.unit, dimension=channel.dimension,
+            )  # fmt: skip
+
+
+def _wrong_rows(
+    watched: Sequence[_Watched], case: Case, table: ReadingTable, before: int
+) -> Iterator[ChangeRow]:
+    """Single wrong readings, numbered after the changes that went before."""
+    wrong = [(gauge, int(k)) for gauge in watched for k in gauge.wrong]
+    for number, (gauge, k) in enumerate(wrong, before + 1):
+        channel, time = case.channels[gauge.number], float(gauge.filter.times[k])
+        surprise = -(np.log(2.0) + norm.logsf(abs(gauge.e[k]))) / np.log(10.0)
+        yield ChangeRow(
+            kind="reading", gauge=channel.name, change=number, shown=time, since=time,
+            earliest=time, latest=time, size=float(table.value[gauge.rows[k]] - gauge.predicted[k]),
+            sd=float(gauge.filter.sd[k]), odds=1.0, surprise=float(surprise), lasts=False,
+            unit=channel.unit, dimension=channel.dimension,
+        )  # fmt: skip
+
+
+def _explained(fit: Result, case: Case, table: ReadingTable, effects: Effects) -> Floats:
+    """(k,) what the effects make of each reading of a gauge that was fitted, SI."""
+    assert fit.seasonal is not None
+    known = np.isfinite(fit.seasonal.white)
+    coefficients = dict(zip(fit.gauges.channels, fit.seasonal.coefficients, strict=True))
+    fitted = {name for name, one in zip(fit.gauges.channels, known, strict=True) if one}
+    b = np.array([coefficients[name] for name in table.channel])
+    own = np.array([name in fitted for name in table.channel], dtype=np.bool_)
+    return np.where(own, np.einsum("kq,kq->k", effects.columns, np.nan_to_num(b)), np.nan)
+
+
+def _state(changes: Sequence[Change]) -> str:
+    """Red where the last readings show that the structure has changed, amber where gauges have.
+
+    A single wrong reading is over with the next one, and a change that is no longer seen as well.
+    """
+    lasting = [change for change in changes if change.lasts]
+    if any(len(change.gauges) > 1 for change in lasting):
+        return RED
+    return AMBER if lasting else GREEN
+
+
+def _counting(gauges: GaugeTable, watched: Sequence[_Watched]) -> GaugeTable:
+    """New readings that are not wrong alone: those that may reach an alarm value."""
+    counts = np.zeros(len(gauges.readings), dtype=np.bool_)
+    for gauge in watched:
+        counts[gauge.rows[~gauge.filter.skipped]] = True
+    value = np.where(counts, gauges.readings.value, np.nan)
+    return replace(gauges, readings=replace(gauges.readings, value=value))
+
+
+def _reason(
+    state: str, table: ReadingTable, watched: Sequence[_Watched], request: ControlRequest
+) -> str:
+    words = {
+        GREEN: "The last readings show no change",
+        AMBER: "A gauge has changed",
+        RED: "The structure or what acts on it has changed, or an alarm value is reached",
+    }
+    number = sum(len(gauge.rows) for gauge in watched)
+    first, last = (date_text(float(f(table.time[table.used]))) for f in (np.min, np.max))
+    years = request.false_alarms / YEAR
+    return (
+        f"{words[state]}: {number} readings of {len(watched)} gauges, {first} to {last}. "
+        f"Chance alone raises an alarm once in {years:.3g} years."
+    )
+
+
+def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
+    """A sentence for each step and drift."""
+    changes = (row for row in rows if row.kind != "reading")
+    for _, group in groupby(changes, key=lambda row: row.change):
+        own = list(group)
+        one = own[0]
+        when = date_text(one.since)[:10]
+        if one.latest > one.earliest:
+            when += f" ({date_text(one.earliest)[:10]} to {date_text(one.latest)[:10]})"
+        sizes = ", ".join(f"{row.gauge} {row.text}" for row in own)
+        seen = f"seen since {date_text(one.shown)[:10]}"
+        if len(own) == 1:
+            sentence = f"A {one.kind} of {sizes} since {when}, {seen}. "
+            sentence += "The other gauges do not show it: check this one."
+        else:
+            sentence = f"A {one.kind} of several gauges since {when}, {seen}: {sizes}. "
+            sentence += "The structure, or what acts on it, has changed."
+        if one.odds < _SURE:
+            other = "drift" if one.kind == "step" else "step"
+            sentence += f" It may also be a {other}: more readings will tell."
+        if not one.lasts:
+            sentence += " The last readings do not show it any more."
+        yield Finding("change", ", ".join(row.gauge for row in own), sentence, {"since": one.since})
+
+
+def _wrong_findings(watched: Sequence[_Watched], case: Case) -> Iterator[Finding]:
+    """A sentence for each gauge with single wrong readings."""
+    for gauge in watched:
+        if gauge.wrong.size:
+            yield _wrong_finding(gauge, case)
+
+
+def _wrong_finding(gauge: _Watched, case: Case) -> Finding:
+    """Readings of a gauge that are far off alone."""
+    channel = case.channels[gauge.number]
+    at = gauge.wrong
+    far = at[np.argsort(-np.abs(gauge.e[at]))][:_NAMED]
+    named = [
+        f"{date_text(float(gauge.filter.times[k]))[:10]} ({gauge.e[k]:+.0f} sd)"
+        for k in np.sort(far)
+    ]
+    more = f" and {len(at) - len(far)} more" if len(at) > len(far) else ""
+    what = "A single reading" if len(at) == 1 else "Single readings"
+    return Finding(
+        "far-reading",
+        channel.name,
+        f"{what} of {channel.name} far off, after which all is as before: "
+        f"{', '.join(named)}{more}. Repeat them, or mark them as bad.",
+    )
+
+
+_NAMED = 5
+"""Wrong readings of a gauge that are named."""
+
+
+def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:
+    message = "there is no reading later than those of the fit, of a gauge that was fitted"
+    hint = f"Give new ones with {Term.READINGS}, or add them to the file of the case."
+    if why := sorted({reason for reason in table.reason if reason}):
+        hint += f" Not used: {'; '.join(why)}."
+    hint = " ".join([hint, *unknown_later(case, table)])
+    if task.request.readings is not None:
+        place = Location(task.request.readings)
+        return Fault("no-new-readings", message, hint, place)
+    return case.source.fault(("readings",), code="no-new-readings", message=message, hint=hint)
