@@ -153,14 +153,14 @@ class Detector:
         last = [surprise[..., 0, 0] for surprise in self._surprises(columns[:, -1:])]
         z = columns[..., 0]
         alone = [
-            self._change(z[i : i + 1], z[i] ** 2, single[i], last[0][i], threshold, [i])
+            self._change(z[i : i + 1], z[i] ** 2, single[i], float(last[0][i]), threshold, [i])
             for i in range(len(z))
             if (single[i] > threshold).any()
         ]
         if len(z) < 2 or not (together > threshold).any():
             return alone
         squares = (self._white(z) ** 2).sum(axis=0)
-        several = self._change(z, squares, together, last[1], threshold, range(len(z)))
+        several = self._change(z, squares, together, float(last[1]), threshold, range(len(z)))
         return [several, *(one for one in alone if not several.explains(one))]
 
     def _change(
