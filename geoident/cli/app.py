@@ -46,7 +46,8 @@ Examples:
 \b
 Exit codes: 0 done, 1 a bug, 2 wrong flags, 3 invalid input,
 4 finished but not converged, not determined, poorly fitted or out of budget,
-5 the model has no solution, 6 output, 7 some of several cases or runs failed, 8 an alarm,
+5 the model has no solution, 6 output, 7 some of several cases or runs failed,
+8 an alarm,
 130/143 interrupted (the same command continues).
 """
 

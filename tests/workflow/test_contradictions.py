@@ -137,14 +137,15 @@ ONE_UNKNOWN = (
 def test_the_modulus_is_found_only_where_weight_and_stress_agree(case, tmp_path):
     """Readings of a pit at E = 2 GPa; accepted contradictions miss it."""
     right = GRAVITY + "in_situ: {model: geostatic, K0: 0.6}"
+    exact = ("accuracy: 0.01 mm", "accuracy: 0.0001 mm")  # the pit moves by 0.01 mm
     readings = run_command("simulate", case(right, *ONE_UNKNOWN), "-q").stdout
 
     def fitted(in_situ: str, *changes: tuple[str, str]) -> float:
-        path = case(in_situ, *ONE_UNKNOWN, ("start: 2 GPa", "start: 9 GPa"), *changes)
+        path = case(in_situ, *ONE_UNKNOWN, ("start: 2 GPa", "start: 9 GPa"), exact, *changes)
         (tmp_path / "readings.csv").write_text(readings)
         alone = ("--set", "fit.backtest=false", "--set", "fit.model_error=none")
         told = run_command("fit", path, "--json", "-q", "--fresh", "--force", *alone)
-        assert told.exit_code == 0, told.stderr
+        assert told.exit_code in (0, 4), told.stderr  # 4: the model does not fit the readings
         return float(json.loads(told.stdout)["parameters"]["E"]["value"]) / 1e9
 
     assert fitted(right) == pytest.approx(2.0, rel=1e-4)

@@ -383,9 +383,11 @@ def with_numbers_of(known: Assessment, own: Assessment, j: int, problem: Problem
         "sd", "lower95", "upper95", "beyond_bounds", "determined", "from_prior", "gaps_x"
     )  # fmt: skip
     numbers = {each: taken(getattr(known, each), getattr(own, each)) for each in columns}
-    for each in ("covariance", "correlation"):
-        table = taken(getattr(known, each), getattr(own, each))
-        numbers[each] = taken(table.T, getattr(own, each).T).T
+    correlation = known.correlation
+    if not np.isfinite(correlation[j, j]):  # else that with the others is of one posterior
+        correlation = taken(taken(correlation, own.correlation).T, own.correlation.T).T
+    numbers["correlation"] = correlation
+    numbers["covariance"] = correlation * np.outer(numbers["sd"], numbers["sd"])
     before = {finding for finding in known.findings if finding.subject == name}
     of_own = {finding for finding in own.findings if finding.subject == name}
     findings = [one for one in known.findings if one not in before or one in of_own]

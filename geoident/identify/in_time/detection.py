@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from geoident.identify.in_time.innovations import Filter
 from geoident.model.arrays import Bools, Floats, Ints
@@ -47,8 +47,8 @@ _MOST_DATES = 120
 _MOST_BEGINNINGS = 40
 """Times at which a change may begin within the window."""
 
-_MOST_SURPRISE = 300.0
-"""Beyond it floating-point numbers have no probability."""
+_LEAST_CHANCE = 1e-300
+"""Below it floating-point numbers have no probability."""
 
 _SIMULATED, _AT_A_TIME = 200, 20
 """Simulated periods in which nothing changes."""
@@ -272,7 +272,8 @@ def _squares(g: Floats, ends: Ints) -> Floats:
 
 
 def _surprise(chi_squared: Floats, freedom: int) -> Floats:
-    return np.asarray(np.minimum(-chi2.logsf(chi_squared, freedom) / np.log(10.0), _MOST_SURPRISE))
+    chance = np.maximum(chdtrc(freedom, chi_squared), _LEAST_CHANCE)
+    return np.asarray(-np.log10(chance))
 
 
 def _some(values: Floats, most: int) -> Floats:

@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
-from scipy.optimize import minimize
 
 from geoident.identify.in_time.noise import Noise, TimeCovariance
 from geoident.model.arrays import Floats
@@ -150,6 +149,8 @@ def regression_in_time(
 
     def minus_two_l(t: Floats) -> float:
         return of(noise(t)).minus_two_l
+
+    from scipy.optimize import minimize  # noqa: PLC0415 - 0.3 s, and only these fits search so
 
     bounds = [(-5.0, 3.0), (np.log(spacing / 3.0), np.log(max(span / 3.0, spacing)))]
     bounds += [(np.log(_LEAST_WHITE), 1.0)] if white is None else []

@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
@@ -358,7 +358,7 @@ def _wrong_rows(
     wrong = [(gauge, int(k)) for gauge in watched for k in gauge.wrong]
     for number, (gauge, k) in enumerate(wrong, before + 1):
         channel, time = case.channels[gauge.number], float(gauge.filter.times[k])
-        surprise = -(np.log(2.0) + norm.logsf(abs(gauge.e[k]))) / np.log(10.0)
+        surprise = -(np.log(2.0) + float(log_ndtr(-abs(gauge.e[k])))) / np.log(10.0)
         yield ChangeRow(
             kind="reading", gauge=channel.name, change=number, shown=time, since=time,
             earliest=time, latest=time, size=float(table.value[gauge.rows[k]] - gauge.predicted[k]),

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import binom
+from scipy.special import bdtr
 
 from geoident.errors import ExitCode, Fault, InputError
 from geoident.forward.in_service.seasonal import EFFECTS, Effects, Scales, effects_at, independent
@@ -346,7 +346,7 @@ def _later_findings(judged: Judged, table: ReadingTable) -> Iterator[Finding]:
         e = judged.innovation[channels == name]
         e = e[np.isfinite(e)]
         inside = int(np.count_nonzero(np.abs(e) <= NORMAL_95))
-        if e.size and binom.cdf(inside, e.size, 0.95) < _BY_CHANCE:
+        if e.size and bdtr(inside, e.size, 0.95) < _BY_CHANCE:
             off.append((name, inside, e.size))
     for name, inside, number in off:
         yield Finding(

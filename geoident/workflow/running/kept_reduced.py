@@ -59,7 +59,9 @@ def spread_around(table: ParameterTable, parameters: Sequence[Parameter]) -> Flo
     p, n = table.values, len(table.values)
     known = np.isfinite(np.diag(table.covariance))
     covariance = np.where(known[:, None] & known, table.covariance, 0.0)
-    steps = _WIDER * rng.multivariate_normal(np.zeros(n), covariance, size=_DRAWS, method="svd")
+    steps = _WIDER * rng.multivariate_normal(
+        np.zeros(n), covariance, size=_DRAWS, method="svd", check_valid="ignore"
+    )  # numbers of parameters on their own paths need not make one posterior
     log = np.array([q.scale == "log" for q in parameters])
     size = np.where(log, p, 1.0)
     grown = p * np.exp(np.clip(steps / size, -3.0, 3.0))

@@ -25,8 +25,11 @@ from geoident.io.case.file import parse_case
 PAGE = Path(__file__).parents[3] / "geoident" / "docs" / "keys.md"
 PLACES = ("materials", "in_situ", "loads", "structures", "gauges", "supports", "water", "face")
 """Keys of a case whose sections are tried. Others name files, or say how a case is computed."""
+OF_FILES = ("Series",)
+"""Parts of the page that name a file."""
 OF_OPENINGS = ("ring", "ribs", "bolting", "support-line")
 """Kinds of structures of a case without mesh."""
+KEY = r"`([\w-]+)`"
 NAMED = ("materials", "loads", "structures", "gauges", "supports")
 """Those under which there are sections by name: many trials make one case."""
 
@@ -225,7 +228,7 @@ class Page:
             ways = []
             for way in sentence.split(", or "):
                 needed, _, optional = way.partition(" (with ")
-                ways.append((re.findall(r"`(\w+)`", needed), re.findall(r"`(\w+)`", optional)))
+                ways.append((re.findall(KEY, needed), re.findall(KEY, optional)))
             found.append(ways)
         return found
 
@@ -418,7 +421,10 @@ def parts() -> list[tuple[str, str]]:
     page = Page(PAGE.read_text(encoding="utf-8"))
     allowed = {place: page.keys("Case")[place][1] for place in PLACES}
     return [
-        (place, part) for place in PLACES for part in re.findall(r"\[(.*?)\]\(", allowed[place])
+        (place, part)
+        for place in PLACES
+        for part in re.findall(r"\[(.*?)\]\(", allowed[place])
+        if part not in OF_FILES
     ]
 
 

@@ -45,6 +45,5 @@ def test_residuals_that_come_in_runs(project):
 
 def test_too_few_readings_for_a_model_error(project):
     result = project(hyperbola(), hyperbola(), count=3)
-    (east, west) = [note for note in result["notes"] if "too few beside 2 parameters" in note]
-    assert east.startswith("Section east: 3 readings")
-    assert west.startswith("Section west: 3 readings")
+    (said,) = [note for note in result["notes"] if "sections have too few readings" in note]
+    assert "'model_error: 15 %'" in said
