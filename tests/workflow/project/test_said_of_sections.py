@@ -43,7 +43,8 @@ def test_residuals_that_come_in_runs(project):
     assert found[0]["sentence"].startswith("In the section east by itself: Residuals of P come")
 
 
-def test_too_few_readings_for_a_model_error(project):
+def test_sections_of_few_readings_have_a_model_error_together(project):
+    """Three readings beside two parameters say nothing of it; those of two sections do."""
     result = project(hyperbola(), hyperbola(), count=3)
-    (said,) = [note for note in result["notes"] if "sections have too few readings" in note]
-    assert "'model_error: 15 %'" in said
+    (said,) = [note for note in result["notes"] if "All sections together" in note]
+    assert "% of the motion" in said
