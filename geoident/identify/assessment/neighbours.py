@@ -62,40 +62,25 @@ def neighbours(
         pairs: (k, 2) places that are neighbours.
     """
     mean = _means(problem.sd, places)
-    own = _OwnPart(problem)
-    residuals = mean @ own(problem.measured - readings)
-    correlation = float(_correlation(residuals[:, None], pairs)[0])
+    residuals = mean @ _own_part(problem, (problem.measured - readings)[:, None])
+    correlation = float(_correlation(residuals, pairs)[0])
     if not correlation > _WORTH_DRAWING:
-        return Neighbours(residuals, correlation, 1.0)
+        return Neighbours(residuals[:, 0], correlation, 1.0)
     drawn = DrawnResiduals(problem, *rows_at(problem, values, jacobian))
     rng = np.random.default_rng(0)
     draws, size = draws_of(len(places))
     above = 0
     for _ in range(-(-draws // size)):
-        above += int(np.sum(_correlation(mean @ own(drawn.draw(rng, size)), pairs) >= correlation))
-    return Neighbours(residuals, correlation, (above + 1.0) / (draws + 1.0))
+        alike = mean @ _own_part(problem, drawn.draw(rng, size))
+        above += int(np.sum(_correlation(alike, pairs) >= correlation))
+    return Neighbours(residuals[:, 0], correlation, (above + 1.0) / (draws + 1.0))
 
 
-class _OwnPart:
-    """D Sigma^-1 of residuals: what readings have by themselves.
-
-    Args:
-        problem: with the errors.
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        shared = problem.shared
-        self._B = None if shared is None else shared.columns
-        if self._B is not None:
-            scaled = sp.csr_array(self._B / (problem.sd**2)[:, None])
-            inner = np.eye(self._B.shape[1]) + (self._B.T @ scaled).toarray()
-            self._explained = np.linalg.solve(inner, scaled.T.toarray())
-
-    def __call__(self, residuals: Floats) -> Floats:
-        """Of residuals (g, ...), SI."""
-        if self._B is None:
-            return residuals
-        return np.asarray(residuals - self._B @ (self._explained @ residuals))
+def _own_part(problem: Problem, residuals: Floats) -> Floats:
+    """D Sigma^-1 of residuals (g, d), SI: what readings have by themselves."""
+    if problem.covariance is None:
+        return residuals
+    return np.asarray(problem.sd[:, None] ** 2 * problem.covariance.solve(residuals))
 
 
 def _means(sd: Floats, places: Ints) -> sp.csr_array:

@@ -83,8 +83,10 @@ def _in_time(case: Case, known: Sequence[tuple[str, str]]) -> Iterator[_Line]:
     if has_dates(case):
         ends = np.array([case.dates[name] for name in names])
     at = {name: float(end) for name, end in zip(names, ends, strict=True)}
-    for channel in dict.fromkeys(name for name, _ in known):
-        rows = [n for n, (name, _) in enumerate(known) if name == channel]
+    of_channel: dict[str, list[int]] = {}
+    for n, (name, _) in enumerate(known):
+        of_channel.setdefault(name, []).append(n)
+    for rows in of_channel.values():
         yield from _line(rows, [at[known[n][1]] for n in rows])
 
 
