@@ -278,6 +278,7 @@ def _spectrum(
     along = (vectors[:, kept].T @ product[:r, r:]) / np.sqrt(eigenvalues)[:, None]
     across = product[r:, r:] - along.T @ along
     constant = covariance.log_determinant() + prior
+    others = len(white) - len(eigenvalues)  # the function must not hold on to the columns
 
     def minus_two_l(sizes: Floats, factors: Floats) -> Floats:
         values, square = np.empty((len(sizes), len(factors))), factors**2
@@ -288,7 +289,7 @@ def _spectrum(
             M, pull = sums[:, :-1, :-1], sums[:, :-1, -1:]
             least = sums[:, -1, -1] - np.sum(pull * np.linalg.solve(M, pull), axis=(1, 2))
             values[m] = np.log(variance).sum(axis=1) + np.linalg.slogdet(M)[1] + least
-            values[m] += (len(white) - len(eigenvalues)) * np.log(square)
+            values[m] += others * np.log(square)
         return values + constant
 
     return minus_two_l
