@@ -101,7 +101,7 @@ class Detector:
     """
 
     def __init__(self, filters: Sequence[Filter], correlation: Floats) -> None:
-        self.filters, self.correlation = filters, correlation
+        self.filters = filters
         days = np.unique(np.concatenate([f.times for f in filters]) // DAY) * DAY + DAY
         self.dates = _some(days, _MOST_DATES)
         step = WINDOW / _MOST_BEGINNINGS

@@ -26,12 +26,18 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import DAY, YEAR, SeasonalModel
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
+from geoident.model.results.in_service import ChangeRow, SeasonalFit
 from geoident.model.results.result import GaugeTable, Result
 from geoident.units import UnitError, read_quantity
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_fit, read_fit
-from geoident.workflow.in_service.fit import rows_in_time, unknown_later, with_reasons
+from geoident.workflow.in_service.fit import (
+    explained,
+    judged,
+    rows_in_time,
+    unknown_later,
+    with_reasons,
+)
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
@@ -41,8 +47,8 @@ from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 _FAR = 4.0
 """Innovation from which on it is asked whether a single reading is wrong."""
 
-_STANDARD = 2.0 * YEAR
-"""Length of the period in which simulated false alarms are counted, s."""
+_STANDARD = 731.0 * DAY
+"""Length of the period in which simulated false alarms are counted, s: two years, in whole days."""
 
 _COMMON_DAYS, _SHRUNK = 20, 0.8
 """Days on which two gauges must have been read for their correlation, and what is kept of it."""
@@ -168,7 +174,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     new = Detector([gauge.filter for gauge in watched], correlation)
     changes = new.changes([gauge.e for gauge in watched], threshold)
     rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
-    table = replace(table, computed=_explained(task.fit, case, table, effects))
+    table = replace(table, computed=explained(fit, task.fit.gauges.channels, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
     alarms = alarm_states(case, _counting(gauges, watched), None)
     state = _state(changes)
@@ -189,7 +195,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             parameters=task.fit.parameters,
             gauges=gauges,
             counts=NO_COST,
-            judged=_judged(watched, table),
+            judged=judged(table, [(gauge.rows, gauge.filter) for gauge in watched]),
             changes=rows,
             alarms=alarms,
             notes=(*case.notes, *unused_notes(table)),
@@ -263,15 +269,18 @@ def _watched(
     old = rows_in_time(before, name, before.used)
     columns = effects_at(model, scales, before.time[old]).columns[:, terms]
     residual = before.value[old] - columns @ state.mean[:-1]
-    usual = before.time[old] > before.time[old[-1]] - _STANDARD
-    recent = before.time[old][usual]
+    # the days of the last two years again: what was read on one day stays on one day
+    end = float(np.nanmax(fit.seasonal.last))
+    if state.time <= end - _STANDARD:  # a gauge that has not been read for so long
+        end = state.time
+    usual = before.time[old] > end - _STANDARD
     return _Watched(
         number=number,
         rows=rows,
         filter=filtered,
         predicted=predicted,
         e=(y - predicted) / filtered.sd,
-        standard=Filter(state, recent + (state.time - recent[0]) + DAY, columns[usual]),
+        standard=Filter(state, before.time[old][usual] + _STANDARD, columns[usual]),
         days=(before.time[old] // DAY).astype(np.int64),
         fitted=whitened(state.noise, before.time[old], residual),
     )
@@ -289,15 +298,6 @@ def _state_of(fit: SeasonalFit, number: int) -> tuple[GaugeState | None, Ints]:
     at = np.append(terms, len(fit.terms))
     P = fit.covariance[number][np.ix_(at, at)]
     return GaugeState(noise, float(fit.last[number]), mean, P), terms
-
-
-def _judged(watched: Sequence[_Watched], table: ReadingTable) -> Judged:
-    """What each new reading was expected to be."""
-    predicted, sd, innovation = (np.full(len(table), np.nan) for _ in range(3))
-    for gauge in watched:
-        predicted[gauge.rows], sd[gauge.rows] = gauge.predicted, gauge.filter.sd
-        innovation[gauge.rows] = gauge.e
-    return Judged(predicted, sd, innovation)
 
 
 def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
@@ -365,17 +365,6 @@ def _wrong_rows(
             sd=float(gauge.filter.sd[k]), odds=1.0, surprise=float(surprise), lasts=False,
             unit=channel.unit, dimension=channel.dimension,
         )  # fmt: skip
-
-
-def _explained(fit: Result, case: Case, table: ReadingTable, effects: Effects) -> Floats:
-    """(k,) what the effects make of each reading of a gauge that was fitted, SI."""
-    assert fit.seasonal is not None
-    known = np.isfinite(fit.seasonal.white)
-    coefficients = dict(zip(fit.gauges.channels, fit.seasonal.coefficients, strict=True))
-    fitted = {name for name, one in zip(fit.gauges.channels, known, strict=True) if one}
-    b = np.array([coefficients[name] for name in table.channel])
-    own = np.array([name in fitted for name in table.channel], dtype=np.bool_)
-    return np.where(own, np.einsum("kq,kq->k", effects.columns, np.nan_to_num(b)), np.nan)
 
 
 def _state(changes: Sequence[Change]) -> str:

@@ -70,8 +70,9 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
     control.finish()
     if not any(fits):
         raise InputError([_too_few(case, table, effects)])
-    seasonal, judged = seasonal_fit(fits, effects, scales), judged_later(fits, table, effects)
-    table = replace(table, computed=_explained(fits, case, table, effects))
+    seasonal, later = seasonal_fit(fits, effects, scales), _judged_later(fits, table, effects)
+    channels = [channel.name for channel in case.channels]
+    table = replace(table, computed=explained(seasonal, channels, table, effects))
     stage = np.full((len(case.channels), len(case.stages)), np.nan)
     return Result(
         kind="fit",
@@ -80,7 +81,7 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
         method="restricted likelihood",
         reason="Each gauge has its own coefficients and noise.",
         objective=float("nan"),
-        findings=tuple(_findings(case, fits, effects, judged, table)),
+        findings=tuple(_findings(case, fits, effects, later, table)),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),
@@ -88,7 +89,7 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
         gauges=gauge_table(case, table, stage),
         counts=NO_COST,
         seasonal=seasonal,
-        judged=judged if table.reason.count(LATER) else None,
+        judged=later if table.reason.count(LATER) else None,
         notes=(*case.notes, *unused_notes(table)),
     )
 
@@ -211,34 +212,48 @@ def _size(fit: GaugeFit, effects: Effects, effect: str) -> tuple[float, float] |
     return float(motion[high] - motion[low]), float(np.sqrt(step @ C @ step))
 
 
-def judged_later(fits: Sequence[GaugeFit | None], table: ReadingTable, effects: Effects) -> Judged:
-    """What the readings after `fit.until` were expected to be, each before it was taken."""
+def _judged_later(fits: Sequence[GaugeFit | None], table: ReadingTable, effects: Effects) -> Judged:
+    """The readings after `fit.until`."""
     later = np.array([reason == LATER for reason in table.reason], dtype=np.bool_)
-    predicted, sd, innovation = (np.full(len(table), np.nan) for _ in range(3))
+    filters = []
     for fit in fits:
-        if fit is None:
-            continue
-        rows = rows_in_time(table, table.channel[fit.rows[0]], later)
-        rows = rows[table.time[rows] > fit.regression.times[-1]]
-        if rows.size:
-            X = effects.columns[rows][:, fit.terms]
-            filtered = Filter(fit.regression.end, table.time[rows], X)
-            predicted[rows], sd[rows] = filtered.predicted(table.value[rows]), filtered.sd
-            innovation[rows] = (table.value[rows] - predicted[rows]) / sd[rows]
-    return Judged(predicted, sd, innovation)
-
-
-def _explained(
-    fits: Sequence[GaugeFit | None], case: Case, table: ReadingTable, effects: Effects
-) -> Floats:
-    """(k,) what the effects make of each reading, without the error that lasts, SI."""
-    computed = np.full(len(table), np.nan)
-    of_channel = np.array(table.channel)
-    for channel, fit in zip(case.channels, fits, strict=True):
         if fit is not None:
-            rows = of_channel == channel.name
-            computed[rows] = effects.columns[rows][:, fit.terms] @ fit.regression.b
-    return computed
+            rows = rows_in_time(table, table.channel[fit.rows[0]], later)
+            rows = rows[table.time[rows] > fit.regression.times[-1]]
+            X = effects.columns[rows][:, fit.terms]
+            filters.append((rows, Filter(fit.regression.end, table.time[rows], X)))
+    return judged(table, filters)
+
+
+def judged(table: ReadingTable, filters: Sequence[tuple[Ints, Filter]]) -> Judged:
+    """What readings were expected to be, each before it was taken.
+
+    Args:
+        table: all k readings.
+        filters: rows (m,) of those of a gauge, and the filter over them, for each gauge.
+    """
+    predicted, sd = (np.full(len(table), np.nan) for _ in range(2))
+    for rows, filtered in filters:
+        predicted[rows], sd[rows] = filtered.predicted(table.value[rows]), filtered.sd
+    return Judged(predicted, sd, (table.value - predicted) / sd)
+
+
+def explained(
+    fit: SeasonalFit, channels: Sequence[str], table: ReadingTable, effects: Effects
+) -> Floats:
+    """(k,) what the effects make of each reading, without the error that lasts, SI.
+
+    Args:
+        fit: what is known of the gauges.
+        channels: n_gauges names.
+        table: the k readings.
+        effects: at their times.
+    """
+    row = {name: i for i, name in enumerate(channels)}
+    rows = np.array([row[name] for name in table.channel], dtype=np.int64)
+    b = np.nan_to_num(fit.coefficients)[rows]
+    sums = np.einsum("kq,kq->k", effects.columns, b)
+    return np.where(np.isfinite(fit.white)[rows], sums, np.nan)
 
 
 def unknown_later(case: Case, table: ReadingTable) -> Iterator[str]:
@@ -276,7 +291,7 @@ def _findings(
     case: Case,
     fits: Sequence[GaugeFit | None],
     effects: Effects,
-    judged: Judged,
+    later: Judged,
     table: ReadingTable,
 ) -> Iterator[Finding]:
     """What an engineer must know before using the numbers."""
@@ -318,7 +333,7 @@ def _findings(
                 f"{name} on {when} is {residual[k]:+.1f} standard deviations off: if it is wrong, "
                 "mark it as bad.",
             )
-    yield from _later_findings(judged, table)
+    yield from _later_findings(later, table)
 
 
 def _not_told(known: Sequence[tuple[str, GaugeFit]], effects: Effects) -> dict[str, list[str]]:
@@ -338,12 +353,12 @@ def _hides_time(regression: TimeRegression) -> bool:
     return regression.noise.lasting > 0.0 and regression.noise.time > _TOO_LONG * span
 
 
-def _later_findings(judged: Judged, table: ReadingTable) -> Iterator[Finding]:
+def _later_findings(later: Judged, table: ReadingTable) -> Iterator[Finding]:
     """Gauges whose later readings are not as expected: more outside than chance leaves."""
     channels = np.array(table.channel)
     off = []
     for name in dict.fromkeys(table.channel):
-        e = judged.innovation[channels == name]
+        e = later.innovation[channels == name]
         e = e[np.isfinite(e)]
         inside = int(np.count_nonzero(np.abs(e) <= NORMAL_95))
         if e.size and bdtr(inside, e.size, 0.95) < _BY_CHANCE:
