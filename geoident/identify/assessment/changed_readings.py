@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from geoident.errors import ModelError
 from geoident.identify.problem.losses import robust_scale
@@ -13,6 +15,40 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Curvatures:
+    """A (k, k) of k directions, as M - Q Q^T, of the size of what the directions have in common.
+
+    Args:
+        sparse: M (k, k).
+        taken: Q (k, w).
+    """
+
+    sparse: sp.csr_array
+    taken: Floats
+
+    def of(self, some: slice) -> Curvatures:
+        """Of some of the directions."""
+        return Curvatures(sp.csr_array(self.sparse[some, some]), self.taken[some])
+
+    def normal(self, pull: Floats) -> tuple[float, float]:
+        """Where the sizes of the directions are normal, of standard deviation one: what is gained.
+
+        Args:
+            pull: (k,) b of the directions.
+
+        Returns:
+            b^T (1 + A)^-1 b, by which the least misfit falls, and log |1 + A|.
+        """
+        Q = self.taken
+        factor = splu(sp.csc_array(sp.eye_array(len(Q)) + self.sparse))
+        moved = factor.solve(np.column_stack([Q, pull]))
+        inner, of_pull = np.eye(Q.shape[1]) - Q.T @ moved[:, :-1], Q.T @ moved[:, -1]
+        fall = pull @ moved[:, -1] + of_pull @ np.linalg.solve(inner, of_pull)
+        size = np.log(np.abs(factor.U.diagonal())).sum() + np.linalg.slogdet(inner)[1]
+        return float(fall), float(size)
 
 
 class Linearized:
@@ -52,23 +88,22 @@ class Linearized:
 
     def curvature(self, columns: sp.csc_array) -> Floats:
         """The diagonal of a, (k,), of directions u (g, k)."""
-        white = np.zeros(columns.shape[1])
         counts = np.diff(columns.indptr)
         alone, several = np.flatnonzero(counts == 1), np.flatnonzero(counts > 1)
         at = columns.indptr[alone]
-        for some in np.array_split(several, max(1, len(several) // _AT_ONCE)):
-            if len(some):
-                dense = np.asarray(columns[:, some].toarray())
-                white[some] = np.sum(self.covariance.whiten(dense) ** 2, axis=0)
-        left = white - np.sum(np.asarray(columns.T @ self.root) ** 2, axis=1)
-        left[left < _NOTHING * white] = 0.0
+        left = np.zeros(columns.shape[1])
         left[alone] = columns.data[at] ** 2 * self.own[columns.indices[at]]
-        return np.asarray(left)
+        U = columns[:, several]
+        between, taken = self.covariance.inverse_along(U)
+        whole = between.diagonal() - np.sum(taken**2, axis=1)
+        of_several = whole - np.sum(np.asarray(U.T @ self.root) ** 2, axis=1)
+        left[several] = np.where(of_several > _NOTHING * whole, of_several, 0.0)
+        return left
 
-    def matrix(self, columns: Floats) -> Floats:
-        """A (k, k) of directions u (g, k)."""
-        across = columns.T @ self.root
-        return np.asarray(columns.T @ self.covariance.solve(columns) - across @ across.T)
+    def curvatures(self, columns: sp.csc_array) -> Curvatures:
+        """A of directions u (g, k)."""
+        between, taken = self.covariance.inverse_along(columns)
+        return Curvatures(between, np.column_stack([taken, columns.T @ self.root]))
 
     @cached_property
     def own(self) -> Floats:
@@ -93,5 +128,3 @@ _WIDEST = 3.0
 """Standard deviation in scaled parameters of what the readings leave open."""
 _NOTHING = 1e-9
 """Part of a reading that is rounding where all of it went into the parameters."""
-_AT_ONCE = 500
-"""Directions that are whitened together."""

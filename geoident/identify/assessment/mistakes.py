@@ -528,26 +528,29 @@ class _Search:
         both = np.abs(self.problem.measured) + np.abs(at.readings)
         variance = 1.0 + both**2 * at.own
         gains = (both * at.force) ** 2 / variance - np.log(variance)
-        for suspects in self.suspects:
-            if not len(suspects.channels):
-                continue
-            if len(suspects.rows) == 1:
-                yield float(gains[suspects.rows[0]]), _Hypothesis(suspects, None)
-                continue
-            W = self._of_zeros(suspects, at.readings)
-            b, A = W.T @ at.force, np.eye(W.shape[1]) + at.matrix(W)
-            gain = float(b @ np.linalg.solve(A, b)) - float(np.linalg.slogdet(A)[1])
-            yield gain, _Hypothesis(suspects, None)
+        suspects = [one for one in self.suspects if len(one.channels)]
+        several = [one for one in suspects if len(one.rows) > 1]
+        for one in suspects:
+            if len(one.rows) == 1:
+                yield float(gains[one.rows[0]]), _Hypothesis(one, None)
+        if not several:
+            return
+        zeros = [self._of_zeros(one, at.readings) for one in several]
+        W = sp.csc_array(sp.hstack(zeros, format="csc"))
+        b, A, end = W.T @ at.force, at.curvatures(W), 0
+        for one, columns in zip(several, zeros, strict=True):
+            some = slice(end, end + columns.shape[1])
+            fall, size = A.of(some).normal(b[some])
+            yield fall - size, _Hypothesis(one, None)
+            end = some.stop
 
-    def _of_zeros(self, suspects: Suspects, computed: Floats) -> Floats:
+    def _of_zeros(self, suspects: Suspects, computed: Floats) -> sp.csc_array:
         """(g, c) the errors of the zeros of c channels, in the standard deviations they have."""
+        rows = suspects.rows
         names, column = np.unique(suspects.channels, return_inverse=True)
-        W = np.zeros((len(computed), len(names)))
-        both = np.abs(self.problem.measured) + np.abs(computed)
-        for k in range(len(names)):
-            rows = suspects.rows[column == k]
-            W[rows, k] = both[rows].max()
-        return W
+        size = np.zeros(len(names))
+        np.maximum.at(size, column, np.abs(self.problem.measured[rows]) + np.abs(computed[rows]))
+        return sp.csc_array((size[column], (rows, column)), shape=(len(computed), len(names)))
 
     def _doubtful(self, at: Linearized) -> list[int]:
         """Parameters whose prior contradicts the readings, or that a bound keeps from them."""
@@ -720,10 +723,8 @@ class _Search:
         rows, columns = one.suspects.rows, one.suspects.channels
         W = self._of_zeros(one.suspects, self.problem.response.evaluate(start)[0])
         shared = self.problem.shared
-        known = sp.csr_array((len(W), 0)) if shared is None else shared.columns
-        free = replace(
-            self.problem, shared=SharedErrors(sp.csr_array(sp.hstack([known, sp.csr_array(W)])))
-        )
+        known = sp.csr_array((W.shape[0], 0)) if shared is None else shared.columns
+        free = replace(self.problem, shared=SharedErrors(sp.csr_array(sp.hstack([known, W]))))
         at = self._refitted(free, start)
         if at is None:
             return None
@@ -739,7 +740,7 @@ class _Search:
         corrected = None if corrected is None else self._weighed(corrected)
         if corrected is None or 2 * sum(per_channel) <= len(per_channel):
             return None
-        widened = float(np.linalg.slogdet(np.eye(W.shape[1]) + corrected.matrix(W))[1])
+        _, widened = corrected.curvatures(W).normal(np.zeros(W.shape[1]))
         score = self._score(one, corrected, as_read) - widened
         score -= float(z @ z)  # what the zeros themselves are by their own standard deviations
         return _Fitted(one, score, offset, corrected) if score > CERTAIN else None

@@ -27,7 +27,6 @@ explains all residuals would let them vanish.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,8 +195,8 @@ def weigh_all(
         free: whether scatter and zeros may be other than stated; else they are as stated.
     """
     sizes = ZEROS if zeros is not None else ZEROS[:1]
-    minus_two_l = [_spectrum(likelihood, columns, zeros, z) for z in sizes.tolist()]
-    values = np.stack([of(SIZES, FACTORS) for of in minus_two_l], axis=2)
+    spectra = _Spectra(likelihood, columns, zeros)
+    values = np.stack([spectra.minus_two_l(z, SIZES, FACTORS) for z in sizes.tolist()], axis=2)
     prior = np.zeros((len(FACTORS), len(sizes)))
     prior[0, 0] = 1.0
     if free:
@@ -209,9 +208,7 @@ def weigh_all(
         joint, values, prior, VarianceComponents(none, np.zeros((0, 0)), none, none, np.nan)
     )
     factor, zero = weights.factor, weights.zero
-    at_used = _spectrum(likelihood, columns, zeros, zero)(
-        np.array([weights.size]), np.array([factor])
-    )
+    at_used = spectra.minus_two_l(zero, np.array([weights.size]), np.array([factor]))
     roots = [factor, factor * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
     t = 2.0 * np.log(np.array(roots))
     used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(at_used[0, 0]))
@@ -251,48 +248,48 @@ def _held(likelihood: Likelihood, eta: float) -> ConditionalLikelihood:
     return ConditionalLikelihood(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
 
 
-def _spectrum(
-    likelihood: RestrictedLikelihood,
-    columns: sp.csr_array,
-    zeros: sp.csr_array | None,
-    zero: float,
-) -> Callable[[Floats, Floats], Floats]:
-    """-2 l (m, f) of sizes (m,) and factors (f,), by the spectrum of the model error.
+class _Spectra:
+    """-2 l of sizes and factors by the spectrum of the model error, one for each size of zeros.
 
     Args:
         likelihood: of all errors of the gauges as stated, without model error.
         columns: (g, r) of the model error at eta = 1, SI.
         zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
-        zero: their size, in accuracies.
     """
-    structure, r = likelihood.structure, columns.shape[1]
-    stated = structure.columns
-    gauges = stated if zeros is None else sp.csr_array(sp.hstack([stated, zero * zeros]))
-    covariance = Covariance(structure.sd, SharedErrors(gauges))
-    jacobian, prior_normal, prior = _without_unseen(likelihood)
-    white = covariance.whiten(np.column_stack([columns.toarray(), jacobian, likelihood.gap]))
-    product = white.T @ white
-    value, vectors = np.linalg.eigh(product[:r, :r])
-    kept = value > _NO_MODE * value.max(initial=0.0)
-    eigenvalues = value[kept]
-    along = (vectors[:, kept].T @ product[:r, r:]) / np.sqrt(eigenvalues)[:, None]
-    across = product[r:, r:] - along.T @ along
-    constant = covariance.log_determinant() + prior
-    others = len(white) - len(eigenvalues)  # the function must not hold on to the columns
 
-    def minus_two_l(sizes: Floats, factors: Floats) -> Floats:
+    def __init__(
+        self, likelihood: RestrictedLikelihood, columns: sp.csr_array, zeros: sp.csr_array | None
+    ) -> None:
+        structure = likelihood.structure
+        self._sd, stated, self._r = structure.sd, structure.columns, columns.shape[1]
+        none = sp.csr_array((len(self._sd), 0))
+        self._gauges = SharedErrors(sp.hstack([stated, none if zeros is None else zeros]))
+        self._is_zero = np.arange(len(self._gauges)) >= stated.shape[1]
+        jacobian, self._prior_normal, self._prior = _without_unseen(likelihood)
+        self._rows = np.column_stack([columns.toarray(), jacobian, likelihood.gap])
+
+    def minus_two_l(self, zero: float, sizes: Floats, factors: Floats) -> Floats:
+        """-2 l (m, f) of sizes (m,) and factors (f,), with zeros of a size, in accuracies."""
+        r = self._r
+        gauges = self._gauges.sized(np.where(self._is_zero, zero, 1.0))
+        covariance = Covariance(self._sd, gauges)
+        white = covariance.whiten(self._rows)
+        product = white.T @ white
+        value, vectors = np.linalg.eigh(product[:r, :r])
+        kept = value > _NO_MODE * value.max(initial=0.0)
+        eigenvalues = value[kept]
+        along = (vectors[:, kept].T @ product[:r, r:]) / np.sqrt(eigenvalues)[:, None]
+        across = product[r:, r:] - along.T @ along
         values, square = np.empty((len(sizes), len(factors))), factors**2
         for m, eta in enumerate(sizes.tolist()):
             variance = square[:, None] + eta**2 * eigenvalues
             sums = np.swapaxes(along / variance[:, :, None], 1, 2) @ along
-            sums = sums + across / square[:, None, None] + prior_normal
+            sums = sums + across / square[:, None, None] + self._prior_normal
             M, pull = sums[:, :-1, :-1], sums[:, :-1, -1:]
             least = sums[:, -1, -1] - np.sum(pull * np.linalg.solve(M, pull), axis=(1, 2))
             values[m] = np.log(variance).sum(axis=1) + np.linalg.slogdet(M)[1] + least
-            values[m] += others * np.log(square)
-        return values + constant
-
-    return minus_two_l
+            values[m] += (len(white) - len(eigenvalues)) * np.log(square)
+        return values + (covariance.log_determinant() + self._prior)
 
 
 def _without_unseen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:

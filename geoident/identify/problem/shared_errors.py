@@ -23,7 +23,7 @@ once.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -106,7 +106,7 @@ class SharedErrors:
         g, K = self.columns.shape
         if g <= FEW or K == 0:
             return _of_equal_size(self._connected), np.zeros(0, dtype=np.int64)
-        support = np.bincount(self.columns.indices, minlength=K)
+        support = _support(self.columns)
         best, least = (self._connected, np.zeros(0, dtype=np.int64)), np.inf
         limit = max(g // 2, 1)
         while limit >= 1:
@@ -130,9 +130,16 @@ def _block(B: Columns, rows: Ints, shared: Ints) -> Columns:
     return np.asarray(block.toarray()) if dense else block
 
 
+def _support(columns: sp.csr_array) -> Ints:
+    """(K,) how many readings each shared error is one of."""
+    return np.bincount(columns.indices, minlength=columns.shape[1])
+
+
 def _connected(columns: sp.csr_array, chosen: Ints) -> tuple[tuple[Ints, Ints], ...]:
     """Readings (m,) and shared errors (k,), of those chosen, that hang together."""
-    g = columns.shape[0]
+    g, support = columns.shape[0], _support(columns)[chosen]
+    if support.max(initial=0) == g > 0:  # one that all share: the others need not be looked at
+        return ((np.arange(g), chosen[support > 0]),)
     entries = columns[:, chosen].tocoo()
     size = g + len(chosen)
     link = sp.csr_array((np.ones(entries.nnz), (entries.row, g + entries.col)), shape=(size, size))
@@ -296,6 +303,15 @@ def _columns(values: Floats) -> Floats:
     return values[:, None] if values.ndim == 1 else values
 
 
+def _some_at_a_time(change: Callable[[Floats], Floats], values: Floats) -> Floats:
+    """Changes values (g, n) in their place, some columns at a time: only of these are copies."""
+    some = max(1, _SMALL // max(1, len(values)))
+    for first in range(0, values.shape[1], some):
+        chosen = slice(first, first + some)
+        values[:, chosen] = change(np.ascontiguousarray(values[:, chosen]))
+    return values
+
+
 class Covariance:
     """Sigma = diag(s^2) + B B^T and its factor.
 
@@ -317,7 +333,8 @@ class Covariance:
         blocks, self._wide = shared.parts
         self._blocks = tuple(_factor(rows, errors, shared, sd) for rows, errors in blocks)
         W = np.asarray(shared.columns[:, self._wide].toarray())
-        self._V = self._whitened_in_blocks(W / sd[:, None])
+        W /= sd[:, None]
+        self._V = _some_at_a_time(self._whitened_in_blocks, W)
         self._top = _ManyReadings(np.arange(len(sd)), self._wide, self._V)
 
     def _whitened_in_blocks(self, own: Floats) -> Floats:
@@ -334,15 +351,22 @@ class Covariance:
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
+
+        def white(own: Floats) -> Floats:
+            return self._top.white(self._whitened_in_blocks(own)[None])[0]
+
         own = _columns(values) / self.sd[:, None]
-        white = self._top.white(self._whitened_in_blocks(own)[None])
-        return np.asarray(white).reshape(values.shape)
+        return _some_at_a_time(white, own).reshape(values.shape)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
-        white = _columns(self.whiten(values))
-        solution = self._back_in_blocks(self._top.back(white[None])[0])
-        return np.asarray(solution / self.sd[:, None]).reshape(values.shape)
+
+        def back(white: Floats) -> Floats:
+            return self._back_in_blocks(self._top.back(white[None])[0])
+
+        solution = _some_at_a_time(back, _columns(self.whiten(values)))
+        solution /= self.sd[:, None]
+        return solution.reshape(values.shape)
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
@@ -423,6 +447,13 @@ class Covariance:
         left = solve_triangular(self._top.R, (columns @ self._given_wide).T, lower=True)
         own = (columns @ self._conditional_in_blocks) @ columns.T
         return np.asarray(own.toarray() + left.T @ left)
+
+    def inverse_along(self, columns: sp.csc_array) -> tuple[sp.csr_array, Floats]:
+        """U^T Sigma^-1 U of sparse U (g, k), SI, as M - Q Q^T with M (k, k) sparse and Q (k, w)."""
+        own = sp.csc_array(sp.diags_array(1.0 / self.sd) @ columns)
+        shared = self._narrow.T @ own
+        between = own.T @ own - shared.T @ self._conditional_in_blocks @ shared
+        return sp.csr_array(between), np.asarray(own.T @ self._taken)
 
     def without_others(self, rows: Ints, values: Floats) -> Floats:
         """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
