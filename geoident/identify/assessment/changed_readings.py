@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,40 +14,6 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats, Ints
-
-
-@dataclass(frozen=True)
-class Curvatures:
-    """A (k, k) of k directions, as M - Q Q^T, of the size of what the directions have in common.
-
-    Args:
-        sparse: M (k, k).
-        taken: Q (k, w).
-    """
-
-    sparse: sp.csr_array
-    taken: Floats
-
-    def of(self, some: slice) -> Curvatures:
-        """Of some of the directions."""
-        return Curvatures(sp.csr_array(self.sparse[some, some]), self.taken[some])
-
-    def normal(self, pull: Floats) -> tuple[float, float]:
-        """Where the sizes of the directions are normal, of standard deviation one: what is gained.
-
-        Args:
-            pull: (k,) b of the directions.
-
-        Returns:
-            b^T (1 + A)^-1 b, by which the least misfit falls, and log |1 + A|.
-        """
-        Q = self.taken
-        factor = splu(sp.csc_array(sp.eye_array(len(Q)) + self.sparse))
-        moved = factor.solve(np.column_stack([Q, pull]))
-        inner, of_pull = np.eye(Q.shape[1]) - Q.T @ moved[:, :-1], Q.T @ moved[:, -1]
-        fall = pull @ moved[:, -1] + of_pull @ np.linalg.solve(inner, of_pull)
-        size = np.log(np.abs(factor.U.diagonal())).sum() + np.linalg.slogdet(inner)[1]
-        return float(fall), float(size)
 
 
 class Linearized:
@@ -100,10 +65,26 @@ class Linearized:
         left[several] = np.where(of_several > _NOTHING * whole, of_several, 0.0)
         return left
 
-    def curvatures(self, columns: sp.csc_array) -> Curvatures:
-        """A of directions u (g, k)."""
+    def with_normal(self, columns: sp.csc_array, pull: Floats) -> tuple[float, float]:
+        """What is gained where the sizes t of directions u (g, k) are normal, of variance one.
+
+        A is M - Q Q^T with M sparse, so that nothing of size (k, k) is made.
+
+        Args:
+            columns: the directions.
+            pull: (k,) b of them.
+
+        Returns:
+            b^T (1 + A)^-1 b, by which the least misfit falls, and log |1 + A|.
+        """
         between, taken = self.covariance.inverse_along(columns)
-        return Curvatures(between, np.column_stack([taken, columns.T @ self.root]))
+        Q = np.column_stack([taken, columns.T @ self.root])
+        factor = splu(sp.csc_array(sp.eye_array(len(Q)) + between))
+        moved = factor.solve(np.column_stack([Q, pull]))
+        inner, of_pull = np.eye(Q.shape[1]) - Q.T @ moved[:, :-1], Q.T @ moved[:, -1]
+        fall = pull @ moved[:, -1] + of_pull @ np.linalg.solve(inner, of_pull)
+        spread = np.log(np.abs(factor.U.diagonal())).sum() + np.linalg.slogdet(inner)[1]
+        return float(fall), float(spread)
 
     @cached_property
     def own(self) -> Floats:

@@ -525,24 +525,24 @@ class _Search:
 
     def _zeros(self, at: Linearized) -> Iterator[tuple[float, _Hypothesis]]:
         """By how much missed zeros do, as likelihoods."""
-        both = np.abs(self.problem.measured) + np.abs(at.readings)
-        variance = 1.0 + both**2 * at.own
-        gains = (both * at.force) ** 2 / variance - np.log(variance)
         suspects = [one for one in self.suspects if len(one.channels)]
-        several = [one for one in suspects if len(one.rows) > 1]
+        alone = [one for one in suspects if np.ptp(one.channels) == 0]
+        if alone:  # all of one channel at once: there may be as many as readings
+            rows = np.concatenate([one.rows for one in alone])
+            counts = [len(one.rows) for one in alone]
+            ends = np.cumsum([0, *counts])
+            both = np.abs(self.problem.measured) + np.abs(at.readings)
+            size = np.repeat(np.maximum.reduceat(both[rows], ends[:-1]), counts)
+            U = sp.csc_array((size, rows, ends), shape=(len(both), len(alone)))
+            variance = 1.0 + at.curvature(U)
+            gains = (U.T @ at.force) ** 2 / variance - np.log(variance)
+            for gain, one in zip(gains.tolist(), alone, strict=True):
+                yield gain, _Hypothesis(one, None)
         for one in suspects:
-            if len(one.rows) == 1:
-                yield float(gains[one.rows[0]]), _Hypothesis(one, None)
-        if not several:
-            return
-        zeros = [self._of_zeros(one, at.readings) for one in several]
-        W = sp.csc_array(sp.hstack(zeros, format="csc"))
-        b, A, end = W.T @ at.force, at.curvatures(W), 0
-        for one, columns in zip(several, zeros, strict=True):
-            some = slice(end, end + columns.shape[1])
-            fall, size = A.of(some).normal(b[some])
-            yield fall - size, _Hypothesis(one, None)
-            end = some.stop
+            if np.ptp(one.channels) > 0:
+                W = self._of_zeros(one, at.readings)
+                fall, spread = at.with_normal(W, W.T @ at.force)
+                yield fall - spread, _Hypothesis(one, None)
 
     def _of_zeros(self, suspects: Suspects, computed: Floats) -> sp.csc_array:
         """(g, c) the errors of the zeros of c channels, in the standard deviations they have."""
@@ -740,7 +740,7 @@ class _Search:
         corrected = None if corrected is None else self._weighed(corrected)
         if corrected is None or 2 * sum(per_channel) <= len(per_channel):
             return None
-        _, widened = corrected.curvatures(W).normal(np.zeros(W.shape[1]))
+        _, widened = corrected.with_normal(W, np.zeros(W.shape[1]))
         score = self._score(one, corrected, as_read) - widened
         score -= float(z @ z)  # what the zeros themselves are by their own standard deviations
         return _Fitted(one, score, offset, corrected) if score > CERTAIN else None

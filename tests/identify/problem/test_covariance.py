@@ -64,6 +64,21 @@ def test_what_others_leave_of_some_readings(rows):
         np.testing.assert_allclose(found, np.linalg.solve(block, values), atol=1e-14)
 
 
+@pytest.mark.parametrize("copies", [1, 60], ids=["few", "many"])
+def test_the_inverse_along_some_directions_is_sparse_less_a_product(copies):
+    """Of many readings there is also an error that all share."""
+    columns, sd = sp.block_diag([B] * copies, format="csr"), np.tile(SD, copies)
+    if copies > 1:
+        columns = sp.csr_array(sp.hstack([columns, 0.3 * np.ones((len(sd), 1))]))
+    directions = sp.csc_array(sp.random_array((len(sd), 5), density=0.4, rng=1))
+    between, taken = Covariance(sd, SharedErrors(columns)).inverse_along(directions)
+    dense = directions.toarray()
+    sigma = np.diag(sd**2) + (columns @ columns.T).toarray()
+    np.testing.assert_allclose(
+        between.toarray() - taken @ taken.T, dense.T @ np.linalg.solve(sigma, dense), atol=1e-12
+    )
+
+
 def test_rounding_leaves_a_diagonal_above_zero():
     """1 - c^2 / (2 + c^2) with c = 1e9: the smallest that rounding can tell from zero."""
     columns = SharedErrors(sp.csr_array(np.array([[2e8], [0.1]])))
