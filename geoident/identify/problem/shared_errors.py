@@ -353,7 +353,7 @@ class Covariance:
         """L^-1 of values (g,) or (g, k)."""
 
         def white(own: Floats) -> Floats:
-            return self._top.white(self._whitened_in_blocks(own)[None])[0]
+            return np.asarray(self._top.white(self._whitened_in_blocks(own)[None])[0])
 
         own = _columns(values) / self.sd[:, None]
         return _some_at_a_time(white, own).reshape(values.shape)
