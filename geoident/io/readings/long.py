@@ -6,9 +6,11 @@ them. A blank value is a reading that was not taken: it is kept, and counted lat
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from geoident.io.readings.layout import COLUMNS, Origin
 from geoident.io.readings.table import Table, UnitScale
-from geoident.io.text.cells import Cell
+from geoident.io.text.cells import Cell, name_and_unit
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Reading
 
@@ -38,6 +40,13 @@ class LongRows:
             return
         table.declared_columns(line, cells)
         names = [cell.text.lower() for cell in cells]
+        wide = [cell for cell in cells if name_and_unit(cell.text)[0] in layout.dimensions]
+        if wide and layout.header("value") not in names:
+            message = f"'{shorten(wide[0].text)}' is a gauge, and a row has one reading here"
+            hint = "If each gauge has its own column, declare it: "
+            hint += f"readings: {{file: {Path(table.file).name}, layout: wide}}."
+            table.refuse(line, wide[0], "bad-header", message, hint)
+            return
         passed = {"", *layout.ignore, *table.temperatures}
         for n, (name, cell) in enumerate(zip(names, cells, strict=True)):
             if name in passed:

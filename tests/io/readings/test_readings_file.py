@@ -4,6 +4,7 @@ import pytest
 
 from geoident.errors import InputError, Location
 from geoident.io.readings.file import parse_readings, read_readings
+from geoident.io.readings.layout import Layout
 from geoident.model.gauges import Reading
 
 
@@ -15,10 +16,10 @@ def readings(text):
     ]
 
 
-def refused(text):
+def refused(text, layout=None):
     content = text if isinstance(text, bytes) else text.encode()
     with pytest.raises(InputError) as caught:
-        parse_readings(content, "r.csv")
+        parse_readings(content, "r.csv", layout)
     return caught.value.faults
 
 
@@ -99,6 +100,13 @@ def test_faults_are_said_at_their_cells(text, line, column, words):
     fault = refused(text)[0]
     assert words in f"{fault.message} {fault.hint}"
     assert fault.location == Location("r.csv", line, column)
+
+
+def test_a_column_for_each_gauge_is_one_fault_with_the_line_to_write():
+    layout = Layout(dimensions={"P1": "length", "P2": "length"})
+    (fault,) = refused("date,P1 (mm),P2 (mm)\n2024-03-01,1,2\n", layout)
+    assert fault.location == Location("r.csv", 1, 6)
+    assert "readings: {file: r.csv, layout: wide}" in fault.hint
 
 
 def test_all_faults_are_said_at_once_up_to_a_hundred():

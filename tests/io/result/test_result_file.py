@@ -338,6 +338,7 @@ WIDE += tuple(f"diagnostics/{name}" for name in (*DIAGNOSTIC_COLUMNS, "influence
 UNUSED += (*WIDE, *(f"readings/{name}" for name in ("residual", "unit", "dimension", "reading")))
 UNUSED += ("parameters/prior", "parameters/prior_kind", "diagnostics/gauge", "diagnostics/stage")
 UNUSED += ("readings/parameter", "parameters/name")
+UNUSED += ("opening/support_pressure", "opening/support_capacity")  # only where there is a support
 UNUSED += tuple(f"mechanism/{axis}" for axis in ("node", "element", "component"))
 
 
