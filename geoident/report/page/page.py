@@ -169,6 +169,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(
             alarms.NAME,
             TitledTable(alarms.NAME, alarms.alarm_table(result)),
+            TitledTable(alarms.BY_STAGE, alarms.stage_table(result)),
             _paragraph(alarms.NOTE if result.alarms else "", class_="note"),
         ),
         section(trough.NAME, *_troughs(result)),

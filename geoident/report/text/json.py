@@ -24,6 +24,7 @@ from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
 from geoident.model.yielding import Certificate
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.alarms import alarms_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.surface import surface_object
 from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
@@ -107,7 +108,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "structures": result.members and structures_list(result.members),
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
-        "alarms": result.alarms and objects(result.alarms, ROW),
+        "alarms": result.alarms and alarms_list(result),
         "convergence": result.convergence and objects(result.convergence, ROW),
         "troughs": objects(troughs(result), ROW) or None,
         "posterior": result.posterior and posterior_object(result),
