@@ -28,6 +28,8 @@ TABLES = (
     "structures",
     "reactions",
     "alarms",
+    "decisions",
+    "telling-readings",
     "convergence",
     "troughs",
     "yielded",

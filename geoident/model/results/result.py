@@ -22,6 +22,7 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import column, derived, select
 from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
+from geoident.model.results.decisions import DecisionState, TellingReading
 from geoident.model.results.findings import Finding
 from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
 from geoident.model.results.left_out import LeftOutTable
@@ -833,6 +834,8 @@ class Result:
         changes: what new readings of a structure in service show.
         judged: readings after the end of a fit, held against it, or None.
         alarms: what is known of each alarm value of each channel.
+        decisions: what is known of each decision that depends on a reading.
+        telling: earlier readings that would tell how probable these are.
         convergence: what a convergence law says of each channel.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
@@ -932,6 +935,12 @@ class Result:
     )
     alarms: tuple[AlarmState, ...] = field(
         default=(), metadata=column("alarm", group="alarms", optional=True)
+    )
+    decisions: tuple[DecisionState, ...] = field(
+        default=(), metadata=column("decision", group="decisions", optional=True)
+    )
+    telling: tuple[TellingReading, ...] = field(
+        default=(), metadata=column("telling", group="telling_readings", optional=True)
     )
     convergence: tuple[ConvergenceState, ...] = field(
         default=(), metadata=column("law_gauge", group="convergence", optional=True)

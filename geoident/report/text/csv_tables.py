@@ -219,6 +219,8 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "alarms": lambda result: sheet(
         result.alarms, ROW, labels={**LABELS, "stage": result.gauges.stages}
     ),
+    "decisions": lambda result: sheet(result.decisions, ROW),
+    "telling-readings": lambda result: sheet(result.telling, ROW),
     "convergence": lambda result: sheet(result.convergence, ROW),
     "troughs": lambda result: sheet(troughs(result), ROW),
     "yielded": lambda result: sheet(result.yielded, "state"),

@@ -109,6 +109,8 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
         "alarms": result.alarms and alarms_list(result),
+        "decisions": result.decisions and objects(result.decisions, ROW),
+        "telling_readings": result.telling and objects(result.telling, ROW),
         "convergence": result.convergence and objects(result.convergence, ROW),
         "troughs": objects(troughs(result), ROW) or None,
         "posterior": result.posterior and posterior_object(result),

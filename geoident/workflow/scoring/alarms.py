@@ -52,7 +52,7 @@ def _state(
     later = np.full(len(gauges.stages), np.nan)
     if prediction is not None:
         sides = (value, -value) if either else (value,)
-        later = sum(reached_probability(prediction, row, side) for side in sides)
+        later = sum(reached_probability(prediction, row, x, below=x < 0.0) for x in sides)
     known = np.flatnonzero(np.isfinite(later))
     likely = known[later[known] >= _LIKELY]
     expected = gauges.stages[likely[0]] if likely.size else ""
@@ -75,7 +75,7 @@ def _state(
     )
 
 
-def reached_probability(prediction: Prediction, row: int, value: float) -> Floats:
+def reached_probability(prediction: Prediction, row: int, value: float, *, below: bool) -> Floats:
     """(n_stages,) probability that the reading of a channel reaches a value; NaN if not predicted.
 
     Each side of a band counts as half of a normal distribution, so that 2.5 % lie beyond each end
@@ -84,7 +84,8 @@ def reached_probability(prediction: Prediction, row: int, value: float) -> Float
     Args:
         prediction: the bands.
         row: of the channel.
-        value: SI; a negative one is reached from above.
+        value: SI.
+        below: it is reached by readings that are at most as large; else at least as large.
     """
     mean, low, high = (
         table[row] for table in (prediction.mean, prediction.lower95, prediction.upper95)
@@ -92,9 +93,9 @@ def reached_probability(prediction: Prediction, row: int, value: float) -> Float
     beyond = value - mean
     with np.errstate(invalid="ignore", divide="ignore"):
         side = np.where(beyond > 0.0, high - mean, mean - low) / NORMAL_95
-        below = ndtr(beyond / side)
-    known = np.isfinite(prediction.sd[row]) & np.isfinite(below)
-    return np.where(known, below if value < 0.0 else 1.0 - below, np.nan)
+        under = ndtr(beyond / side)
+    known = np.isfinite(prediction.sd[row]) & np.isfinite(under)
+    return np.where(known, under if below else 1.0 - under, np.nan)
 
 
 def alarm_findings(states: Sequence[AlarmState]) -> tuple[Finding, ...]:
