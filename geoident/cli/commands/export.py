@@ -30,6 +30,8 @@ TABLES = (
     "alarms",
     "decisions",
     "telling-readings",
+    "plan",
+    "plan-targets",
     "convergence",
     "troughs",
     "yielded",

@@ -29,6 +29,7 @@ from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.surface import surface_object
 from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
 from geoident.report.text.in_service import judged_readings, listed_changes, seasonal_object
+from geoident.report.text.plan import plan_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.residuals import compared_readings, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
@@ -116,6 +117,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),
         "face": result.advance and face_object(result.advance),
+        "plan": plan_object(result),
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,
@@ -159,7 +161,7 @@ def face_object(advance: FaceAdvance) -> dict[str, Any]:
     }
 
 
-def plan_object(case: str, plan: Identifiability) -> dict[str, Any]:
+def identifiability_object(case: str, plan: Identifiability) -> dict[str, Any]:
     """What planned gauges could determine, at the start values."""
     return {
         "case": case,

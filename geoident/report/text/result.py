@@ -22,6 +22,7 @@ from geoident.report.text import (
     extent,
     in_service,
     left_out,
+    plan,
     posterior,
     rivals,
     structures,
@@ -102,6 +103,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(left_out.TITLE, left_out.left_out_table(result.left_out).text),
         section(prediction_title(result), prediction_table(result).text),
         section(alarms.NAME, *alarms.alarm_parts(result)),
+        section(plan.NAME, *plan.plan_parts(result.plan, result.gauges.stages)),
         section(decisions.NAME, *decisions.decision_parts(result)),
         section(trough.NAME, *_troughs(result)),
         section(structures.TITLE, structures.force_table(result.members).text),
@@ -127,6 +129,11 @@ def summary_text(result: Result) -> str:
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         section(f"{left_out.TITLE}:", left_out.left_out_table(result.left_out).text),
+        *(
+            (plan.gauge_table(result.plan).text, plan.target_table(result.plan).text)
+            if result.plan is not None
+            else ()
+        ),
         sentence(_model_error(result)),
         sentence(extent.extent_sentence(result.yielded)),
         bullets(sentences_of(result.findings)),
@@ -202,6 +209,8 @@ def counts_text(counts: Counts) -> str:
 
 def outcome_sentences(result: Result) -> list[str]:
     """The outcome in a few sentences."""
+    if result.plan is not None:
+        return plan.plan_sentences(result.plan)
     return [
         *_identified(result),
         *_values(result),
