@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +20,8 @@ from geoident.model.case import KeyPath, format_path
 
 FORMAT = "geoident-candidates/1"
 _KEYS = ("format", "gauges")
+_OF_COLUMN = re.compile(r"\s*[@\[]")
+"""What follows the name of a gauge in that of its column."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +55,22 @@ class Candidates:
     gauges: Mapping[str, Node]
     places: Places
 
-    def override(self, gauges: Mapping[str, Any], names: Sequence[str]) -> str:
-        """The override that adds some of them to the gauges of a case.
+    def overrides(self, case: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+        """What adds some of them to the gauges of a case.
+
+        Their columns in a table of runs, which the case ignores for want of a gauge, count then.
 
         Args:
-            gauges: of the case.
+            case: as it is written.
             names: of the candidates.
         """
-        added = {name: self.gauges[name] for name in names}
-        return f"gauges={json.dumps({**gauges, **added}, ensure_ascii=False)}"
+        gauges = (case.get("gauges") or {}) | {name: self.gauges[name] for name in names}
+        changes = [f"gauges={json.dumps(gauges, ensure_ascii=False)}"]
+        model = case.get("model")
+        if isinstance(model, dict) and isinstance(ignored := model.get("ignore"), list):
+            kept = [column for column in ignored if _OF_COLUMN.split(str(column))[0] not in names]
+            changes.append(f"model.ignore={json.dumps(kept, ensure_ascii=False)}")
+        return changes
 
     @contextmanager
     def located(self) -> Iterator[None]:
@@ -77,7 +87,8 @@ class Candidates:
         within = [k for k in keys if len(k) > 1 and _begins(fault.path, format_path(k))]
         if not within:
             return fault
-        return replace(fault, location=self.places.locate(max(within, key=len)))
+        path = max(within, key=len)
+        return replace(fault, location=self.places.locate(path, key=len(path) == 2))
 
     def refuse(self, name: str, code: str, message: str, hint: str) -> Fault:
         """A fault of a candidate as a whole."""

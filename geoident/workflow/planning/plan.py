@@ -115,13 +115,12 @@ class PlanTask:
         """
         inputs, request = self.job.inputs, self.request
         data = parse_yaml(inputs.loaded.resolved, inputs.path).data
-        gauges = data.get("gauges") if isinstance(data, dict) else None
-        own = gauges if isinstance(gauges, dict) else {}
-        added = self.candidates.override(own, names)
+        assert isinstance(data, dict)
+        added = self.candidates.overrides(data, names)
         with self.candidates.located():
             if self.fit is not None:
-                return inputs_of_result(self.fit, inputs.path, [added])
-            overrides = [*request.overrides, NO_READINGS, added]
+                return inputs_of_result(self.fit, inputs.path, added)
+            overrides = [*request.overrides, NO_READINGS, *added]
             return load_inputs(request.source, overrides=overrides, text=request.text)
 
     @property
