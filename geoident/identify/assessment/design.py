@@ -1,7 +1,7 @@
 """Which of many readings tell most of what is to be known: variances, before anything is read.
 
 A quantity t and readings y = z + e with own errors e of variances d are normal together (theory
-15). What is left of the variance of t once a block G of readings is taken,
+17). What is left of the variance of t once a block G of readings is taken,
 
     v(G) = S_tt - S_tG (S_GG + D_G)^-1 S_Gt ,     S = cov(t, z) ,
 

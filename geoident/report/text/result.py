@@ -121,7 +121,7 @@ def summary_text(result: Result) -> str:
     result = result.for_people
     parts = (
         head(result),
-        _parameters_in_words(result),
+        _parameters_in_words(result) if result.plan is None else "",
         section(f"{in_service.TITLE}:", in_service.effects_table(result).text),
         section(f"{in_service.later_title(result)}:", in_service.judged_table(result).text),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
@@ -130,7 +130,7 @@ def summary_text(result: Result) -> str:
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         section(f"{left_out.TITLE}:", left_out.left_out_table(result.left_out).text),
         *(
-            (plan.gauge_table(result.plan).text, plan.target_table(result.plan).text)
+            (plan.gauge_table(result.plan).text, plan.target_table(result.plan).folded(1))
             if result.plan is not None
             else ()
         ),

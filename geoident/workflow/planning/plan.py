@@ -1,4 +1,4 @@
-"""``geoident plan``: the gauges that tell most of a prediction or a parameter (theory 15)."""
+"""``geoident plan``: the gauges that tell most of a prediction or a parameter (theory 17)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """How probable the decisions of a case are, and which earlier readings would make them so.
 
-Predictions of two readings are normal together (theory 15): what is expected of the later one, once
+Predictions of two readings are normal together (theory 17): what is expected of the later one, once
 the earlier one is read, moves with it in proportion.
 """
 
