@@ -22,7 +22,7 @@ from geoident.model.results.result import Result
 from geoident.workflow.backtest import backtest as run_backtest
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.fit import fit as run_fit
-from geoident.workflow.planning.plan import PlanRequest, make_plan, plan_gauges
+from geoident.workflow.plan import PlanRequest, make_plan, plan_gauges
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
 from geoident.workflow.running.control import Control

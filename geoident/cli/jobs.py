@@ -26,7 +26,7 @@ from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.in_service.control import ControlRequest, control, plan_control
-from geoident.workflow.planning.plan import PlanRequest, make_plan, plan_gauges
+from geoident.workflow.plan import PlanRequest, make_plan, plan_gauges
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.workplace import on_cluster
 from geoident.workflow.running.control import Control

@@ -68,7 +68,7 @@ def command(
     Writes CASE.plan.h5 and prints its path; `geoident report` makes a page with a picture.
     """
     from geoident.cli.jobs import run_plan
-    from geoident.workflow.planning.plan import PlanRequest
+    from geoident.workflow.plan import PlanRequest
 
     with failures_as_json(source, options):
         request = PlanRequest(

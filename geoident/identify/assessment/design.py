@@ -78,7 +78,7 @@ class Outlook:
         noise = self.own[G - len(self.start)]
         SK = self.covariance[np.ix_(G, G)] @ K.T
         moved = -2.0 * np.sum(K * A, axis=1) + np.sum(K.T * SK, axis=0) + K**2 @ noise
-        return np.maximum(self.variances + moved, 0.0)
+        return np.asarray(np.maximum(self.variances + moved, 0.0))
 
     def part(self, variances: Floats) -> float:
         """What variances (t,) leave of what was unknown at the start, the mean of all."""
@@ -167,7 +167,8 @@ def choose(gauges: Gauges, budget: float) -> tuple[int, ...]:
         for way in ways
         for begun in ([], *([c] for c in single[1:_STARTS]))
     ]
-    return tuple(min(found, key=gauges.part))
+    best = min(found, key=gauges.part)
+    return tuple(best)
 
 
 _STARTS = 5

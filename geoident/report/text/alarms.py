@@ -94,7 +94,7 @@ def _when(stage: str, seconds: float) -> str:
 def stage_table(result: Result) -> TextTable:
     """The probability of every alarm value in each predicted stage; without rows for none."""
     known = [np.isfinite(one.probabilities) for one in result.alarms]
-    shown = np.flatnonzero(np.any(known, axis=0)) if known else []
+    shown = np.flatnonzero(np.any(known, axis=0)) if known else np.zeros(0, dtype=np.int64)
     rows = [
         [one.gauge, one.level, _value(result, one), *map(_probable, one.probabilities[shown])]
         for one, some in zip(result.alarms, known, strict=True)

@@ -51,7 +51,7 @@ def why_outdated(result: Result, path: str) -> str:
     file = case_path(path, origin.fit_file)
     again = f"geoident {result.kind} {file}"
     if result.kind == "plan":
-        again += " --candidates ..."
+        again += " ..."
     return outdated_words(file, origin.fit_fingerprint, again)
 
 

@@ -52,7 +52,8 @@ def _state(
     later = np.full(len(gauges.stages), np.nan)
     if prediction is not None:
         sides = (value, -value) if either else (value,)
-        later = sum(reached_probability(prediction, row, x, below=x < 0.0) for x in sides)
+        each = [reached_probability(prediction, row, x, below=x < 0.0) for x in sides]
+        later = np.sum(each, axis=0)
     known = np.flatnonzero(np.isfinite(later))
     likely = known[later[known] >= _LIKELY]
     expected = gauges.stages[likely[0]] if likely.size else ""

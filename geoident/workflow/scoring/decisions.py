@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri
 
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.decision import Condition, Decision
 from geoident.model.results.bands import Prediction
@@ -113,7 +113,7 @@ def _telling(
 
 
 def _with_target(
-    rows: Sequence[int], stage: int, target: tuple[int, int], prediction: Prediction,
+    rows: Ints, stage: int, target: tuple[int, int], prediction: Prediction,
     correlated: Correlated,
 ) -> list[float]:  # fmt: skip
     """Correlations of predictions of a stage with another one."""

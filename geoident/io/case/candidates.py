@@ -83,7 +83,8 @@ class Candidates:
             raise InputError(ours or placed) from error  # others follow from these
 
     def _placed(self, fault: Fault) -> Fault:
-        keys = self.places.document.keys | self.places.document.values
+        document = self.places.document
+        keys = {*document.keys, *document.values}
         within = [k for k in keys if len(k) > 1 and _begins(fault.path, format_path(k))]
         if not within:
             return fault

@@ -12,8 +12,10 @@ from scipy.special import ndtr
 from geoident.errors import ExitCode, Fault, InputError, ModelError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.identify.assessment.design import Gauges, choose
-from geoident.io.candidates import Candidates, read_candidates
+from geoident.io.case.candidates import Candidates, read_candidates
+from geoident.io.case.decisions import read_place
 from geoident.io.result.file import read_identity
+from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
@@ -24,9 +26,15 @@ from geoident.model.results.result import Result
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.finished import Finished, job_at_hand, write
 from geoident.workflow.estimating.from_fit import plan_on_fit, read_fit, require_same_mesh
+from geoident.workflow.estimating.outlooks import (
+    ASSUMED,
+    Linearised,
+    Plannable,
+    Wanted,
+    last_read,
+    linearised,
+)
 from geoident.workflow.estimating.surface_error import with_surface_error
-from geoident.workflow.planning.outlooks import ASSUMED, Linearised, Plannable, linearised
-from geoident.workflow.planning.targets import Wanted, read_wanted
 from geoident.workflow.running.computed import accuracies, gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.cost import free_memory
@@ -160,8 +168,8 @@ def plan_gauges(request: PlanRequest) -> PlanTask:
     if not request.budget >= cheapest:
         message = f"The budget of {request.budget:g} buys nothing: the cheapest candidate costs "
         raise UsageError(f"{message}{cheapest:g}. Give {Term.BUDGET} at least that.")
-    used = None if fit is None else fit.gauges.used
-    wanted = read_wanted(request.wanted, case, [q.name for q in case.parameters], used)
+    names = [parameter.name for parameter in case.parameters]
+    wanted = read_wanted(request.wanted, case, names, last_read(fit))
     asked = Request(
         case=source, overrides=request.overrides, output=request.output, seed=request.seed,
         solver=request.solver, force=request.force, fresh=request.fresh, text=request.text,
@@ -177,6 +185,51 @@ def plan_gauges(request: PlanRequest) -> PlanTask:
         job = Job(request=asked, command="plan", place=place, identity=identity, existing=found,
                   methods=(), inputs=inputs)  # fmt: skip
     return PlanTask(request, job, candidates, wanted, fit)
+
+
+def read_wanted(
+    texts: Sequence[str], case: Case, names: Sequence[str], last: int
+) -> tuple[Wanted, ...]:
+    """What is to be known, from what the user wrote.
+
+    Args:
+        texts: such as ``CV1 at bench 5``, ``CV1 > 40 mm at bench 5``, ``E_rock``.
+        case: with the gauges that are spoken of.
+        names: of the parameters.
+        last: number of the last stage that a fit has read; -1 before any.
+
+    Raises:
+        UsageError: there is no such thing, or it was read already.
+    """
+    if not texts:
+        raise UsageError(f"Say what the gauges are for: {Term.WANTED} 'CV1 at bench 5'.")
+    channels = {channel.name: channel for channel in case.channels}
+    stages = [stage.name for stage in case.stages]
+    wanted = []
+    for text in texts:
+        if text in names:
+            wanted.append(Wanted(text, list(names).index(text), -1, len(stages)))
+            continue
+        if " at " not in text:
+            hint = did_you_mean(text, names, what="Parameters")
+            message = f"'{shorten(text)}' is neither a parameter nor a reading at a stage"
+            raise UsageError(
+                f"{Term.WANTED}: {message}. {hint} A reading is written 'CV1 at bench 5'."
+            )
+        try:
+            name, stage, condition = read_place(text, channels, stages)
+        except Refusal as error:
+            raise UsageError(
+                f"{Term.WANTED} '{shorten(text)}': {error.message}. {error.hint}"
+            ) from error
+        row, column = list(channels).index(name), stages.index(stage)
+        if column <= last:
+            words = f"'{stage}' is past: the fit has readings of it, or of later stages"
+            raise UsageError(
+                f"{Term.WANTED} '{shorten(text)}': {words}. Name a stage still to come."
+            )
+        wanted.append(Wanted(text, None, row, column, condition))
+    return tuple(wanted)
 
 
 @one_thread()

@@ -15,6 +15,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
+from geoident.model.decision import Condition
 from geoident.model.results.result import Result
 from geoident.workflow.estimating.known_from_fit import known_from_fit
 from geoident.workflow.estimating.model_error import FittedModelError, LaterModelError
@@ -24,11 +25,29 @@ from geoident.workflow.estimating.model_error_covariance import (
     correlation_time,
 )
 from geoident.workflow.estimating.predictions import KnownErrors, joint_readings
-from geoident.workflow.planning.targets import Wanted
 from geoident.workflow.running.computed import accuracies
 
 ASSUMED = 0.15
 """Model error that is assumed where it is to be estimated, and there are no residuals yet."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One of what is to be known.
+
+    Args:
+        text: as it was asked for.
+        parameter: number of a parameter; None for a reading.
+        row: number of the channel.
+        stage: number of the stage; of a parameter that after the last one. Readings before it tell.
+        condition: on the reading, or None.
+    """
+
+    text: str
+    parameter: int | None
+    row: int
+    stage: int
+    condition: Condition | None = None
 
 
 @dataclass(frozen=True)
@@ -52,9 +71,7 @@ class Plannable:
     @property
     def last(self) -> int:
         """Number of the last stage that was read; -1 before any."""
-        if self.fit is None:
-            return -1
-        return int(np.flatnonzero(self.fit.gauges.used.any(axis=0)).max(initial=-1))
+        return last_read(self.fit)
 
     @property
     def model_error(self) -> float:
@@ -76,8 +93,9 @@ class Plannable:
         none = np.zeros(0)
         problem = Problem(self.model.response(()), none, none, self.case.parameters)
         jacobian = np.zeros((0, len(self.values)))
-        error = self._model_error_before()
-        later = error and LaterModelError(error, self.case, self.model, survey.increments)
+        error, later = self._model_error_before(), None
+        if error is not None:
+            later = LaterModelError(error, self.case, self.model, survey.increments)
         errors = None
         if later is not None or any(channel.errors for channel in self.case.channels):
             errors = KnownErrors(self.case, problem, none, jacobian, (), later)
@@ -103,6 +121,13 @@ class Plannable:
         step = shift + posterior.factor @ rng.standard_normal((posterior.factor.shape[1], count))
         scaling = Scaling(self.case.parameters)
         return [scaling.away(self.values, column) for column in step.T]
+
+
+def last_read(fit: Result | None) -> int:
+    """Number of the last stage of which a fit has used a reading; -1 for none."""
+    if fit is None:
+        return -1
+    return int(np.flatnonzero(fit.gauges.used.any(axis=0)).max(initial=-1))
 
 
 @dataclass(frozen=True)
@@ -148,14 +173,15 @@ def linearised(
     assessment = _centred(replace(assessment, dp_dx=Scaling(planned.case.parameters).dp_dx(p)))
     readings = [k for k, one in enumerate(wanted) if one.parameter is None]
     parameters = [k for k, one in enumerate(wanted) if one.parameter is not None]
+    numbers = [one.parameter for one in wanted if one.parameter is not None]
     due = np.array([[wanted[k].row, wanted[k].stage] for k in readings], dtype=np.int64)
     every = np.concatenate([due.reshape(-1, 2), places])
     if not np.isfinite(survey.sensitivity[*every.T]).all():
         raise ModelError("some of the readings have no value")
     joint = joint_readings(survey, assessment, accuracies(planned.case), every, errors)
-    C = assessment.posterior.covariance[[wanted[k].parameter for k in parameters]]
+    C = assessment.posterior.covariance[numbers]
     across = C @ joint.rows.T
-    within = C[:, [wanted[k].parameter for k in parameters]]
+    within = C[:, numbers]
     S = np.block([[within, across], [across.T, joint.covariance]])
     t, order = len(wanted), [*parameters, *readings]
     own = joint.own[len(readings) :]
@@ -165,7 +191,7 @@ def linearised(
     if errors is not None and readings:
         mean[readings] += errors.of(due, survey.sensitivity[*due.T]).shift
     size = np.ones(t)
-    size[parameters] = assessment.dp_dx[[wanted[k].parameter for k in parameters]]
+    size[parameters] = assessment.dp_dx[numbers]
     outlooks, targets = [], []
     for stage in sorted({one.stage for one in wanted}):
         own_targets = [k for k in order if wanted[k].stage == stage]
