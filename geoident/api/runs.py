@@ -297,22 +297,11 @@ def plan(
         OutputError: the result cannot be written, or would replace one of other input.
         UsageError: there is nothing of that kind to be known, or the budget buys nothing.
     """
-    origin = origin_of(source.path if isinstance(source, ResultFile) else source)
-    request = PlanRequest(
-        source=origin.path,
-        candidates=os.fspath(candidates),
-        budget=float(budget),
-        wanted=(wanted,) if isinstance(wanted, str) else tuple(wanted),
-        draws=draws,
-        overrides=origin.overrides,
-        output=_place(output),
-        seed=seed,
-        solver=solver,
-        force=force,
-        fresh=fresh,
-        text=origin.text,
-    )
-    return PlanResult(*_parts(make_plan(plan_gauges(request), control())))
+    place = source.path if isinstance(source, ResultFile) else source
+    request = _request(place, output, seed=seed, force=force, fresh=fresh, solver=solver)
+    goals = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    asked = PlanRequest(request, os.fspath(candidates), float(budget), goals, draws)
+    return PlanResult(*_parts(make_plan(plan_gauges(asked), control())))
 
 
 def path_of(source: Stored | AnyPath) -> str:

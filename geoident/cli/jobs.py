@@ -106,7 +106,7 @@ def run_plan(request: PlanRequest, options: Options) -> int:
     task = plan_gauges(request)
     case, work = task.job.inputs.path, partial(make_plan, task)
     with mechanism_drawn(case, options):
-        return run_and_say(work, Terminal(options), options, title=request.source, case=case)
+        return run_and_say(work, Terminal(options), options, title=case, case=case)
 
 
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:

@@ -53,6 +53,7 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.outputs import existing, require_free, target
 from geoident.workflow.running.readings import reading_table
+from geoident.workflow.scoring.left_out import left_out_rows
 
 _SURE = 1.6448536269514722
 """Standard deviations from the limit at which a chance of being beyond is 5 % or 95 %."""
@@ -69,32 +70,18 @@ class PlanRequest:
     """Which gauges are to be chosen from, and what for.
 
     Args:
-        source: path of a case, or of the result of a fit.
+        request: with the path of a case, or of the result of a fit, as its case.
         candidates: path of a candidates file.
         budget: that the costs of the chosen gauges must not exceed.
         wanted: what is to be known, such as ``CV1 at bench 5``.
-        draws: parameter vectors at which the model is linearised, beside that of the source.
-        overrides: of the case.
-        output: a file or an existing folder; None for beside the source.
-        seed: of the draws.
-        solver: name of the sparse solver, or ``auto``.
-        force: overwrite a plan of other input.
-        fresh: compute again what is up to date.
-        text: of the case where it stands in no file.
+        draws: parameter vectors at which the model is linearised, beside that of the case.
     """
 
-    source: str
+    request: Request
     candidates: str
     budget: float
     wanted: tuple[str, ...]
     draws: int = 4
-    overrides: tuple[str, ...] = ()
-    output: str | None = None
-    seed: int = 0
-    solver: str = "auto"
-    force: bool = False
-    fresh: bool = False
-    text: str | None = None
 
 
 @dataclass(frozen=True)
@@ -102,14 +89,14 @@ class PlanTask:
     """A plan that can be made.
 
     Args:
-        request: what was asked for.
+        asked: what was asked for.
         job: the case without candidates, and the place of the result.
         candidates: to choose from.
         wanted: what for.
         fit: what was found so far, or None.
     """
 
-    request: PlanRequest
+    asked: PlanRequest
     job: Job
     candidates: Candidates
     wanted: tuple[Wanted, ...]
@@ -121,7 +108,7 @@ class PlanTask:
         Raises:
             InputError: they cannot be; at their places in the candidates file.
         """
-        inputs, request = self.job.inputs, self.request
+        inputs, request = self.job.inputs, self.job.request
         data = parse_yaml(inputs.loaded.resolved, inputs.path).data
         assert isinstance(data, dict)
         added = self.candidates.overrides(data, names)
@@ -129,15 +116,15 @@ class PlanTask:
             if self.fit is not None:
                 return inputs_of_result(self.fit, inputs.path, added)
             overrides = [*request.overrides, NO_READINGS, *added]
-            return load_inputs(request.source, overrides=overrides, text=request.text)
+            return load_inputs(request.case, overrides=overrides, text=request.text)
 
     @property
     def files_read(self) -> tuple[str, ...]:
         """Paths of all that was read."""
-        return (self.request.source, self.request.candidates, *self.job.inputs.files)
+        return (self.job.request.case, self.asked.candidates, *self.job.inputs.files)
 
 
-def plan_gauges(request: PlanRequest) -> PlanTask:
+def plan_gauges(asked: PlanRequest) -> PlanTask:
     """Read a case or a fit, the candidates and what they are for.
 
     Raises:
@@ -145,8 +132,8 @@ def plan_gauges(request: PlanRequest) -> PlanTask:
         OutputError: the result could not be written, or another one would be lost.
         UsageError: there is nothing of that kind to be known, or the budget buys nothing.
     """
-    source = request.source
-    fit = None
+    request, fit = asked.request, None
+    source = request.case
     if request.text is None and (Path(source).suffix == ".h5" or read_identity(source)):
         if request.overrides:
             raise UsageError("Overrides do not apply: the case of a fit is what it was.")
@@ -163,28 +150,23 @@ def plan_gauges(request: PlanRequest) -> PlanTask:
                                             message=message, hint=hint)])  # fmt: skip
     stages = [stage.name for stage in case.stages]
     taken = list(dict.fromkeys(channel.gauge for channel in case.channels))
-    candidates = read_candidates(request.candidates, taken, stages)
+    candidates = read_candidates(asked.candidates, taken, stages)
     cheapest = min(one.cost for one in candidates.each)
-    if not request.budget >= cheapest:
-        message = f"The budget of {request.budget:g} buys nothing: the cheapest candidate costs "
+    if not asked.budget >= cheapest:
+        message = f"The budget of {asked.budget:g} buys nothing: the cheapest candidate costs "
         raise UsageError(f"{message}{cheapest:g}. Give {Term.BUDGET} at least that.")
     names = [parameter.name for parameter in case.parameters]
-    wanted = read_wanted(request.wanted, case, names, last_read(fit))
-    asked = Request(
-        case=source, overrides=request.overrides, output=request.output, seed=request.seed,
-        solver=request.solver, force=request.force, fresh=request.fresh, text=request.text,
-    )  # fmt: skip
-    purpose = f"{sha256(candidates.text.encode())} {request.budget!r} {request.draws} "
-    purpose += repr(request.wanted)
+    wanted = read_wanted(asked.wanted, case, names, last_read(fit))
+    purpose = repr((sha256(candidates.text.encode()), asked.budget, asked.draws, asked.wanted))
     if fit is not None:
-        job = plan_on_fit("plan", purpose, asked, fit, inputs)
+        job = plan_on_fit("plan", purpose, request, fit, inputs)
     else:
         place = target(source, "plan", output=request.output)
         identity = inputs.identity(f"plan {purpose}", (), seed=request.seed)
         found = existing(place, identity, kind="plan", case=source)
-        job = Job(request=asked, command="plan", place=place, identity=identity, existing=found,
+        job = Job(request=request, command="plan", place=place, identity=identity, existing=found,
                   methods=(), inputs=inputs)  # fmt: skip
-    return PlanTask(request, job, candidates, wanted, fit)
+    return PlanTask(asked, job, candidates, wanted, fit)
 
 
 def read_wanted(
@@ -201,33 +183,25 @@ def read_wanted(
     Raises:
         UsageError: there is no such thing, or it was read already.
     """
-    if not texts:
-        raise UsageError(f"Say what the gauges are for: {Term.WANTED} 'CV1 at bench 5'.")
     channels = {channel.name: channel for channel in case.channels}
-    stages = [stage.name for stage in case.stages]
-    wanted = []
+    stages, wanted = [stage.name for stage in case.stages], list[Wanted]()
     for text in texts:
         if text in names:
             wanted.append(Wanted(text, list(names).index(text), -1, len(stages)))
             continue
-        if " at " not in text:
-            hint = did_you_mean(text, names, what="Parameters")
-            message = f"'{shorten(text)}' is neither a parameter nor a reading at a stage"
-            raise UsageError(
-                f"{Term.WANTED}: {message}. {hint} A reading is written 'CV1 at bench 5'."
-            )
         try:
+            if " at " not in text:
+                hint = did_you_mean(text, names, what="Parameters")
+                hint += " A reading is written 'CV1 at bench 5'."
+                raise Refusal("unknown", "this is neither a parameter nor a reading", hint)
             name, stage, condition = read_place(text, channels, stages)
+            row, column = list(channels).index(name), stages.index(stage)
+            if column <= last:
+                message = f"'{stage}' is past: the fit has readings of it, or of later stages"
+                raise Refusal("past", message, "Name a stage still to come.")
         except Refusal as error:
-            raise UsageError(
-                f"{Term.WANTED} '{shorten(text)}': {error.message}. {error.hint}"
-            ) from error
-        row, column = list(channels).index(name), stages.index(stage)
-        if column <= last:
-            words = f"'{stage}' is past: the fit has readings of it, or of later stages"
-            raise UsageError(
-                f"{Term.WANTED} '{shorten(text)}': {words}. Name a stage still to come."
-            )
+            told = f"{Term.WANTED} '{shorten(text)}': {error.message}. {error.hint}"
+            raise UsageError(told) from error
         wanted.append(Wanted(text, None, row, column, condition))
     return tuple(wanted)
 
@@ -240,7 +214,7 @@ def make_plan(task: PlanTask, control: Control) -> Finished:
         InputError: a candidate is wrong, or none can be read.
         ModelError: the model has no solution.
     """
-    job, request = task.job, task.request
+    job, request = task.job, task.job.request
     if (before := job_at_hand(job)) is not None:
         return before
     require_free(job.existing, job.place, force=request.force, inputs=task.files_read)
@@ -254,10 +228,11 @@ def make_plan(task: PlanTask, control: Control) -> Finished:
     control.monitor.detail("computing what all gauges would read")
     survey = planned.survey(p, fields=True)
     choice = _Choice.of(task, planned, survey.computed)
-    all_at = [linearised(planned, p, survey, task.wanted, choice.places)]
-    _require_room(len(choice.places), (1 + request.draws) * len(all_at[0].outlooks))
-    skipped = 0
-    for draw in planned.drawn(planned.known(survey)[0], request.draws, request.seed):
+    _require_room(
+        len(choice.places), (1 + task.asked.draws) * len({one.stage for one in task.wanted})
+    )
+    all_at, skipped = [linearised(planned, p, survey, task.wanted, choice.places)], 0
+    for draw in planned.drawn(planned.known(survey)[0], task.asked.draws, request.seed):
         control.stop.check()
         try:
             there = planned.survey(draw)
@@ -276,13 +251,14 @@ def make_plan(task: PlanTask, control: Control) -> Finished:
         readings, parameters = task.fit.gauges.readings, task.fit.parameters
     provenance = job_provenance(job)
     if task.fit is not None:
-        provenance = of_fit(provenance, task.fit, request.source, job.place.path)
+        provenance = of_fit(provenance, task.fit, request.case, job.place.path)
     result = Result(
         kind="plan",
         status="done",
         exit_code=ExitCode.DONE,
         method="greedy choice and exchange",
-        reason=_reason(plan),
+        reason=f"{len(plan.chosen)} of {len(plan.gauges)} candidates for {plan.cost:g} of "
+        f"{plan.budget:g}.",
         objective=float("nan"),
         findings=(),
         case_text=job.inputs.loaded.text,
@@ -296,8 +272,7 @@ def make_plan(task: PlanTask, control: Control) -> Finished:
         plan=plan,
         notes=tuple(_notes(task, planned, choice, skipped)),
     )
-    force = request.force
-    return write(result, job.place, job.existing, inputs=task.files_read, force=force)
+    return write(result, job.place, job.existing, inputs=task.files_read, force=request.force)
 
 
 def _refuse_past(task: PlanTask, planned: Plannable) -> None:
@@ -355,15 +330,10 @@ class _Choice:
         due = max(one.stage for one in task.wanted)
         possible = np.isfinite(computed) & np.isfinite(accuracies(case))
         possible[:, : planned.last + 1] = possible[:, due:] = False
-        left_out = {*case.fit.predict_gauges}
+        possible[left_out_rows(case)] = False
         wanted = {one.name: one.stages for one in task.candidates.each}
         for row, channel in enumerate(case.channels):
-            if channel.gauge not in wanted and not left_out.isdisjoint(
-                {channel.gauge, channel.name}
-            ):
-                possible[row] = False
-            read = wanted.get(channel.gauge)
-            if read is not None:
+            if (read := wanted.get(channel.gauge)) is not None:
                 possible[row] &= [stage.name in read for stage in case.stages]
         places = np.argwhere(possible)
         gauge = np.array([case.channels[i].gauge for i in places[:, 0].tolist()], dtype=object)
@@ -381,7 +351,7 @@ def _plan(
     )
     costs = np.array([one.cost for one in task.candidates.each])
     gauges = Gauges(begun, choice.of_candidates, costs)
-    chosen = choose(gauges, task.request.budget)
+    chosen = choose(gauges, task.asked.budget)
     after, left = gauges.after(chosen), gauges.part(chosen)
     ranks = {c: k for k, (c, _) in enumerate(gauges.in_order(chosen), start=1)}
     parts = [1.0, *(part for _, part in gauges.in_order(chosen))]
@@ -409,7 +379,7 @@ def _plan(
     return GaugePlan(
         targets=tuple(_targets(task, planned.case, choice, all_at, chosen)),
         gauges=tuple(rows),
-        budget=task.request.budget,
+        budget=task.asked.budget,
         draws=len(all_at),
         model_error=planned.model_error,
     )
@@ -442,8 +412,6 @@ def _targets(
     now = first.of_wanted([outlook.variances for outlook in first.outlooks])
     with_case, with_plan = sd(first, choice.of_case), sd(first, every)
     ratios = np.array([sd(one, every) / sd(one, choice.of_case) for one in all_at])
-    stages = range(len(case.stages))
-    course = [sd(first, every[choice.places[every, 1] <= stage]) for stage in stages]
     for k, one in enumerate(task.wanted):
         parameter = None if one.parameter is None else case.parameters[one.parameter]
         source = case.channels[one.row] if parameter is None else parameter
@@ -464,7 +432,6 @@ def _targets(
             probability=float(chance),
             settled_case=settled[0],
             settled_plan=settled[1],
-            by_stage=np.array([course[s][k] if s < one.stage else np.nan for s in stages]),
             unit=source.unit,
             dimension=source.dimension,
         )
@@ -484,14 +451,6 @@ def _settled(away: float, now: float, left: float) -> float:
         return float(ends[0] > 0.0 or ends[1] < 0.0)
     low, high = ndtr(ends / moves)
     return float(low + 1.0 - high)
-
-
-def _reason(plan: GaugePlan) -> str:
-    number = len(plan.chosen)
-    what = f"{number} of {len(plan.gauges)} candidates for {plan.cost:g} of {plan.budget:g}"
-    if not number:
-        return "No candidate tells anything of what is to be known."
-    return f"{what}."
 
 
 def _notes(
@@ -527,6 +486,6 @@ def _notes(
         yield f"Candidates that cannot be read in time: {', '.join(silent)}."
     if skipped:
         yield (
-            f"At {skipped} of {task.request.draws} draws of the parameters the model has no "
+            f"At {skipped} of {task.asked.draws} draws of the parameters the model has no "
             "solution; they are left out."
         )

@@ -69,14 +69,11 @@ def command(
     """
     from geoident.cli.jobs import run_plan
     from geoident.workflow.plan import PlanRequest
+    from geoident.workflow.running.jobs import Request
 
     with failures_as_json(source, options):
-        request = PlanRequest(
-            source=source,
-            candidates=candidates,
-            budget=budget,
-            wanted=wanted,
-            draws=draws,
+        request = Request(
+            case=source,
             overrides=options.overrides,
             output=options.output,
             seed=options.seed,
@@ -84,4 +81,4 @@ def command(
             force=options.force,
             fresh=options.fresh,
         )
-        return run_plan(request, options)
+        return run_plan(PlanRequest(request, candidates, budget, wanted, draws), options)

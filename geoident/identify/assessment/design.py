@@ -40,16 +40,18 @@ class Outlook:
         covariance: (t + m, t + m) of the quantities and of readings without own errors.
         own: (m,) variances of these errors, positive.
         numbers: (m,) what the readings are called by.
-        start: (t,) variances of the quantities with which parts are compared, positive.
-        limit: (t,) distance of the limit from the mean in standard deviations, at the start; NaN
-            where there is none.
+        first: (t,) variances of the quantities before any of them, positive.
+        limit: (t,) distance of the limit from the mean then, in standard deviations; NaN where
+            there is none.
+        start: (t,) variances with which what is left is compared.
     """
 
     covariance: Floats
     own: Floats
     numbers: Ints
-    start: Floats
+    first: Floats
     limit: Floats
+    start: Floats
 
     def given(self, readings: Ints) -> Outlook:
         """The same once readings of these numbers are taken; of some it may know nothing."""
@@ -61,9 +63,7 @@ class Outlook:
 
     def begun(self) -> Outlook:
         """The same, with what is known now as the start."""
-        now = self.variances
-        limit = self.limit * np.sqrt(self.start / now)
-        return replace(self, start=now, limit=limit)
+        return replace(self, start=self.variances)
 
     @property
     def variances(self) -> Floats:
@@ -83,12 +83,14 @@ class Outlook:
     def part(self, variances: Floats) -> float:
         """What variances (t,) leave of what was unknown at the start, the mean of all."""
         ratio = np.clip(variances / self.start, 0.0, 1.0)
-        at_limit = np.isfinite(self.limit)
-        parts = np.where(at_limit, 0.0, ratio)
-        a, r = self.limit[at_limit], 1.0 - ratio[at_limit]
-        unsettled = owens_t(a, np.sqrt((1.0 - r) / (1.0 + r))) / owens_t(a, 1.0)
-        parts[at_limit] = np.where(np.isfinite(unsettled), unsettled, ratio[at_limit])
-        return float(parts.mean())
+        with np.errstate(invalid="ignore", divide="ignore"):
+            unsettled = self._unsettled(variances) / self._unsettled(self.start)
+        return float(np.where(np.isfinite(unsettled), unsettled, ratio).mean())
+
+    def _unsettled(self, variances: Floats) -> Floats:
+        """Half of the expected p (1 - p) that variances (t,) leave; NaN without a limit."""
+        left = np.clip(variances / self.first, 0.0, 1.0)
+        return np.asarray(owens_t(self.limit, np.sqrt(left / (2.0 - left))))
 
     def _rows(self, readings: Ints) -> Ints:
         return np.flatnonzero(np.isin(self.numbers, readings)) + len(self.start)

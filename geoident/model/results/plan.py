@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from geoident.model.arrays import Floats
 from geoident.model.results.columns import ROW, column
 
 _IN_UNIT = column(dimension=ROW, unit="SI unit")
@@ -28,8 +25,6 @@ class PlanTarget:
         settled_case: chance that the gauges of the case settle that: it is below 5 % or above 95 %
             then.
         settled_plan: chance that they and the chosen ones do.
-        by_stage: (n_stages,) the standard deviation once all is read up to a stage; NaN from the
-            stage on at which it is due.
         unit: in which people see it.
         dimension: key of `geoident.units.DIMENSIONS`.
     """
@@ -44,9 +39,6 @@ class PlanTarget:
     probability: float
     settled_case: float
     settled_plan: float
-    by_stage: Floats = field(
-        metadata=column("stage", dimension=ROW, unit="SI unit", sheet="sd after {stage}")
-    )
     unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
     dimension: str = field(metadata=column(hidden=("csv", "json")))
 
@@ -103,4 +95,4 @@ class GaugePlan:
     @property
     def cost(self) -> float:
         """Of these."""
-        return float(np.sum([one.cost for one in self.chosen]))
+        return float(sum(one.cost for one in self.chosen))

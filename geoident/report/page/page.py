@@ -251,7 +251,6 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
 
 def _plan(result: Result, chosen: GaugePlan) -> tuple[PagePart, ...]:
     """All sections of a plan of gauges."""
-    stages = result.gauges.stages
     pictures = (*model_pictures(result), *opening_pictures(result)[:1])
     return (
         section(
@@ -263,8 +262,6 @@ def _plan(result: Result, chosen: GaugePlan) -> tuple[PagePart, ...]:
             plan.NAME,
             TitledTable(plan.NAME, plan.gauge_table(chosen)),
             TitledTable(plan.TARGETS, plan.target_table(chosen)),
-            TitledTable(plan.COURSE, plan.course_table(chosen, stages)),
-            TitledTable(plan.OTHERS, plan.others_table(chosen)),
             tag("p", plan.NOTE, class_="note"),
         ),
         section("Parameters", TitledTable("Parameters", parameter_table(result.parameters))),

@@ -78,7 +78,7 @@ def alarm_table(result: Result) -> TextTable:
                 reading_text(gauges, row, one.largest),
                 _when(one.reached, one.reached_on),
                 _when(one.expected, one.expected_on),
-                _probable(one.probability) + (f" ({one.likeliest})" if one.likeliest else ""),
+                probable(one.probability) + (f" ({one.likeliest})" if one.likeliest else ""),
             ]
         )
     header = ("gauge", "level", "value", "read up to", "reached", "expected", "probability")
@@ -96,7 +96,7 @@ def stage_table(result: Result) -> TextTable:
     known = [np.isfinite(one.probabilities) for one in result.alarms]
     shown = np.flatnonzero(np.any(known, axis=0)) if known else np.zeros(0, dtype=np.int64)
     rows = [
-        [one.gauge, one.level, _value(result, one), *map(_probable, one.probabilities[shown])]
+        [one.gauge, one.level, _value(result, one), *map(probable, one.probabilities[shown])]
         for one, some in zip(result.alarms, known, strict=True)
         if some.any()
     ]
@@ -112,7 +112,8 @@ def _value(result: Result, one: AlarmState) -> str:
     return f"{sign}{text} {result.gauges.shown_units[row]}".rstrip()
 
 
-def _probable(probability: float) -> str:
+def probable(probability: float) -> str:
+    """A probability in words; a dash for none."""
     if math.isnan(probability):
         return "-"
     percent = 100.0 * probability

@@ -222,11 +222,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "decisions": lambda result: sheet(result.decisions, ROW),
     "telling-readings": lambda result: sheet(result.telling, ROW),
     "plan": lambda result: sheet(result.plan and result.plan.gauges, ROW),
-    "plan-targets": lambda result: sheet(
-        result.plan and result.plan.targets,
-        ROW,
-        labels={**LABELS, "stage": result.gauges.stages},
-    ),
+    "plan-targets": lambda result: sheet(result.plan and result.plan.targets, ROW),
     "convergence": lambda result: sheet(result.convergence, ROW),
     "troughs": lambda result: sheet(troughs(result), ROW),
     "yielded": lambda result: sheet(result.yielded, "state"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from geoident.model.results.decisions import DecisionState, TellingReading
 from geoident.model.results.result import GaugeTable, Result
+from geoident.report.text.alarms import probable
 from geoident.report.text.gauges import predicted_texts, reading_text
 from geoident.report.text.layout import TextTable, sentence
 
@@ -40,9 +41,7 @@ def decision_table(result: Result) -> TextTable:
 
 def _today(gauges: GaugeTable, one: DecisionState) -> str:
     if one.state == "open":
-        percent = 100.0 * one.probability
-        low, high = percent < 1.0, percent > 99.0
-        return "below 1 %" if low else "above 99 %" if high else f"{percent:.0f} % probable"
+        return f"{probable(one.probability)} probable"
     row = gauges.channels.index(one.gauge)
     read = f", {reading_text(gauges, row, one.measured)} {gauges.shown_units[row]} was read"
     return _STATES[one.state] + ("" if one.state == "unknown" else read)

@@ -117,7 +117,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),
         "face": result.advance and face_object(result.advance),
-        "plan": plan_object(result),
+        "plan": result.plan and plan_object(result.plan),
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,

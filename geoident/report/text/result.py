@@ -103,7 +103,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(left_out.TITLE, left_out.left_out_table(result.left_out).text),
         section(prediction_title(result), prediction_table(result).text),
         section(alarms.NAME, *alarms.alarm_parts(result)),
-        section(plan.NAME, *plan.plan_parts(result.plan, result.gauges.stages)),
+        section(plan.NAME, *plan.plan_parts(result.plan)),
         section(decisions.NAME, *decisions.decision_parts(result)),
         section(trough.NAME, *_troughs(result)),
         section(structures.TITLE, structures.force_table(result.members).text),

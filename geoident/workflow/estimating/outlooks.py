@@ -200,7 +200,7 @@ def linearised(
         start = np.diag(S)[kept[: len(own_targets)]].copy()
         values = [one.value if (one := wanted[k].condition) else np.nan for k in own_targets]
         limit = (np.array(values) - mean[own_targets]) / np.sqrt(start)
-        outlooks.append(Outlook(S[np.ix_(kept, kept)], own[rows], rows, start, limit))
+        outlooks.append(Outlook(S[np.ix_(kept, kept)], own[rows], rows, start, limit, start))
         targets.append(np.array(own_targets, dtype=np.int64))
     return Linearised(tuple(outlooks), tuple(targets), mean, size)
 

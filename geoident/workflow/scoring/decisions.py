@@ -100,12 +100,9 @@ def _telling(
     later = np.flatnonzero(~gauges.used.any(axis=0))
     for before in later[later < stage].tolist():
         rows = np.flatnonzero(unread[:, before])
-        r = np.array([
-            value
-            for part in range(0, len(rows), _TOGETHER)
-            for value in _with_target(rows[part : part + _TOGETHER], before, (row, stage),
-                                      prediction, correlated)
-        ])  # fmt: skip
+        parts = np.array_split(rows, 1 + len(rows) // _TOGETHER)
+        r = np.concatenate([_with_target(part, before, (row, stage), prediction, correlated)
+                            for part in parts])  # fmt: skip
         others = np.flatnonzero(rows != row)
         best = others[np.argsort(-np.abs(r[others]))][:1]
         for k in (*np.flatnonzero(rows == row).tolist(), *best.tolist()):
@@ -113,16 +110,13 @@ def _telling(
 
 
 def _with_target(
-    rows: Ints, stage: int, target: tuple[int, int], prediction: Prediction,
-    correlated: Correlated,
-) -> list[float]:  # fmt: skip
-    """Correlations of predictions of a stage with another one."""
+    rows: Ints, stage: int, target: tuple[int, int], prediction: Prediction, correlated: Correlated
+) -> Floats:
+    """Correlations of predictions of a stage with another one, in the order of their channels."""
     places = np.zeros(prediction.sd.shape, dtype=np.bool_)
     places[rows, stage] = places[target] = True
-    order = [tuple(place) for place in np.argwhere(places).tolist()]
-    matrix = correlated(prediction, places)
-    at = order.index(target)
-    return [float(matrix[at, order.index((int(row), stage))]) for row in rows]
+    is_target = (np.argwhere(places) == target).all(axis=1)
+    return np.asarray(correlated(prediction, places)[is_target][0, ~is_target])
 
 
 def _reading(

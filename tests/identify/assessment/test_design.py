@@ -27,7 +27,7 @@ def site(rng, *, parameters=4, gauges=8, own=0.3, prior=1.0):
 
 def outlook_of(S, own, limit=(np.nan, np.nan)):
     start = np.diag(S)[:2]
-    return Outlook(S, own, np.arange(len(own)), start, np.array(limit))
+    return Outlook(S, own, np.arange(len(own)), start, np.array(limit), start)
 
 
 def conditional(S, own, rows):
@@ -107,9 +107,13 @@ def test_what_a_limit_leaves_unsettled_is_the_mean_over_readings(rng):
     p0 = multivariate_normal(0.0, 1.0).cdf(-a)
     expected = np.mean(p * (1.0 - p)) / (p0 * (1.0 - p0))
     rest = np.delete(np.delete(S, 1, 0), 1, 1)
-    single = Outlook(rest, own, one.numbers, one.start[:1], one.limit[:1])
+    single = Outlook(rest, own, one.numbers, one.start[:1], one.limit[:1], one.start[:1])
     assert single.part(single.left(groups[2])) == pytest.approx(expected, rel=5e-3)
     assert single.part(single.variances) == pytest.approx(1.0)
+    # what some readings leave of what others have left
+    after = single.given(groups[2]).begun()
+    both = single.part(single.left(np.concatenate(groups[2:4])))
+    assert after.part(after.left(groups[3])) == pytest.approx(both / expected, rel=5e-3)
 
 
 def test_a_gauge_that_tells_nothing_is_not_bought(rng):
