@@ -375,7 +375,7 @@ def _plan(
                 else "",
             )
         )
-    rows.sort(key=lambda row: (row.rank or len(rows) + 1, -row.adds))
+    rows = sorted(rows, key=lambda row: (row.rank or len(rows) + 1, -row.adds))
     return GaugePlan(
         targets=tuple(_targets(task, planned.case, choice, all_at, chosen)),
         gauges=tuple(rows),
@@ -477,6 +477,9 @@ def _notes(
             f"{named_channels(sorted(read))} of the case count as read at each stage to come, "
             "before what is to be known is due. Gauges in 'predict_gauges' do not."
         )
+    late = [one.text for one in task.wanted if not (choice.places[:, 1] < one.stage).any()]
+    if late:
+        yield f"Nothing can be read before it is due: {', '.join(late)}."
     silent = [
         one.name
         for one, rows in zip(task.candidates.each, choice.of_candidates, strict=True)

@@ -72,6 +72,7 @@ def test_the_horizontal_diameter_tells_most_and_that_at_60_degrees_nothing(site)
     write(site, [90, 60, 45, 0, 30])
     plan = planned(1, "K0")
     assert plan.chosen == ("D0",)
+    assert [row.rank for row in plan.data.plan.gauges] == [1, 0, 0, 0, 0]
     rows = {row.gauge: row for row in plan.data.plan.gauges}
     for angle in (0, 30, 45, 60, 90):  # two readings, of half and of all of the motion
         told = (0.25 + 1.0) * by_ratio(angle) ** 2 / SD**2
@@ -110,6 +111,7 @@ def test_of_all_pairs_it_takes_the_one_that_leaves_least(site):
         sizes[pair] = np.mean([(one.sd_plan / one.sd_case) ** 2 for one in targets])
     least = min(sizes, key=sizes.get)
     assert {f"D{angle}" for angle in least} == set(best.chosen)
+    assert [row.rank for row in best.data.plan.gauges] == [1, 2, 0, 0, 0]
 
 
 def test_costs_are_kept_and_what_is_read_when(site):
@@ -262,6 +264,9 @@ def test_of_a_limit_the_chance_is_told_and_whether_readings_will_settle_it(site)
     write(site, [0, 90], TWO, "$E", extra=", stages: half")
     plan = planned(1, "CV < -9 mm at full")
     (target,) = plan.targets
+    late = planned(1, "CV at half")
+    assert (late.chosen, late.targets[0].sd_plan) == ((), late.targets[0].sd)
+    assert "Nothing can be read before it is due: CV at half." in late.data.notes
     z = (-9e-3 - target.expected) / target.sd
     assert target.probability == pytest.approx(norm.cdf(z))
     moves = np.sqrt(target.sd**2 - target.sd_plan**2)

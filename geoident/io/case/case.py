@@ -24,6 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError
 
+from geoident.errors import Term
 from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.decisions import Decisions, build_decisions
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
@@ -313,6 +314,10 @@ def _check_seasonal(
     if section.parameters:
         message = "a seasonal model has coefficients of each gauge, and no parameters"
         faults.add(("parameters",), "no-parameters", message, "Remove them.")
+    if section.decision is not None:
+        message = "a decision is on the reading of a stage, and a structure in service has none"
+        hint = f"Remove it. 'limits' of gauges are judged by {Term.CONTROL}."
+        faults.add(("decision",), "no-stages", message, hint)
     if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
         message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
         faults.add(("fit", "method"), "no-method", message, "Remove it.")

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from geoident.model.results.columns import ROW
 from geoident.model.results.plan import GaugePlan, PlanTarget
+from geoident.report.text.alarms import probable
 from geoident.report.text.layout import TextTable, number, sentence
 from geoident.report.text.rows import attributes, objects
 from geoident.units import in_unit, shown_unit
@@ -54,13 +53,13 @@ def target_table(plan: GaugePlan) -> TextTable:
     for one in plan.targets:
         known = [number(_in(one, x), 3) for x in (one.sd, one.sd_case, one.sd_plan)]
         ratios = [_percent(x) for x in (one.least_ratio, one.largest_ratio)]
-        limit = [_percent(x) for x in (one.probability, one.settled_case, one.settled_plan)]
+        limit = [probable(x) for x in (one.probability, one.settled_case, one.settled_plan)]
         expected, unit = number(_in(one, one.expected)), shown_unit(one.unit, one.dimension)
         between = ratios[0] if ratios[0] == ratios[1] else " to ".join(ratios)
         rows.append([one.text, unit, expected, *known, between, *limit])
     header = (
         "for", "unit", "expected", "sd now", "with the case", "with the plan", "left, over draws",
-        "beyond", "settled by the case", "by the plan",
+        "beyond", "settled by case", "settled by plan",
     )  # fmt: skip
     return TextTable(header, rows, right="llrrrrrrrr").filled
 
@@ -92,4 +91,4 @@ def _in(one: PlanTarget, value: float) -> float:
 
 
 def _percent(part: float) -> str:
-    return "-" if np.isnan(part) else f"{number(100.0 * part, 2)} %"
+    return f"{number(100.0 * part, 2)} %"
