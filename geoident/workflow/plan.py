@@ -471,6 +471,11 @@ def _notes(
         written = parse_yaml(task.job.inputs.loaded.text, "").data
         if isinstance(written, dict) and written.get("readings"):
             yield "Readings of the case do not count: plan from its fit to take them into account."
+    elif planned.fit.rivals is not None:
+        yield (
+            f"The fit has {len(planned.fit.rivals)} minima that are nearly as low; the plan is for "
+            "the first, so plan again when readings have told which it is."
+        )
     read = {case.channels[i].gauge for i in choice.places[choice.of_case, 0].tolist()}
     if read:
         yield (

@@ -83,6 +83,16 @@ def test_a_decision_whose_stage_was_read_is_due_or_not(read, state, decided, run
     assert not told.get("telling_readings")
 
 
+def test_a_decision_whose_stage_is_past_without_its_reading_says_so(decided, run, run_json):
+    with_reading(decided, "S,third,0.01,mm", "first, third")
+    assert run("fit", "case.yaml", "--force").exit_code in (0, 4)
+    (told,) = run_json("show", "case.fit.h5")
+    assert told["decisions"][0]["state"] == "not read"
+    said = [f["sentence"] for f in told["findings"] if f["kind"] == "decision"]
+    assert said[0].startswith("CV < -1.085 mm at third: the stage is past, and CV was not read.")
+    assert "but not read" in run("show", "case.fit.h5").stdout
+
+
 @pytest.mark.usefixtures("decided", "plain_pictures")
 def test_screen_page_and_tables_have_it(run):
     shown = " ".join(run("show", "case.fit.h5").stdout.split())

@@ -19,8 +19,8 @@ class DecisionState:
         gauge: name of the channel.
         stage: name of the stage at whose end it is read.
         value: beyond which the reading must be.
-        state: ``open``; ``due`` or ``not due`` where it was read; ``unknown`` where it is not
-            predicted.
+        state: ``open``; ``due`` or ``not due`` where it was read; ``not read`` where its stage is
+            past; ``unknown`` where it is not predicted.
         probability: that the reading will be beyond the value, 0 to 1.
         measured: what was read.
         unit: in which people see the readings.

@@ -40,8 +40,9 @@ def decision_table(result: Result) -> TextTable:
 
 
 def _today(gauges: GaugeTable, one: DecisionState) -> str:
-    if one.state == "open":
-        return f"{probable(one.probability)} probable"
+    if one.state in ("open", "not read"):
+        missed = ", but not read" if one.state == "not read" else ""
+        return f"{probable(one.probability)} probable{missed}"
     row = gauges.channels.index(one.gauge)
     read = f", {reading_text(gauges, row, one.measured)} {gauges.shown_units[row]} was read"
     return _STATES[one.state] + ("" if one.state == "unknown" else read)

@@ -74,6 +74,8 @@ def _state(
     if np.isfinite(measured):
         beyond = measured < value if below else measured > value
         state, probability = ("due", 1.0) if beyond else ("not due", 0.0)
+    elif gauges.used[:, stage:].any():
+        state = "not read"
     else:
         state = "open" if np.isfinite(probability) else "unknown"
     return DecisionState(
@@ -150,15 +152,18 @@ def _reading(
 
 
 def _findings(states: Sequence[DecisionState]) -> Iterator[Finding]:
-    """What is due, and what is more probable than not."""
+    """What is due, what was missed, and what is more probable than not."""
     for one in states:
         if one.state == "due":
             read = f"{in_unit(one.measured, one.unit, one.dimension):.4g}"
             unit = shown_unit(one.unit, one.dimension)
             sentence = f"{one.condition}: {read} {unit} was read. Then: {one.then}."
+        elif one.state == "not read":
+            sentence = f"{one.condition}: the stage is past, and {one.gauge} was not read. "
+            sentence += "The probability is that of what it would have read."
         elif one.state == "open" and one.probability >= _LIKELY:
-            sentence = f"{one.condition} is {100 * one.probability:.0f} % probable. "
-            sentence += f"Then: {one.then}."
+            percent = f"{100 * one.probability:.0f} %"
+            sentence = f"{one.condition} is {percent} probable. Then: {one.then}."
         else:
             continue
         yield Finding("decision", one.gauge, sentence, {"probability": one.probability})
