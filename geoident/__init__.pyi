@@ -12,6 +12,7 @@ from geoident.api import KeptModel as KeptModel
 from geoident.api import ModelChoice as ModelChoice
 from geoident.api import ParameterEstimate as ParameterEstimate
 from geoident.api import Parameters as Parameters
+from geoident.api import PlanResult as PlanResult
 from geoident.api import PredictionResult as PredictionResult
 from geoident.api import Progress as Progress
 from geoident.api import ProjectFit as ProjectFit
@@ -32,6 +33,7 @@ from geoident.api import fit as fit
 from geoident.api import fit_project as fit_project
 from geoident.api import init as init
 from geoident.api import load_case as load_case
+from geoident.api import plan as plan
 from geoident.api import predict as predict
 from geoident.api import read_project as read_project
 from geoident.api import read_result as read_result

@@ -68,6 +68,10 @@ class Term(Enum):
     INIT_FROM = ("`geoident init DIR --from MESH`", "the command `geoident init`")
     CONTROL = ("`geoident control FIT --readings NEW`", "`control(fit, readings=...)`")
     SIMULATE = ("`geoident simulate`", "`simulate(case)`")
+    CANDIDATES = ("`geoident plan --candidates`", "`plan(candidates=...)`")
+    WANTED = ("--for", "wanted")
+    BUDGET = ("--budget", "budget")
+    DRAWS = ("--draws 0", "draws=0")
     KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
 
     def __str__(self) -> str:

@@ -38,13 +38,14 @@ from geoident.api.results import (
     ControlResult,
     FitResult,
     ModelChoice,
+    PlanResult,
     PredictionResult,
     ResultFile,
     SampleResult,
     ScanResult,
     read_result,
 )
-from geoident.api.runs import backtest, fit, predict, sample, scan
+from geoident.api.runs import backtest, fit, plan, predict, sample, scan
 from geoident.api.service import control
 from geoident.api.tables import (
     ChannelReadings,
@@ -69,6 +70,7 @@ __all__ = [
     "ModelChoice",
     "ParameterEstimate",
     "Parameters",
+    "PlanResult",
     "PredictionResult",
     "Progress",
     "ProjectFit",
@@ -89,6 +91,7 @@ __all__ = [
     "fit_project",
     "init",
     "load_case",
+    "plan",
     "predict",
     "read_project",
     "read_result",

@@ -20,6 +20,7 @@ from geoident.io.result.file import read_result as read_file
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
 from geoident.model.results.in_service import ChangeRow
+from geoident.model.results.plan import GaugePlan, PlanTarget
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
 from geoident.model.results.rivals import Evidence, ModelComparison
@@ -232,6 +233,35 @@ class ControlResult(ResultFile):
         return self.tables["judged"].to_frame()
 
 
+@dataclass(frozen=True, repr=False)
+class PlanResult(ResultFile):
+    """What `plan` found: the gauges to take, and how well all will be known then."""
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Names of the gauges to take, the one that tells most first."""
+        return tuple(one.gauge for one in self._plan.chosen)
+
+    @property
+    def targets(self) -> tuple[PlanTarget, ...]:
+        """What is to be known, SI."""
+        return self._plan.targets
+
+    @property
+    def _plan(self) -> GaugePlan:
+        assert self.data.plan is not None
+        return self.data.plan
+
+    @spoken
+    def to_frame(self) -> pd.DataFrame:
+        """Every candidate with what it adds and what its loss costs, as a ``pandas.DataFrame``.
+
+        Raises:
+            MissingExtra: pandas is not installed.
+        """
+        return self.tables["plan"].to_frame()
+
+
 KINDS: Mapping[str, type[ResultFile]] = {
     "fit": FitResult,
     "predict": PredictionResult,
@@ -239,6 +269,7 @@ KINDS: Mapping[str, type[ResultFile]] = {
     "sample": SampleResult,
     "backtest": BacktestResult,
     "control": ControlResult,
+    "plan": PlanResult,
 }
 """Kind of a result to its class."""
 

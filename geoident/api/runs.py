@@ -12,6 +12,7 @@ from geoident.api.result_handle import Stored
 from geoident.api.results import (
     BacktestResult,
     FitResult,
+    PlanResult,
     PredictionResult,
     ResultFile,
     SampleResult,
@@ -21,6 +22,7 @@ from geoident.model.results.result import Result
 from geoident.workflow.backtest import backtest as run_backtest
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.fit import fit as run_fit
+from geoident.workflow.plan import PlanRequest, make_plan, plan_gauges
 from geoident.workflow.predict import PredictRequest, plan_prediction
 from geoident.workflow.predict import predict as run_prediction
 from geoident.workflow.running.control import Control
@@ -257,6 +259,49 @@ def sample(
         fresh=fresh,
     )
     return SampleResult(*_parts(run_sample(plan_sample(request), obeyed)))
+
+
+@spoken
+def plan(
+    source: CaseFile | ResultFile | AnyPath,
+    *,
+    candidates: AnyPath,
+    budget: float,
+    wanted: str | Sequence[str],
+    draws: int = 4,
+    output: AnyPath | None = None,
+    seed: int = 0,
+    force: bool = False,
+    fresh: bool = False,
+    solver: str = "auto",
+) -> PlanResult:
+    """Choose the gauges that tell most of a prediction, a parameter or a limit.
+
+    Args:
+        source: a case, of which all is known that priors and bounds say; or what `fit` found; or
+            the path of either.
+        candidates: file of gauges to choose from, written as in a case, each with `cost` and the
+            `stages` at which it is read.
+        budget: that their costs must not exceed.
+        wanted: one or several, such as ``CV1 at bench 5``, ``CV1 > 40 mm at bench 5``, ``E_rock``.
+        draws: of the parameters at which the plan must be good, too.
+        output: file or existing folder of the result; ``CASE.plan.h5`` beside the source if None.
+        seed: of the draws.
+        force: overwrite a plan of other input.
+        fresh: compute again what is up to date.
+        solver: name of the sparse solver, or ``auto``.
+
+    Raises:
+        InputError: the case, the fit or the candidates are wrong; with all faults.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written, or would replace one of other input.
+        UsageError: there is nothing of that kind to be known, or the budget buys nothing.
+    """
+    place = source.path if isinstance(source, ResultFile) else source
+    request = _request(place, output, seed=seed, force=force, fresh=fresh, solver=solver)
+    goals = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    asked = PlanRequest(request, os.fspath(candidates), float(budget), goals, draws)
+    return PlanResult(*_parts(make_plan(plan_gauges(asked), control())))
 
 
 def path_of(source: Stored | AnyPath) -> str:

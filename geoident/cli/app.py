@@ -25,6 +25,7 @@ COMMANDS = (
     "sample",
     "backtest",
     "control",
+    "plan",
     "show",
     "report",
     "export",

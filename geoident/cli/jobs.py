@@ -26,6 +26,7 @@ from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.in_service.control import ControlRequest, control, plan_control
+from geoident.workflow.plan import PlanRequest, make_plan, plan_gauges
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.workplace import on_cluster
 from geoident.workflow.running.control import Control
@@ -98,6 +99,14 @@ def run_control(request: ControlRequest, options: Options) -> int:
     return run_and_say(
         work, Terminal(options), options, title=request.result, case=task.job.inputs.path
     )
+
+
+def run_plan(request: PlanRequest, options: Options) -> int:
+    """Choose gauges, and say what came out."""
+    task = plan_gauges(request)
+    case, work = task.job.inputs.path, partial(make_plan, task)
+    with mechanism_drawn(case, options):
+        return run_and_say(work, Terminal(options), options, title=case, case=case)
 
 
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:

@@ -19,6 +19,7 @@ from geoident.model.actions import (
     Water,
 )
 from geoident.model.arrays import Floats
+from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
@@ -281,6 +282,7 @@ class Case:
         elsewhere: the program or function that gives the readings, in place of all ground; None
             for a case that geoident computes.
         face: how distances to the tunnel face become released stress, or None.
+        decisions: what is to be done if a reading is beyond a value.
     """
 
     title: str
@@ -308,6 +310,7 @@ class Case:
     elsewhere: ExternalSource | None = None
     face: FaceProfile | None = None
     mesh_order: int = 1
+    decisions: tuple[Decision, ...] = ()
 
     @property
     def yields(self) -> bool:

@@ -175,6 +175,7 @@ class Channel:
             without ground.
         fibre: distance of the fibre from the axis of its beam, m; None: half of its thickness.
         alarm: names of alarm values to readings, SI; a negative one is reached from above.
+        limits: the same of values that readings of either sign reach by their size, all positive.
     """
 
     name: str
@@ -207,6 +208,7 @@ class Channel:
     towards: tuple[float, ...] | None = None
     fibre: float | None = None
     alarm: Mapping[str, float] = field(default_factory=dict, hash=False)
+    limits: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     @property
     def is_zeroed(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -42,6 +43,7 @@ from geoident.workflow.estimating.mistakes import MistakenReadings, mistakes_of_
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
 from geoident.workflow.estimating.predictions import (
     collapse_findings,
+    correlations,
     predicted_places,
     predicted_stages,
     score,
@@ -70,6 +72,7 @@ from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 from geoident.workflow.scoring.convergence import convergence_notes, convergence_states
+from geoident.workflow.scoring.decisions import with_decisions
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
@@ -191,7 +194,7 @@ def _result(
     }
     alarms = alarm_states(case, gauges, prediction)
     convergence = convergence_states(setup.model, estimate)
-    return Result(
+    result = Result(
         kind="fit",
         status=status,
         exit_code=ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED,
@@ -279,6 +282,8 @@ def _result(
             *(setup.mesh.notes if setup.mesh is not None else ()),
         ),
     )
+    hang_together = partial(correlations, survey, estimate.assessment, known=estimate.errors)
+    return with_decisions(result, case, prediction, hang_together)
 
 
 def _freedom(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -12,23 +13,19 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.forward.external.table import TableModel
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
-from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, Result
-from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.another_case import (
-    pick_assessment,
     readings_as_used,
     require_identified,
     require_same_fields,
     why_other_gauges,
     with_gauges_of_fit,
 )
-from geoident.workflow.estimating.diagnosis import assess_robustly, at_used
-from geoident.workflow.estimating.estimate import details_of, over_accuracies
+from geoident.workflow.estimating.estimate import details_of
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import (
@@ -37,11 +34,11 @@ from geoident.workflow.estimating.from_fit import (
     read_fit,
     require_same_mesh,
 )
-from geoident.workflow.estimating.model_error import LaterModelError
+from geoident.workflow.estimating.known_from_fit import KnownFromFit, known_from_fit
 from geoident.workflow.estimating.predictions import (
-    KnownErrors,
     chosen_stages,
     collapse_findings,
+    correlations,
     follow_model,
     predict_stages,
     predicted_places,
@@ -49,7 +46,6 @@ from geoident.workflow.estimating.predictions import (
     strength_findings,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
-from geoident.workflow.estimating.setup import problem_of_result, setup_of_result, used_response
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
@@ -61,14 +57,15 @@ from geoident.workflow.running.jobs import (
     load_inputs,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
-from geoident.workflow.running.readings import bad_notes, used_rows
+from geoident.workflow.running.readings import bad_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
+from geoident.workflow.scoring.decisions import with_decisions
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
 """What is said of predictions from a poor fit."""
 
-_OWN = ("collapse", "strength", "alarm")
+_OWN = ("collapse", "strength", "alarm", "decision")
 """Kinds of findings of which a prediction has its own, in place of those of the fit."""
 
 LEFT_OUT = (
@@ -181,7 +178,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
     chosen = task.request.stages
     rows = left_out_rows(case)
     places = chosen_stages(gauges, chosen) if chosen else predicted_places(gauges, rows)
-    prediction, left_out = _prediction(task, model, case, survey, places)
+    prediction, known, left_out = _prediction(task, model, case, survey, places)
     scored = left_out_table(case, gauges, prediction)
     inherited = [one for one in fit.findings if one.kind not in _OWN]
     if task.others:  # its gauges may have the same names
@@ -191,43 +188,43 @@ def predict(task: PredictTask, control: Control) -> Finished:
     if isinstance(model, ReducedCaseModel):
         by_reduced = (answer_note(model, task.request.result),)
     poor = fit.status == "poor-fit"
-    return task.write(
-        Result(
-            kind="predict",
-            status="poor-fit" if poor else "done",
-            exit_code=ExitCode.NOT_CONVERGED if poor else ExitCode.DONE,
-            method=fit.method,
-            reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
-            objective=fit.objective,
-            findings=(
-                *_whose_gauges(task),
-                *collapse_findings(survey),
-                *strength_findings(survey.members),
-                *alarm_findings(alarms),
-                *inherited,
-            ),
-            case_text=task.job.inputs.loaded.text,
-            case_resolved=task.job.inputs.loaded.resolved,
-            provenance=job_provenance(task.job),
-            parameters=parameters,
-            gauges=gauges,
-            counts=model.counts,
-            sensitivity=survey.sensitivity,
-            prediction=prediction,
-            alarms=alarms,
-            **details_of(survey),
-            singular_values=fit.singular_values,
-            varied=fit.varied if same_case else (),
-            notes=(
-                *left_out,
-                *by_reduced,
-                *bad_notes(readings),
-                *score(gauges, prediction, rows),
-                *(scored.sentences if scored else ()),
-            ),
-            left_out=scored,
-        )
+    result = Result(
+        kind="predict",
+        status="poor-fit" if poor else "done",
+        exit_code=ExitCode.NOT_CONVERGED if poor else ExitCode.DONE,
+        method=fit.method,
+        reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
+        objective=fit.objective,
+        findings=(
+            *_whose_gauges(task),
+            *collapse_findings(survey),
+            *strength_findings(survey.members),
+            *alarm_findings(alarms),
+            *inherited,
+        ),
+        case_text=task.job.inputs.loaded.text,
+        case_resolved=task.job.inputs.loaded.resolved,
+        provenance=job_provenance(task.job),
+        parameters=parameters,
+        gauges=gauges,
+        counts=model.counts,
+        sensitivity=survey.sensitivity,
+        prediction=prediction,
+        alarms=alarms,
+        **details_of(survey),
+        singular_values=fit.singular_values,
+        varied=fit.varied if same_case else (),
+        notes=(
+            *left_out,
+            *by_reduced,
+            *bad_notes(readings),
+            *score(gauges, prediction, rows),
+            *(scored.sentences if scored else ()),
+        ),
+        left_out=scored,
     )
+    together = partial(correlations, survey, known.assessment, known=known.errors)
+    return task.write(with_decisions(result, case, prediction, together))
 
 
 def _model(task: PredictTask) -> tuple[ObservedModel, Case]:
@@ -255,8 +252,8 @@ def _model(task: PredictTask) -> tuple[ObservedModel, Case]:
 
 def _prediction(
     task: PredictTask, model: ObservedModel, case: Case, survey: Survey, places: Bools
-) -> tuple[Prediction, tuple[str, ...]]:
-    """What all minima of a fit predict, and a note where rivals have to be left out.
+) -> tuple[Prediction, KnownFromFit, tuple[str, ...]]:
+    """What all minima of a fit predict, what is known at the first, and a note on rivals left out.
 
     What is known at a rival of another case is assessed by the model of the case of the fit.
 
@@ -268,11 +265,11 @@ def _prediction(
         places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
     fit, origin, same_case = task.fit, task.origin, task.request.case is None
-    first, rivals = _of_one_minimum(task, fit, model, case, survey, places), fit.rivals
+    (first, known), rivals = _of_one_minimum(task, fit, model, case, survey, places), fit.rivals
     if rivals is None:
-        return first, ()
+        return first, known, ()
     if not same_case and origin.mesh_sha256 != fit.provenance.mesh_sha256:
-        return first, (LEFT_OUT.format(len(rivals) - 1, "the mesh of the fit has changed"),)
+        return first, known, (LEFT_OUT.format(len(rivals) - 1, "the mesh of the fit has changed"),)
     fitted = model if same_case else build_model(origin, solver=task.request.solver)
     order = [fit.parameters.names.index(name) for name in model.names]
     others = []
@@ -288,20 +285,17 @@ def _prediction(
             there = of_fit
             if not same_case:
                 there = model.survey(values[order], fields=False, partial=True)
-            others.append(_of_one_minimum(task, at_rival, model, case, there, places))
+            others.append(_of_one_minimum(task, at_rival, model, case, there, places)[0])
     except ModelError as error:
         why = f"with the values of one of them {error}"
-        return first, (LEFT_OUT.format(len(rivals) - 1, why),)
-    return mixed_prediction(rivals.odds, [first, *others]), ()
+        return first, known, (LEFT_OUT.format(len(rivals) - 1, why),)
+    return mixed_prediction(rivals.odds, [first, *others]), known, ()
 
 
 def _of_one_minimum(
     task: PredictTask, fit: Result, model: ObservedModel, case: Case, survey: Survey, places: Bools
-) -> Prediction:
+) -> tuple[Prediction, KnownFromFit]:
     """What a fit predicts at its parameters, or at those of a rival that stands in their place.
-
-    How well they are known is assessed again from the sensitivities that the fit holds. Of gauges
-    that are others than those of the fit it knows no error, nor that of the model where they are.
 
     Args:
         task: the prediction.
@@ -312,37 +306,21 @@ def _of_one_minimum(
         places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
     p, readings = fit.parameters.values, fit.gauges.readings
-    setup = setup_of_result(fit, task.origin.case, model)
-    same_case = task.request.case is None
-    response = used_response(setup) if same_case else model.response(())
-    problem = problem_of_result(fit, setup.case, response)
-    computed, jacobian = at_used(readings)
-    over = over_accuracies(setup, problem, p, computed, jacobian)
-    order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    assessment = pick_assessment(assess_robustly(problem, p, computed, jacobian, over), order)
-    nonlinearity = None
+    same_case, nonlinearity = task.request.case is None, None
+    knowledge = known_from_fit(
+        fit, task.origin.case, model, case, survey, same=same_case, others=bool(task.others)
+    )
     if same_case:  # where the model is not linear, as the fit has it
         at_p = with_computed(readings, case, model, survey, p)
         assessment, nonlinearity = follow_model(
-            model, case, problem, p, survey, at_p, assessment,
+            model, case, knowledge.problem, p, survey, at_p, knowledge.assessment,
             converged=fit.status not in (STOPPED, "not-converged"),
         )  # fmt: skip
-    error = setup.model_error
-    if error is not None and task.others:
-        error = error.of_nothing_used()
-    known = None
-    if error is not None or any(c.errors for c in (*setup.case.channels, *case.channels)):
-        known = KnownErrors(
-            case,
-            replace(problem, sd=effective_sd(problem, computed)),
-            computed,
-            jacobian[:, order],
-            used_rows(setup.case, readings.used),
-            None if error is None else LaterModelError(error, case, model, survey.increments),
-            Possible.of(fit.accuracies, readings.used),
-        )
-        known = known.of_nothing_used() if task.others else known
-    return predict_stages(survey, assessment, accuracies(case), places, known, nonlinearity)
+        knowledge = replace(knowledge, assessment=assessment)
+    prediction = predict_stages(
+        survey, knowledge.assessment, accuracies(case), places, knowledge.errors, nonlinearity
+    )
+    return prediction, knowledge
 
 
 def _whose_gauges(task: PredictTask) -> Iterator[Finding]:

@@ -24,7 +24,7 @@ MISSING = (
     *("posterior", "draws", "fields", "yielded", "alarms", "troughs", "convergence"),
     *("opening", "ground-reaction", "opening-stresses", "opening-supports"),
     *("face", "face-profile"),
-    *("seasonal", "judged", "changes"),
+    *("seasonal", "judged", "changes", "decisions", "telling-readings", "plan", "plan-targets"),
 )
 """Tables of which a plain fit has nothing to say."""
 

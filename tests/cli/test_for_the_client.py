@@ -66,6 +66,8 @@ def write_watched(folder):
     text = text.replace(
         "[4 m, 3.5 m]], ", "[4 m, 3.5 m]], alarm: {amber: -0.5 mm, red: -1.0 mm, far: 9 mm}, "
     )
+    text = text.replace("point: [1 m, 4 m], ", "point: [1 m, 4 m], limits: 0.05 mm, ")
+    text = text.replace("head: [2 m, 3 m], ", "head: [2 m, 3 m], limits: {red: 0.27 mm}, ")
     case.write_text(text)
     read = [line for line in READINGS.splitlines() if "second" not in line]
     (folder / "readings.csv").write_text("\n".join([*read, ""]))
@@ -79,7 +81,7 @@ def watched(after):
 @pytest.mark.usefixtures("watched")
 def test_alarm_values_are_reached_by_readings_and_expected_by_predictions(run, run_json):
     (told,) = run_json("show", "case.fit.h5")
-    amber, red, far = told["alarms"]
+    amber, red, far, *_ = told["alarms"]
     assert (amber["level"], amber["reached"], amber["value"]) == ("amber", "first", -5e-4)
     assert amber["largest"] == pytest.approx(-0.598e-3)
     (later,) = [p for p in told["predictions"] if (p["gauge"], p["stage"]) == ("CV", "second")]
@@ -92,7 +94,36 @@ def test_alarm_values_are_reached_by_readings_and_expected_by_predictions(run, r
     assert "alarm" in {finding["kind"] for finding in told["findings"]}
     shown = run("show", "case.fit.h5").stdout
     assert "Alarm value 'amber' was reached by CV (first)." in " ".join(shown.split())
-    assert "1 of 3 alarm values were not reached" in shown
+    assert "1 of 5 alarm values were not reached" in shown
+
+
+@pytest.mark.usefixtures("watched", "plain_pictures")
+def test_a_limit_is_reached_by_readings_of_either_sign(run, run_json):
+    (told,) = run_json("show", "case.fit.h5")
+    limit, beside = told["alarms"][3:]
+    assert (limit["gauge"], limit["level"], limit["value"]) == ("S", "limit", 5e-5)
+    assert (limit["reached"], limit["largest"]) == ("first", pytest.approx(-0.1226e-3))
+    assert (limit["either_sign"], told["alarms"][0]["either_sign"]) == (True, False)
+    for one in (limit, beside):  # both tails lie beyond it
+        (later,) = [
+            p for p in told["predictions"] if (p["gauge"], p["stage"]) == (one["gauge"], "second")
+        ]
+        ends = {True: later["upper95"] - later["mean"], False: later["mean"] - later["lower95"]}
+        above, below = (
+            norm.cdf(0.0, abs(side - later["mean"]), ends[side > later["mean"]] / 1.959964)
+            if abs(side) > abs(later["mean"]) else math.nan
+            for side in (one["value"], -one["value"])
+        )  # fmt: skip
+        assert one["probabilities"] == {"second": pytest.approx(above + below, rel=1e-4)}
+        assert one["probability"] == one["probabilities"]["second"]
+    assert beside["reached"] == ""
+    shown = run("show", "case.fit.h5").stdout
+    assert "Alarm value 'limit' was reached by S (first)." in " ".join(shown.split())
+    assert "\N{PLUS-MINUS SIGN}0.050 mm" in shown
+    header = run("export", "case.fit.h5", "--table", "alarms").stdout.splitlines()[0]
+    assert header.endswith(",either_sign,probability at first,probability at second")
+    assert run("report", "case.fit.h5").exit_code == 0
+    assert "\N{PLUS-MINUS SIGN}0.050 mm" in Path("case.fit.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("watched")
@@ -128,6 +159,10 @@ def test_the_page_has_the_words_of_parameters_and_no_empty_columns(run, run_json
     [
         ("alarm: {amber: -0.5 mm, ", "alarm: {amber: -0.5 kPa, ", "is a pressure"),
         ("alarm: {amber: -0.5 mm, ", "alarm: {amber: 0 mm, ", "is reached by every reading"),
+        ("limits: 0.05 mm", "limits: -0.05 mm", "a limit is the size of a reading"),
+        ("limits: 0.05 mm", "limits: 0 mm", "is reached by every reading"),
+        ("limits: 0.05 mm", "limits: 0.05 kPa", "is a pressure"),
+        (" far: 9 mm}", " far: 9 mm}, limits: {far: 9 mm}", "name of an alarm value, too"),
         ("compressive_strength: 15 MPa, ", "", "without 'compressive_strength'"),
         ("tensile_strength: 1 MPa", "tensile_strength: -1 MPa", "is negative"),
         (

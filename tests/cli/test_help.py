@@ -33,7 +33,7 @@ class TestEveryCommand:
     def test_its_examples_have_flags_that_exist(self, run, name):
         command = geoident.get_command(None, name)
         known = {flag for parameter in command.params for flag in parameter.opts} | {"-h", "--help"}
-        lines = re.findall(rf"geoident {name}\b([^|>&\n]*)", command.epilog)
+        lines = re.findall(rf"geoident {name}\b((?:\"[^\"]*\"|[^|>&\n])*)", command.epilog)
         assert lines
         words = [word for line in lines for word in shlex.split(line, comments=True)]
         flags = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)}

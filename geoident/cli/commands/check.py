@@ -130,7 +130,7 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 
 
 def _identifiability(case: str, options: Options) -> int:
-    from geoident.report.text.json import dumps, plan_object
+    from geoident.report.text.json import dumps, identifiability_object
     from geoident.report.text.result import plan_text
     from geoident.workflow.identifiability import identifiability
 
@@ -139,7 +139,7 @@ def _identifiability(case: str, options: Options) -> int:
     if not plan.read:
         _note(case, _UNREAD)
     if options.as_json:
-        click.echo(dumps(plan_object(case, plan)))
+        click.echo(dumps(identifiability_object(case, plan)))
     elif not options.quiet:
         click.echo(plan_text(case, plan))
     return 0

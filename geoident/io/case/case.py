@@ -24,7 +24,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError
 
+from geoident.errors import Term
 from geoident.io.case.actions import LoadSection, WaterSection
+from geoident.io.case.decisions import Decisions, build_decisions
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
@@ -232,6 +234,12 @@ class CaseSection(Section):
     bad: list[BadSection] = Field(
         [], description="Readings known to be wrong: shown with the reason, and not used."
     )
+    decision: Decisions | None = Field(
+        None,
+        description="What is to be done if a reading is beyond a value, or a list of that. A fit "
+        "says how probable it is, and which reading at an earlier stage would make it so.",
+        examples=[{"if": "CV1 > 40 mm at bench 5", "then": "install the second row of bolts"}],
+    )
     fit: FitSection = Field(default_factory=FitSection)
     report: ReportSection | None = Field(None, description="The head of the report.")
 
@@ -306,6 +314,10 @@ def _check_seasonal(
     if section.parameters:
         message = "a seasonal model has coefficients of each gauge, and no parameters"
         faults.add(("parameters",), "no-parameters", message, "Remove them.")
+    if section.decision is not None:
+        message = "a decision is on the reading of a stage, and a structure in service has none"
+        hint = f"Remove it. 'limits' of gauges are judged by {Term.CONTROL}."
+        faults.add(("decision",), "no-stages", message, hint)
     if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
         message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
         faults.add(("fit", "method"), "no-method", message, "Remove it.")
@@ -350,8 +362,9 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
     if section.mesh is not None or "mesh" in wrong:
         _refuse_opening_supports(section.structures, context)
     channels = build_channels(section.gauges, structures, context.at("gauges"))
+    gauges_wrong = bool(section.gauges) and not channels  # nobody knows the channels
     known = dict.fromkeys(name for c in channels for name in (c.gauge, c.name))
-    if known or not section.gauges:  # of gauges that are wrong nobody knows the channels
+    if not gauges_wrong:
         for n, name in enumerate(section.fit.predict_gauges or ()):
             if name not in known:
                 faults.add_unknown(("fit", "predict_gauges", n), "gauge", name, known)
@@ -392,6 +405,12 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         structures=structures,
         face=build_face(section.face, section.stages, circle_of(section), context.at("face")),
+        decisions=build_decisions(
+            None if {"gauges", "stages"} & {*wrong} or gauges_wrong else section.decision,
+            channels,
+            [stage.name for stage in section.stages],
+            context.at("decision"),
+        ),
     )
 
 

@@ -10,6 +10,10 @@ _KINDS = {
     "case": ("a case", f"A case is for {Term.FIT} and most other commands."),
     "campaign": ("a campaign", "A campaign is for `geoident batch`."),
     "project": ("a project of several sections", "A project is for `geoident fit`."),
+    "candidates": (
+        "a list of candidates",
+        f"Candidates are for {Term.CANDIDATES}.",
+    ),
     "cluster": ("a cluster file", f"A cluster file stands after {Term.CLUSTER}."),
 }
 """What a format says that a file is, and what to do with one where it is not wanted."""
@@ -20,7 +24,8 @@ def refuse_other_kind(document: Document, kind: str) -> None:
 
     Args:
         document: what was read.
-        kind: what is expected, as in its format: ``case``, ``campaign``, ``project``, ``cluster``.
+        kind: what is expected, as in its format: ``case``, ``campaign``, ``project``,
+            ``candidates``, ``cluster``.
 
     Raises:
         InputError: with one fault, at the format.

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from geoident.model.arrays import Floats
 from geoident.model.results.columns import ROW, column
 
 _LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
@@ -14,7 +17,7 @@ class AlarmState:
     """What is known of one alarm value of one channel; SI, NaN where there is none.
 
     A positive value is reached by readings that are at least as large, a negative one by those that
-    are at most as large.
+    are at most as large, a limit by those whose size, with either sign, is at least as large.
 
     Args:
         gauge: name of the channel.
@@ -31,6 +34,8 @@ class AlarmState:
         probability: of being reached in that stage, 0 to 1.
         unit: in which people see the readings.
         dimension: key of `geoident.units.DIMENSIONS`.
+        either_sign: it is a limit.
+        probabilities: (n_stages,) of being reached in each stage; NaN where it is not predicted.
     """
 
     gauge: str
@@ -45,3 +50,8 @@ class AlarmState:
     probability: float
     unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
     dimension: str = field(metadata=column(hidden=("csv", "json")))
+    either_sign: bool = field(default=False, metadata=column(optional=True))
+    probabilities: Floats = field(
+        default_factory=lambda: np.zeros(0),
+        metadata=column("stage", optional=True, sheet="probability at {stage}", hidden=("diff",)),
+    )

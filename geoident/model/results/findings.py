@@ -17,7 +17,7 @@ FindingKind = Literal[
     "zero", "exchanged", "no-motion", "correlated-residuals", "accuracy", "degrees-of-freedom",
     "mesh-error", "surface-error", "model-error", "model-error-doubt",
     # of predictions
-    "bands", "extrapolation", "collapse", "other-case", "alarm", "change",
+    "bands", "extrapolation", "collapse", "other-case", "alarm", "decision", "change",
     # of numbers of the case
     "implausible",
     # of structures

@@ -22,11 +22,13 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import column, derived, select
 from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
+from geoident.model.results.decisions import DecisionState, TellingReading
 from geoident.model.results.findings import Finding
 from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
 from geoident.model.results.left_out import LeftOutTable
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
+from geoident.model.results.plan import GaugePlan
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
@@ -799,7 +801,8 @@ class Result:
     """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``scan``, ``sample`` or ``backtest``.
+        kind: the command, ``fit``, ``predict``, ``scan``, ``sample``, ``backtest``, ``control`` or
+            ``plan``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``poor-fit``,
             ``out-of-budget``, ``done``.
         exit_code: of the command.
@@ -833,7 +836,10 @@ class Result:
         changes: what new readings of a structure in service show.
         judged: readings after the end of a fit, held against it, or None.
         alarms: what is known of each alarm value of each channel.
+        decisions: what is known of each decision that depends on a reading.
+        telling: earlier readings that would tell how probable these are.
         convergence: what a convergence law says of each channel.
+        plan: of gauges that are to be read, or None.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -933,9 +939,16 @@ class Result:
     alarms: tuple[AlarmState, ...] = field(
         default=(), metadata=column("alarm", group="alarms", optional=True)
     )
+    decisions: tuple[DecisionState, ...] = field(
+        default=(), metadata=column("decision", group="decisions", optional=True)
+    )
+    telling: tuple[TellingReading, ...] = field(
+        default=(), metadata=column("telling", group="telling_readings", optional=True)
+    )
     convergence: tuple[ConvergenceState, ...] = field(
         default=(), metadata=column("law_gauge", group="convergence", optional=True)
     )
+    plan: GaugePlan | None = field(default=None, metadata=column(group="plan", optional=True))
 
     @property
     def fingerprint(self) -> str:

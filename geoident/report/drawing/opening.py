@@ -40,12 +40,14 @@ def opening_pictures(result: Result) -> tuple[Picture, ...]:
         return ()
     yields = bool(np.isfinite(reaction.stage_plastic_radius).any())
     supported = "; thick: pressure of all supports" if reaction.supports else ""
+    taken = " Orange: the gauges to take." if result.plan is not None else ""
     zone = " The brown ground yields at the last stage with a closed form." if yields else ""
     return (
         Picture(
             "opening",
             "The opening, its gauges and the in-situ stress",
-            f"Lines and dots: gauges. Arrows: in-situ stress, positive in compression.{zone}",
+            "Lines and dots: gauges. Arrows: in-situ stress, positive in compression."
+            f"{zone}{taken}",
             lambda: sketch_figure(result, reaction),
         ),
         Picture(
@@ -117,14 +119,17 @@ def _draw_stress(axes: Axes, reaction: GroundReaction, edge: float) -> None:
 def _draw_gauges(axes: Axes, result: Result, reaction: GroundReaction, yielded: float) -> None:
     """Gauges as lines and dots with the names of their channels, and the radii."""
     table = result.gauges
+    marked = () if result.plan is None else [one.gauge for one in result.plan.chosen]
     anchors: list[Floats] = []
     names: list[str] = []
     lines: list[Floats] = []
-    for channel, first, second in zip(table.channels, table.first, table.second, strict=True):
+    every = zip(table.channels, table.gauges, table.first, table.second, strict=True)
+    for channel, gauge, first, second in every:
         if not np.isfinite(second).all():
             continue
         ends = np.stack([first, second]) if np.isfinite(first).all() else second[None]
-        axes.plot(*ends.T, "-o", color=MEASURED, lw=1.0, ms=3.2)
+        colour_of = ACCENT if gauge in marked else MEASURED
+        axes.plot(*ends.T, "-o", color=colour_of, lw=1.0, ms=3.2)
         anchors.append(second)
         names.append(short(channel, 16))
         lines.append(ends)

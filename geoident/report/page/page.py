@@ -11,8 +11,11 @@ from dataclasses import replace
 
 from geoident.io.text.yaml_writer import compact_text
 from geoident.model.results.head import NO_HEAD, ReportHead
+from geoident.model.results.plan import GaugePlan
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import Album, album, comparison
+from geoident.report.drawing.model.figure import model_pictures
+from geoident.report.drawing.opening import opening_pictures
 from geoident.report.drawing.style import svg_files
 from geoident.report.page import in_service
 from geoident.report.page.blocks import (
@@ -29,8 +32,10 @@ from geoident.report.text import (
     accuracies,
     alarms,
     backtest,
+    decisions,
     extent,
     left_out,
+    plan,
     posterior,
     rivals,
     structures,
@@ -128,6 +133,8 @@ def _provenances(results: Labelled) -> tuple[PagePart, ...]:
 
 def _parts(result: Result) -> tuple[PagePart, ...]:
     """All sections of one result."""
+    if result.plan is not None:
+        return _plan(result, result.plan)
     pictures = album(result)
     # figures for those who want to know how the answer was found, and what pairs say better
     pairs = any(p.name == "pairs" for p in pictures.parameters)
@@ -169,7 +176,14 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(
             alarms.NAME,
             TitledTable(alarms.NAME, alarms.alarm_table(result)),
+            TitledTable(alarms.BY_STAGE, alarms.stage_table(result)),
             _paragraph(alarms.NOTE if result.alarms else "", class_="note"),
+        ),
+        section(
+            decisions.NAME,
+            TitledTable(decisions.NAME, decisions.decision_table(result)),
+            TitledTable(decisions.TELLING, decisions.telling_table(result)),
+            _paragraph(decisions.NOTE if result.telling else "", class_="note"),
         ),
         section(trough.NAME, *_troughs(result)),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),
@@ -232,6 +246,28 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section("Notes", joined([tag("p", note) for note in result.notes if note]), appendix=True),
         section("Provenance", _provenance(result), appendix=True),
         section("Case file", *_case(result), appendix=True),
+    )
+
+
+def _plan(result: Result, chosen: GaugePlan) -> tuple[PagePart, ...]:
+    """All sections of a plan of gauges."""
+    pictures = (*model_pictures(result), *opening_pictures(result)[:1])
+    return (
+        section(
+            "Summary",
+            tag("p", " ".join(outcome_sentences(result)), class_="lead"),
+            Figures(pictures),
+        ),
+        section(
+            plan.NAME,
+            TitledTable(plan.NAME, plan.gauge_table(chosen)),
+            TitledTable(plan.TARGETS, plan.target_table(chosen)),
+            tag("p", plan.NOTE, class_="note"),
+        ),
+        section("Parameters", TitledTable("Parameters", parameter_table(result.parameters))),
+        section("Notes", joined([tag("p", note) for note in result.notes])),
+        section("Provenance", _provenance(result), appendix=True),
+        section("Case file, with the gauges to take", *_case(result), appendix=True),
     )
 
 

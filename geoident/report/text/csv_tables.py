@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from geoident.model.results.columns import ROW
+from geoident.model.results.columns import LABELS, ROW
 from geoident.model.results.result import Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import predictions, step_parameters
@@ -216,7 +216,13 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "sensitivity": _sensitivity,
     "structures": _structures,
     "reactions": _reactions,
-    "alarms": lambda result: sheet(result.alarms, ROW),
+    "alarms": lambda result: sheet(
+        result.alarms, ROW, labels={**LABELS, "stage": result.gauges.stages}
+    ),
+    "decisions": lambda result: sheet(result.decisions, ROW),
+    "telling-readings": lambda result: sheet(result.telling, ROW),
+    "plan": lambda result: sheet(result.plan and result.plan.gauges, ROW),
+    "plan-targets": lambda result: sheet(result.plan and result.plan.targets, ROW),
     "convergence": lambda result: sheet(result.convergence, ROW),
     "troughs": lambda result: sheet(troughs(result), ROW),
     "yielded": lambda result: sheet(result.yielded, "state"),

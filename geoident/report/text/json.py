@@ -24,10 +24,12 @@ from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
 from geoident.model.yielding import Certificate
 from geoident.report.text.accuracies import accuracies_list
+from geoident.report.text.alarms import alarms_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.surface import surface_object
 from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
 from geoident.report.text.in_service import judged_readings, listed_changes, seasonal_object
+from geoident.report.text.plan import plan_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.residuals import compared_readings, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
@@ -107,12 +109,15 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "structures": result.members and structures_list(result.members),
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
-        "alarms": result.alarms and objects(result.alarms, ROW),
+        "alarms": result.alarms and alarms_list(result),
+        "decisions": result.decisions and objects(result.decisions, ROW),
+        "telling_readings": result.telling and objects(result.telling, ROW),
         "convergence": result.convergence and objects(result.convergence, ROW),
         "troughs": objects(troughs(result), ROW) or None,
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),
         "face": result.advance and face_object(result.advance),
+        "plan": result.plan and plan_object(result.plan),
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,
@@ -156,7 +161,7 @@ def face_object(advance: FaceAdvance) -> dict[str, Any]:
     }
 
 
-def plan_object(case: str, plan: Identifiability) -> dict[str, Any]:
+def identifiability_object(case: str, plan: Identifiability) -> dict[str, Any]:
     """What planned gauges could determine, at the start values."""
     return {
         "case": case,

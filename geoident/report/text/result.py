@@ -18,9 +18,11 @@ from geoident.report.text import (
     accuracies,
     alarms,
     backtest,
+    decisions,
     extent,
     in_service,
     left_out,
+    plan,
     posterior,
     rivals,
     structures,
@@ -101,6 +103,8 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(left_out.TITLE, left_out.left_out_table(result.left_out).text),
         section(prediction_title(result), prediction_table(result).text),
         section(alarms.NAME, *alarms.alarm_parts(result)),
+        section(plan.NAME, *plan.plan_parts(result.plan)),
+        section(decisions.NAME, *decisions.decision_parts(result)),
         section(trough.NAME, *_troughs(result)),
         section(structures.TITLE, structures.force_table(result.members).text),
         section(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions).text),
@@ -117,7 +121,7 @@ def summary_text(result: Result) -> str:
     result = result.for_people
     parts = (
         head(result),
-        _parameters_in_words(result),
+        _parameters_in_words(result) if result.plan is None else "",
         section(f"{in_service.TITLE}:", in_service.effects_table(result).text),
         section(f"{in_service.later_title(result)}:", in_service.judged_table(result).text),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
@@ -125,6 +129,11 @@ def summary_text(result: Result) -> str:
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         section(f"{left_out.TITLE}:", left_out.left_out_table(result.left_out).text),
+        *(
+            (plan.gauge_table(result.plan).text, plan.target_table(result.plan).folded(1))
+            if result.plan is not None
+            else ()
+        ),
         sentence(_model_error(result)),
         sentence(extent.extent_sentence(result.yielded)),
         bullets(sentences_of(result.findings)),
@@ -200,6 +209,8 @@ def counts_text(counts: Counts) -> str:
 
 def outcome_sentences(result: Result) -> list[str]:
     """The outcome in a few sentences."""
+    if result.plan is not None:
+        return plan.plan_sentences(result.plan)
     return [
         *_identified(result),
         *_values(result),

@@ -78,6 +78,8 @@ class Trough:
 
 def troughs(result: Result) -> list[Trough]:
     """All troughs: that of the ground surface of the model, then those of gauges."""
+    if result.plan is not None:  # of gauges, not of the ground
+        return []
     tunnel = None if result.fields is None else _Tunnel.of(result.fields)
     rows = [] if tunnel is None else list(_of_surface(result, tunnel))
     for line in lines(result):

@@ -108,6 +108,50 @@ def predict_stages(
     )
 
 
+@dataclass(frozen=True)
+class JointReadings:
+    """Later readings together, as they are expected (theory 6.3, 7).
+
+    Args:
+        rows: (l, n) their derivatives by the scaled parameters, less what used readings tell of
+            errors that they share, SI.
+        covariance: (l, l) of the readings, own errors included, SI.
+        own: (l,) variance of what each has by itself, SI.
+    """
+
+    rows: Floats
+    covariance: Floats
+    own: Floats
+
+
+def joint_readings(
+    survey: Survey,
+    assessment: Assessment,
+    accuracy: Floats,
+    places: Ints,
+    known: KnownErrors | None = None,
+) -> JointReadings:
+    """Later readings together: what the parameters lack is common to all of them.
+
+    So is what is left of errors that they share with used readings or with each other.
+
+    Args:
+        survey: the model at the estimate.
+        assessment: how well the parameters are known.
+        accuracy: (n_channels, n_stages) standard deviation of a reading, SI.
+        places: (l, 2) numbers of their channels and stages.
+        known: what the used readings tell of shared errors; None where all are independent.
+    """
+    rows, own = survey.sensitivity[*places.T], accuracy[*places.T] ** 2
+    left = np.diag(own)
+    if known is not None and len(rows):
+        rows = known.of(places, rows).jacobian
+        problem, later = known.with_later(places)
+        left, own = later_covariance(problem, later), later.sd**2
+    rows = rows * assessment.dp_dx
+    return JointReadings(rows, rows @ assessment.posterior.covariance @ rows.T + left, own)
+
+
 def correlations(
     survey: Survey,
     assessment: Assessment,
@@ -115,9 +159,7 @@ def correlations(
     places: Bools,
     known: KnownErrors | None = None,
 ) -> Floats:
-    """Of the errors of predictions: what the parameters lack is common to all of them.
-
-    So is what is left of errors that they share with used readings or with each other.
+    """Of the errors of predictions.
 
     Args:
         survey: the model at the estimate.
@@ -129,15 +171,10 @@ def correlations(
     Returns:
         (l, l).
     """
-    rows, numbers = survey.sensitivity[places], np.argwhere(places)
-    left = np.zeros((len(rows), len(rows)))
-    if known is not None and len(rows):
-        rows = known.of(numbers, rows).jacobian
-        left = later_covariance(*known.with_later(numbers))
-    rows = rows * assessment.dp_dx
-    common = rows @ assessment.posterior.covariance @ rows.T + left
-    sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
-    matrix = common / np.outer(sd, sd)
+    exact = np.zeros_like(survey.computed)  # independent accuracies stand in the diagonal alone
+    joint = joint_readings(survey, assessment, exact, np.argwhere(places), known).covariance
+    sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(joint)))
+    matrix = joint / np.outer(sd, sd)
     np.fill_diagonal(matrix, 1.0)
     return np.asarray(matrix)
 

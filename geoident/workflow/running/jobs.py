@@ -144,18 +144,19 @@ def load_inputs(
     return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
 
 
-def inputs_of_result(result: Result, path: str) -> Inputs:
+def inputs_of_result(result: Result, path: str, overrides: Sequence[str] = ()) -> Inputs:
     """The case of a result, from what the result holds; only the mesh is looked for where it was.
 
     Args:
         result: holds the case and its readings.
         path: where the case stood.
+        overrides: changes to it, such as further gauges.
 
     Raises:
         InputError: the case cannot be read as this version reads it.
     """
     try:
-        loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
+        loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS, *overrides])
     except InputError as error:
         unplaced = [replace(fault, location=Location(path)) for fault in error.faults]
         raise InputError(unplaced) from error
@@ -164,7 +165,7 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
         loaded,
         case=_as_fitted(loaded.case, result, nowhere),
         text=result.case_text,
-        resolved=result.case_resolved,
+        resolved=loaded.resolved if overrides else result.case_resolved,
     )
     hashes = result.provenance
     return replace(

@@ -109,7 +109,7 @@ def _is_folder(output: str) -> bool:
 def _stem(path: Path) -> str:
     """Name without its endings: of a case, or of a result made from one."""
     stem = path.name
-    kinds = (".fit", ".scan", ".predict", ".sample", ".backtest", ".control")
+    kinds = (".fit", ".scan", ".predict", ".sample", ".backtest", ".control", ".plan")
     for ending in (".h5", *kinds, ".yaml", ".yml"):
         stem = stem.removesuffix(ending)
     return stem or path.name

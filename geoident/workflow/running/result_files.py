@@ -34,7 +34,7 @@ def case_path(output: Path | str, case_file: str) -> str:
     return os.path.normpath(Path(output).parent / case_file)
 
 
-OF_FITS = ("predict", "sample", "control")
+OF_FITS = ("predict", "sample", "control", "plan")
 """Kinds of results that are made from a fit."""
 
 
@@ -50,6 +50,8 @@ def why_outdated(result: Result, path: str) -> str:
         return ""
     file = case_path(path, origin.fit_file)
     again = f"geoident {result.kind} {file}"
+    if result.kind == "plan":
+        again += " ..."
     return outdated_words(file, origin.fit_fingerprint, again)
 
 

@@ -31,24 +31,29 @@ def alarm_states(
         prediction: of stages; None for none.
     """
     return tuple(
-        _state(case, gauges, prediction, row, level, value)
+        _state(case, gauges, prediction, row, level, value, either=values is channel.limits)
         for row, channel in enumerate(case.channels)
-        for level, value in channel.alarm.items()
+        for values in (channel.alarm, channel.limits)
+        for level, value in values.items()
     )
 
 
 def _state(
     case: Case, gauges: GaugeTable, prediction: Prediction | None,
-    row: int, level: str, value: float,
+    row: int, level: str, value: float, *, either: bool,
 ) -> AlarmState:  # fmt: skip
     channel, table = case.channels[row], gauges.readings
-    sign = math.copysign(1.0, value)
     own = [k for k, name in enumerate(table.channel) if name == channel.name and not table.bad[k]]
     read = [k for k in own if math.isfinite(table.value[k])]
+    size = np.abs(table.value) if either else math.copysign(1.0, value) * table.value
     order = {name: j for j, name in enumerate(gauges.stages)}
-    beyond = [k for k in read if sign * table.value[k] >= sign * value]
+    beyond = [k for k in read if size[k] >= abs(value)]
     first = min(beyond, key=lambda k: (order[table.stage[k]], table.time[k]), default=None)
-    later = reached_probability(prediction, row, value)
+    later = np.full(len(gauges.stages), np.nan)
+    if prediction is not None:
+        sides = (value, -value) if either else (value,)
+        each = [reached_probability(prediction, row, x, below=x < 0.0) for x in sides]
+        later = np.sum(each, axis=0)
     known = np.flatnonzero(np.isfinite(later))
     likely = known[later[known] >= _LIKELY]
     expected = gauges.stages[likely[0]] if likely.size else ""
@@ -57,7 +62,7 @@ def _state(
         gauge=channel.name,
         level=level,
         value=value,
-        largest=sign * max((sign * float(table.value[k]) for k in read), default=math.nan),
+        largest=float(table.value[max(read, key=lambda k: size[k])]) if read else math.nan,
         reached="" if first is None else table.stage[first],
         reached_on=math.nan if first is None else float(table.time[first]),
         expected=expected,
@@ -66,31 +71,32 @@ def _state(
         probability=math.nan if most is None else float(later[most]),
         unit=channel.unit,
         dimension=channel.dimension,
+        either_sign=either,
+        probabilities=later,
     )
 
 
-def reached_probability(prediction: Prediction | None, row: int, value: float) -> Floats:
+def reached_probability(prediction: Prediction, row: int, value: float, *, below: bool) -> Floats:
     """(n_stages,) probability that the reading of a channel reaches a value; NaN if not predicted.
 
     Each side of a band counts as half of a normal distribution, so that 2.5 % lie beyond each end
     (theory 6.3).
 
     Args:
-        prediction: the bands; None for none.
+        prediction: the bands.
         row: of the channel.
-        value: SI; a negative one is reached from above.
+        value: SI.
+        below: it is reached by readings that are at most as large; else at least as large.
     """
-    if prediction is None:
-        return np.zeros(0)
     mean, low, high = (
         table[row] for table in (prediction.mean, prediction.lower95, prediction.upper95)
     )
     beyond = value - mean
     with np.errstate(invalid="ignore", divide="ignore"):
         side = np.where(beyond > 0.0, high - mean, mean - low) / NORMAL_95
-        below = ndtr(beyond / side)
-    known = np.isfinite(prediction.sd[row]) & np.isfinite(below)
-    return np.where(known, below if value < 0.0 else 1.0 - below, np.nan)
+        under = ndtr(beyond / side)
+    known = np.isfinite(prediction.sd[row]) & np.isfinite(under)
+    return np.where(known, under if below else 1.0 - under, np.nan)
 
 
 def alarm_findings(states: Sequence[AlarmState]) -> tuple[Finding, ...]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Iterator
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -52,15 +53,15 @@ LIKE_READINGS = ("offset", "drift_per_stage")
 RATES_OF_READINGS = ("drift",)
 """Keys of all gauges with the dimension of a reading, or of its change in time."""
 AlarmValue = Annotated[CaseNumber, QuantityType(None)]
-_ALARMS = {
+_ALARM_EXAMPLES = {
     "length": ("15 mm", "25 mm"),
     "pressure": ("150 kPa", "200 kPa"),
     "strain": ("500 microstrain", "800 microstrain"),
     "angle": ("1 mrad", "2 mrad"),
 }
 """Dimension to examples of two alarm values."""
-ONE_ALARM = "alarm"
-"""Name of the alarm value of a gauge that has one only."""
+ALARMS = {"alarm": "alarm", "limits": "limit"}
+"""Keys of alarm values, and the name of the value of a gauge that has one only."""
 
 
 class Motion(NamedTuple):
@@ -133,6 +134,12 @@ class GaugeBase(Section):
         "says when it was reached, and when and how probably predicted readings reach it. A "
         "negative value is reached by readings below it.",
     )
+    limits: dict[Name, AlarmValue] | None = Field(
+        None,
+        description="Size of a reading, with either sign, that is not to be reached: the alarm "
+        "values of the design, whichever way the gauge moves. One value, or several with their "
+        "names.",
+    )
 
     @classmethod
     @cache
@@ -160,13 +167,14 @@ class GaugeBase(Section):
         left = shape_of(value) == "mapping" if name == "accuracy" else value is None
         return value if left else cls._likes()[name].parse(value)
 
-    @field_validator("alarm", mode="before")
+    @field_validator(*ALARMS, mode="before")
     @classmethod
-    def _alarm_like_a_reading(cls, value: Any) -> Any:
+    def _alarm_like_a_reading(cls, value: Any, info: ValidationInfo) -> Any:
         """Read alarm values in the dimension of what the kind of gauge reads; one has a name."""
         like = QuantityType(cls._likes()["offset"].dimension)
         if shape_of(value) != "mapping":
-            return None if value is None else {ONE_ALARM: like.parse(value)}
+            name = ALARMS[str(info.field_name)]
+            return None if value is None else {name: like.parse(value)}
         return {name: like.parse(one) for name, one in value.items()}
 
     @classmethod
@@ -181,9 +189,10 @@ class GaugeBase(Section):
             ways[0] = like.described()
         value = QuantityType(cls._likes()["offset"].dimension).described()
         named = {"type": "object", "additionalProperties": value}
-        keys["alarm"]["anyOf"][0] = {"oneOf": [value, named]}
-        low, high = _ALARMS.get(value["x-quantity"], _ALARMS["length"])
-        keys["alarm"]["examples"] = [f"{{amber: {low}, red: {high}}}", f"-{high}"]
+        low, high = _ALARM_EXAMPLES.get(value["x-quantity"], _ALARM_EXAMPLES["length"])
+        for name, one in (("alarm", f"-{high}"), ("limits", high)):
+            keys[name]["anyOf"][0] = {"oneOf": [value, named]}
+            keys[name]["examples"] = [f"{{amber: {low}, red: {high}}}", one]
         accuracy, kind = keys["accuracy"], keys["kind"]["const"] if "kind" in keys else ""
         accuracy["examples"] = usual_examples(kind) or accuracy["oneOf"][0]["examples"]
         if cls.measures:
@@ -208,15 +217,29 @@ class GaugeBase(Section):
             if like.dimension:
                 hint = f"Its units: {unit_list(like.dimension)}."
             faults.add((key,), "unit", message, hint)
-        for name, given in (self.alarm or {}).items():
+        for key, name, given in self._alarm_values():
             if given.dimension != read:
                 message = f"'{given.text}' is {with_article(given.dimension)}; by its accuracy the "
                 message += f"gauge reads {with_article(read)}"
-                faults.add(("alarm", name), "unit", message, f"Its units: {unit_list(read)}.")
+                faults.add((key, name), "unit", message, f"Its units: {unit_list(read)}.")
             elif given.factor == 0.0:
                 message = f"'{given.text}' is reached by every reading"
                 hint = "Give it a sign: a negative value is reached by readings below it."
-                faults.add(("alarm", name), "out-of-range", message, hint)
+                faults.add((key, name), "out-of-range", message, hint)
+            elif key == "limits" and given.factor < 0.0:
+                message = f"'{given.text}' is negative; a limit is the size of a reading"
+                hint = "Give it without its sign, or as 'alarm', which readings below it reach."
+                faults.add((key, name), "out-of-range", message, hint)
+            elif key == "limits" and name in (self.alarm or {}):
+                hint = "Give one of them, or another name."
+                message = f"'{name}' is the name of an alarm value, too"
+                faults.add((key, name), "duplicate", message, hint)
+
+    def _alarm_values(self) -> Iterator[tuple[str, str, CaseNumber]]:
+        """Key, name and value of all alarm values."""
+        for key in ALARMS:
+            for name, given in (getattr(self, key) or {}).items():
+                yield key, name, given
 
     @model_serializer(mode="wrap")
     def _as_written(self, dump: SerializerFunctionWrapHandler) -> Any:

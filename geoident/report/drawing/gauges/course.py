@@ -204,7 +204,11 @@ def _alarm_values(result: Result, one: Instrument) -> set[float]:
     """The alarm values of an instrument in its unit."""
     names = {result.gauges.channels[row] for row in one.rows}
     own = [alarm for alarm in result.alarms if alarm.gauge in names]
-    return {in_unit(alarm.value, alarm.unit, alarm.dimension) for alarm in own}
+    return {
+        in_unit(value, alarm.unit, alarm.dimension)
+        for alarm in own
+        for value in ((alarm.value, -alarm.value) if alarm.either_sign else (alarm.value,))
+    }
 
 
 def draw_computed(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import cached_property
 from textwrap import wrap
 from typing import Any
@@ -42,10 +43,18 @@ class DrawnModel:
         case: the case.
         mesh: its mesh.
         identified: identified values, None before a fit.
+        marked: names of gauges in another colour.
     """
 
-    def __init__(self, case: Case, mesh: Mesh, identified: ParameterTable | None = None) -> None:
+    def __init__(
+        self,
+        case: Case,
+        mesh: Mesh,
+        identified: ParameterTable | None = None,
+        marked: Collection[str] = (),
+    ) -> None:
         self.case = case
+        self.marked = marked
         self.mesh = mesh
         self.identified = identified
         self.values: Values = values_of(case.parameters, identified)

@@ -6,6 +6,7 @@ its place.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import partial
 
 from matplotlib.figure import Figure
@@ -48,19 +49,29 @@ def model_pictures(result: Result) -> tuple[Picture, ...]:
     )
     if result.parameters.names:
         caption += " Constants that were identified have their values."
-    draw = partial(model_figure, case, mesh, result.parameters)
+    marked: tuple[str, ...] = ()
+    if result.plan is not None:
+        marked = tuple(one.gauge for one in result.plan.chosen)
+        caption += " Orange: the gauges to take."
+    draw = partial(model_figure, case, mesh, result.parameters, marked)
     return (Picture("model", "The model: materials, construction, gauges", caption, draw),)
 
 
-def model_figure(case: Case, mesh: Mesh, identified: ParameterTable | None = None) -> Figure:
+def model_figure(
+    case: Case,
+    mesh: Mesh,
+    identified: ParameterTable | None = None,
+    marked: Collection[str] = (),
+) -> Figure:
     """The model with all that is in it.
 
     Args:
         case: the case.
         mesh: its mesh.
         identified: identified values, None before a fit.
+        marked: names of gauges in another colour.
     """
-    model = DrawnModel(case, mesh, identified)
+    model = DrawnModel(case, mesh, identified, marked)
     if mesh.dim == 3:
         return solid_figure(model)
     return plane_figure(model)

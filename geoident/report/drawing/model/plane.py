@@ -22,7 +22,7 @@ from geoident.report.drawing.model.drawn import DrawnModel
 from geoident.report.drawing.sheets import Sheet
 from geoident.report.drawing.space import Box
 from geoident.report.drawing.structures import draw_structures
-from geoident.report.drawing.style import GAUGE, key, short
+from geoident.report.drawing.style import ACCENT, GAUGE, key, short
 
 WIDTH = 7.2
 LETTERS = 8.0
@@ -130,7 +130,7 @@ def _draw_panel(
     draw_materials(axes, model, sheet, box, width=width)
     size = float((box[1] - box[0]).max())
     keys = draw_supports(axes, model.case, model.mesh, box)
-    draw_gauges(axes, model.case, model.gauges, names=names)
+    draw_gauges(axes, model, model.gauges, names=names)
     keys += draw_structures(axes, model.case, model.mesh, names=names)
     keys += _draw_loads(axes, model, size, box, names=names)
     _draw_water(axes, model)
@@ -202,23 +202,26 @@ def _element_size(sheet: Sheet, box: Box) -> float:
     return float(np.sqrt(np.median(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))))
 
 
-def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names: bool) -> None:
+def draw_gauges(
+    axes: Any, model: DrawnModel, gauges: dict[str, list[Floats]], *, names: bool
+) -> None:
     """Gauges as lines and marks, dark on light, with their names.
 
     Args:
         axes: where to draw.
-        case: the case.
+        model: what is drawn.
         gauges: lines and points (k, dim) of each, in the coordinates of the axes.
         names: whether names are written.
     """
-    kinds = {channel.gauge: channel.kind for channel in case.channels}
+    kinds = {channel.gauge: channel.kind for channel in model.case.channels}
     for name, lines in gauges.items():
         style = _GAUGE_MARKS.get(kinds[name], _MOVES) | ({"ms": 1.2} if len(lines) > _FIBRE else {})
         rim = [withStroke(linewidth=2.0, foreground="white")] if names else None
+        colour = ACCENT if name in model.marked else GAUGE
         for line in lines:
-            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=rim)
+            axes.plot(*line.T, color=colour, lw=1.0, zorder=6, path_effects=rim)
         for line in lines:  # over the rims of all lines
-            axes.plot(*line.T, color=GAUGE, ls="", zorder=6.5, **style)
+            axes.plot(*line.T, color=colour, ls="", zorder=6.5, **style)
     if names:
         anchors = [
             lines[0][::-1] if kinds[name] == "convergence" else np.vstack([x[-1:] for x in lines])

@@ -133,7 +133,7 @@ def _draw_inside(axes: Any, model: DrawnModel) -> list[Any]:
     add_lines(axes, edges[kept], _EDGE, 0.6)
     _frame(axes, near, zoom=1.15)
     keys = draw_structures(axes, model.case, model.mesh)
-    draw_gauges(axes, model.case, model.gauges, names=True)
+    draw_gauges(axes, model, model.gauges, names=True)
     places = list(marked_places(model.mesh, made))
     if (made.dug > 0).any():  # linings are too thin and too many to be numbered in space
         places = [(n, x) for n, x in places if not n.startswith("+")]
@@ -188,7 +188,7 @@ def _draw_section(axes: Any, model: DrawnModel, sheet: Sheet, window: Box) -> No
         for name, lines in model.gauges.items()
         if all((np.abs(line[:, plane.axis] - plane.value) <= near).all() for line in lines)
     }
-    draw_gauges(axes, model.case, on, names=True)
+    draw_gauges(axes, model, on, names=True)
     stages = model.made.dug[sheet.element]
     middles = sheet.xy[sheet.triangles].mean(axis=1)
     seen = ((middles >= window[0]) & (middles <= window[1])).all(axis=1)
