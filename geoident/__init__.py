@@ -66,6 +66,7 @@ _API = (
     "scan",
     "simulate",
     "trust",
+    "update",
 )
 
 

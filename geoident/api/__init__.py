@@ -44,7 +44,7 @@ from geoident.api.results import (
     ScanResult,
     read_result,
 )
-from geoident.api.runs import backtest, fit, predict, sample, scan
+from geoident.api.runs import backtest, fit, predict, sample, scan, update
 from geoident.api.service import control
 from geoident.api.tables import (
     ChannelReadings,
@@ -97,4 +97,5 @@ __all__ = [
     "scan",
     "simulate",
     "trust",
+    "update",
 ]

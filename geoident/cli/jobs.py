@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import nullcontext
+import shlex
+import time
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext, suppress
+from datetime import datetime
 from functools import partial
 from typing import Any
 
@@ -14,6 +17,7 @@ from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
+from geoident.cli.watch import Watch
 from geoident.errors import ExitCode
 from geoident.model.results.many.project import ProjectResult
 from geoident.report.text.case import case_text
@@ -33,6 +37,7 @@ from geoident.workflow.running.jobs import Job, Planned, Request
 from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
+from geoident.workflow.updating.update import UpdateRequest, update, updating
 
 PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
@@ -100,6 +105,67 @@ def run_control(request: ControlRequest, options: Options) -> int:
     )
 
 
+def run_update(request: UpdateRequest, options: Options) -> int:
+    """Bring a fit up to date, and say what came out.
+
+    Returns:
+        The exit code: that of an alarm where the new readings do not belong to the model.
+    """
+    with updating(request) as task:
+        case, about = task.job.inputs.path, dict[str, Any]()
+
+        def work(control: Control) -> Finished:
+            updated = update(task, control)
+            about["nothing_new"], about["alarm"] = updated.nothing_new, updated.alarm
+            about["update"] = updated.sentence
+            return updated.finished
+
+        terminal = Terminal(options, task.job.inputs.case.parameters)
+        with mechanism_drawn(case, options):
+            code = run_and_say(work, terminal, options, title=request.path, case=case, also=about)
+    if about["nothing_new"]:
+        return ExitCode.DONE
+    return ExitCode.ALARM if about["alarm"] else code
+
+
+def run_watch(path: str, options: Options, *, every: float | None, on_alarm: str | None) -> int:
+    """Look at cases until a signal, or once.
+
+    Args:
+        path: of a case or folder.
+        options: of the command.
+        every: seconds from look to look; None to look once.
+        on_alarm: command line of a program for new alarms; None for none.
+
+    Returns:
+        The exit code of the only look.
+
+    Raises:
+        Interrupted: a signal came.
+    """
+
+    def say(case: str, words: str) -> None:
+        if not options.quiet:
+            with suppress(OSError):  # a full disk under a log ends no watch
+                click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {case}: {words}", err=True)
+
+    def on_result(about: Mapping[str, Any]) -> None:
+        click.echo(dumps(about) if options.as_json else about["output"])
+
+    stop = StopRequest()
+    words = None if on_alarm is None else shlex.split(on_alarm)
+    watch = Watch(path, say, on_result, stop, words, trust=options.trust)
+    with stop_on_signals(stop):
+        while True:
+            code = watch.look()
+            if every is None:
+                return code
+            again = time.monotonic() + every
+            while (left := again - time.monotonic()) > 0.0:
+                stop.check()
+                time.sleep(min(left, 0.2))
+
+
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
     """Draw from a posterior, and say what came out.
 
@@ -128,6 +194,7 @@ def run_and_say(
     case: str,
     stop: StopRequest | None = None,
     cluster: str | None = None,
+    also: Mapping[str, Any] | None = None,
 ) -> int:
     """Do it; then the path or the JSON object on stdout, the rest on stderr.
 
@@ -139,6 +206,7 @@ def run_and_say(
         case: path of the case or project.
         stop: the wish to stop; None for that of the signals that arrive.
         cluster: address, ``local`` or file of a cluster; None for processes of this machine.
+        also: further entries of the JSON object, complete when the work is done.
 
     Returns:
         The exit code.
@@ -174,7 +242,8 @@ def run_and_say(
     elif isinstance(result, ProjectResult):
         click.echo(dumps(project_object(result, project=case, output=path)))
     else:
-        click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))
+        about = result_object(result, case=case, output=path, outdated=outdated)
+        click.echo(dumps({**about, **(also or {})}))
     return int(result.exit_code)
 
 

@@ -12,44 +12,37 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.forward.external.table import TableModel
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
-from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
-from geoident.model.results.result import STOPPED, Result
-from geoident.workflow.estimating.accuracies import Possible
+from geoident.model.results.result import Result
 from geoident.workflow.estimating.another_case import (
-    pick_assessment,
     readings_as_used,
     require_identified,
     require_same_fields,
     why_other_gauges,
     with_gauges_of_fit,
 )
-from geoident.workflow.estimating.diagnosis import assess_robustly, at_used
-from geoident.workflow.estimating.estimate import details_of, over_accuracies
+from geoident.workflow.estimating.estimate import details_of
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import (
     FitTask,
+    known_by_fit,
     plan_on_fit,
     read_fit,
     require_same_mesh,
 )
-from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.estimating.predictions import (
-    KnownErrors,
     chosen_stages,
     collapse_findings,
-    follow_model,
     predict_stages,
     predicted_places,
     score,
     strength_findings,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
-from geoident.workflow.estimating.setup import problem_of_result, setup_of_result, used_response
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
@@ -61,7 +54,7 @@ from geoident.workflow.running.jobs import (
     load_inputs,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
-from geoident.workflow.running.readings import bad_notes, used_rows
+from geoident.workflow.running.readings import bad_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
 
@@ -311,38 +304,13 @@ def _of_one_minimum(
         survey: of the model there.
         places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
-    p, readings = fit.parameters.values, fit.gauges.readings
-    setup = setup_of_result(fit, task.origin.case, model)
-    same_case = task.request.case is None
-    response = used_response(setup) if same_case else model.response(())
-    problem = problem_of_result(fit, setup.case, response)
-    computed, jacobian = at_used(readings)
-    over = over_accuracies(setup, problem, p, computed, jacobian)
-    order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    assessment = pick_assessment(assess_robustly(problem, p, computed, jacobian, over), order)
-    nonlinearity = None
-    if same_case:  # where the model is not linear, as the fit has it
-        at_p = with_computed(readings, case, model, survey, p)
-        assessment, nonlinearity = follow_model(
-            model, case, problem, p, survey, at_p, assessment,
-            converged=fit.status not in (STOPPED, "not-converged"),
-        )  # fmt: skip
-    error = setup.model_error
-    if error is not None and task.others:
-        error = error.of_nothing_used()
-    known = None
-    if error is not None or any(c.errors for c in (*setup.case.channels, *case.channels)):
-        known = KnownErrors(
-            case,
-            replace(problem, sd=effective_sd(problem, computed)),
-            computed,
-            jacobian[:, order],
-            used_rows(setup.case, readings.used),
-            None if error is None else LaterModelError(error, case, model, survey.increments),
-            Possible.of(fit.accuracies, readings.used),
-        )
-        known = known.of_nothing_used() if task.others else known
-    return predict_stages(survey, assessment, accuracies(case), places, known, nonlinearity)
+    same_case, others = task.request.case is None, bool(task.others)
+    known = known_by_fit(
+        fit, task.origin.case, model, case, survey, same_case=same_case, others=others
+    )
+    return predict_stages(
+        survey, known.assessment, accuracies(case), places, known.errors, known.nonlinearity
+    )
 
 
 def _whose_gauges(task: PredictTask) -> Iterator[Finding]:

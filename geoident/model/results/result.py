@@ -31,6 +31,7 @@ from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
+from geoident.model.results.updates import UpdateHistory
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
@@ -834,6 +835,7 @@ class Result:
         judged: readings after the end of a fit, held against it, or None.
         alarms: what is known of each alarm value of each channel.
         convergence: what a convergence law says of each channel.
+        updates: how a fit came about as readings came, or None where it was never updated.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -935,6 +937,9 @@ class Result:
     )
     convergence: tuple[ConvergenceState, ...] = field(
         default=(), metadata=column("law_gauge", group="convergence", optional=True)
+    )
+    updates: UpdateHistory | None = field(
+        default=None, metadata=column(group="updates", optional=True)
     )
 
     @property

@@ -25,6 +25,7 @@ from geoident.report.text import (
     rivals,
     structures,
     trough,
+    updates,
     varied,
     yielding,
 )
@@ -92,6 +93,7 @@ def result_text(result: Result, *, title: str = "") -> str:
             sentence(surface.surface_words(result.surface)),
         ),
         section("Findings", bullets(sentences_of(result.findings))),
+        section(updates.TITLE, *updates.parts(result)),
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
@@ -127,6 +129,7 @@ def summary_text(result: Result) -> str:
         section(f"{left_out.TITLE}:", left_out.left_out_table(result.left_out).text),
         sentence(_model_error(result)),
         sentence(extent.extent_sentence(result.yielded)),
+        sentence(updates.update_sentence(result)),
         bullets(sentences_of(result.findings)),
     )
     return "\n".join(part for part in parts if part)
