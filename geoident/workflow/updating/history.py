@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 import numpy as np
 
 from geoident.errors import UsageError
 from geoident.io.text.dates import DateError, read_date, utc_offset
+from geoident.model.gauges import DAY
 from geoident.model.results.bands import NORMAL_95, Prediction
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding, sentences_of
@@ -197,12 +198,12 @@ def as_of(result: Result, date: str) -> Result:
         hint = "write it as 2025-03-21 or 2025-03-21T16:00"
         raise UsageError(f"'{date}' is not a date: {hint}.") from None
     if len(date.strip()) <= len("2025-03-21"):
-        until += timedelta(days=1).total_seconds()
+        until += DAY - 1.0  # times are kept in whole seconds
     history = result.updates
     if history is None:
         raise UsageError("The result has no history yet: the first update begins one.")
     made = [_seconds(step.made) for step in history.steps]
-    last = max((k for k, when in enumerate(made) if when < until), default=None)
+    last = max((k for k, when in enumerate(made) if when <= until), default=None)
     if last is None:
         raise UsageError(f"There was no fit on {date}: the first was made {history.steps[0].made}.")
     if last == history.last:
