@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
@@ -17,7 +16,7 @@ from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
-from geoident.cli.watch import Watch
+from geoident.cli.watch import Watch, alarm_command, passed_on
 from geoident.errors import ExitCode
 from geoident.model.results.many.project import ProjectResult
 from geoident.report.text.case import case_text
@@ -96,13 +95,31 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
         return run_and_say(work, Terminal(options), options, title=request.result, case=case)
 
 
-def run_control(request: ControlRequest, options: Options) -> int:
-    """Judge new readings of a structure in service, and say what came out."""
-    task = plan_control(request)
-    work = partial(control, task)
-    return run_and_say(
-        work, Terminal(options), options, title=request.result, case=task.job.inputs.path
-    )
+def run_control(request: ControlRequest, options: Options, *, on_alarm: str | None = None) -> int:
+    """Judge new readings of a structure in service, say what came out, and pass an alarm on.
+
+    Args:
+        request: what to hold against which fit.
+        options: of the command.
+        on_alarm: command line of a program for a new alarm; None for none.
+
+    Returns:
+        The exit code.
+    """
+    command = alarm_command(on_alarm, options)
+    task, done = plan_control(request), list[Finished]()
+    case, terminal = task.job.inputs.path, Terminal(options)
+
+    def work(controlling: Control) -> Finished:
+        done.append(control(task, controlling))
+        return done[0]
+
+    code = run_and_say(work, terminal, options, title=request.result, case=case)
+    if command and code == ExitCode.ALARM and not done[0].up_to_date:
+        about = result_object(done[0].result, case=case, output=done[0].paths[0])
+        if failed := passed_on(command, about, StopRequest()):
+            terminal.warn(failed)
+    return code
 
 
 def run_update(request: UpdateRequest, options: Options) -> int:
@@ -153,7 +170,7 @@ def run_watch(path: str, options: Options, *, every: float | None, on_alarm: str
         click.echo(dumps(about) if options.as_json else about["output"])
 
     stop = StopRequest()
-    words = None if on_alarm is None else shlex.split(on_alarm)
+    words = alarm_command(on_alarm, options)
     watch = Watch(path, say, on_result, stop, words, trust=options.trust)
     with stop_on_signals(stop):
         while True:

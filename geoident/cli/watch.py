@@ -9,6 +9,7 @@ next one goes on from there.
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 import time
@@ -18,10 +19,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from geoident.errors import ExitCode, Fault, InputError, Location, OutputError
+from geoident.cli.options import Options
+from geoident.errors import ExitCode, Fault, InputError, Location, OutputError, UsageError
 from geoident.io.result.file import read_identity
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.head import said_format
+from geoident.report.text.json import dumps
 from geoident.workflow.executing.environment import path_without_here
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.running.outputs import target
@@ -122,7 +125,13 @@ class Watch:
             InputError: there is no case.
             Interrupted: a stop was asked for.
         """
-        cases = cases_of(self.path)
+        try:
+            cases = cases_of(self.path)
+        except InputError as error:  # such as a folder of a network that is away
+            if not self._done and not self._said:
+                raise
+            self._tell(self.path, error.faults[0].message)
+            return ExitCode.INPUT
         for known in (self._done, self._said):
             for gone in known.keys() - set(cases):
                 del known[gone]
@@ -168,45 +177,11 @@ class Watch:
         if self.trust and not in_service:
             words.append("--trust")
         python = [sys.executable, "-P", "-c", _BEGIN.format(path_without_here())]
-        code, out, errors = self._run([*python, *words, "--json", "-q"])
+        code, out, errors = run_program([*python, *words, "--json", "-q"], self.stop)
         about: Mapping[str, Any] = {}
         with suppress(ValueError, IndexError):
             about = json.loads(out.splitlines()[-1])
         return Answer(code, about, errors)
-
-    def _run(
-        self, command: Sequence[str], given: str = "", most: float = 0.0
-    ) -> tuple[int, str, str]:
-        """Run a program to its end.
-
-        Args:
-            command: its words.
-            given: on its stdin.
-            most: seconds after which it is ended; 0 for never.
-
-        Returns:
-            Its exit code, and what it printed on stdout and stderr.
-
-        Raises:
-            Interrupted: a stop was asked for; it was ended first.
-        """
-        begun, text = time.monotonic(), given or None
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, encoding="utf-8", errors="replace",
-        )  # fmt: skip
-        while True:
-            try:
-                out, errors = process.communicate(text, timeout=_LOOK)
-            except subprocess.TimeoutExpired:
-                text = None
-                if self.stop.exit_code is not None:
-                    process.terminate()
-                elif most and time.monotonic() - begun > most:
-                    process.kill()
-            else:
-                self.stop.check()
-                return process.returncode, out, errors
 
     def _pass_on(self, case: str, answer: Answer) -> bool:
         """Run the command for alarms that are new; whether nothing is left to be passed on.
@@ -236,15 +211,10 @@ class Watch:
 
     def _run_alarm(self, case: str, answer: Answer) -> bool:
         assert self.on_alarm is not None
-        try:
-            code, _, errors = self._run(self.on_alarm, json.dumps(answer.object), _ALARM_TIME)
-        except OSError as error:
-            code, errors = 127, f"{error.strerror}"
-        if code:
-            last = "".join(errors.strip().splitlines()[-1:])
-            words = f"the command of --on-alarm ended with exit code {code}"
-            self._tell(case, f"{words}, it is tried again: {last}")
-        return code == 0
+        failed = passed_on(self.on_alarm, answer.object, self.stop)
+        if failed:
+            self._tell(case, f"{failed}; it is tried again")
+        return not failed
 
 
 def cases_of(path: str) -> list[str]:
@@ -263,3 +233,75 @@ def cases_of(path: str) -> list[str]:
         hint = "Name a case, or a folder with files that begin with 'format: geoident-case/1'."
         raise InputError([Fault("no-case", message, hint, Location(path))])
     return cases
+
+
+def alarm_command(text: str | None, options: Options) -> list[str] | None:
+    """The words of the command of ``--on-alarm``; None for none.
+
+    Raises:
+        UsageError: it is not trusted, or no command line.
+    """
+    if text is None:
+        return None
+    if not options.trust:
+        raise UsageError("--on-alarm runs a program: add --trust if it may.")
+    try:
+        words = shlex.split(text)
+    except ValueError:
+        words = []
+    if not words:
+        raise UsageError(f"--on-alarm {text!r} is no command line.")
+    return words
+
+
+def passed_on(command: Sequence[str], about: Mapping[str, Any], stop: StopRequest) -> str:
+    """Run the command of an alarm, with the JSON object of a result on its stdin.
+
+    Returns:
+        Why it has failed; empty where it has not.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    try:
+        code, _, errors = run_program(command, stop, dumps(about), _ALARM_TIME)
+    except OSError as error:
+        return f"the command of --on-alarm cannot be run: {command[0]}: {error.strerror}"
+    last = "".join(errors.strip().splitlines()[-1:])
+    return f"the command of --on-alarm ended with exit code {code}: {last}" if code else ""
+
+
+def run_program(
+    command: Sequence[str], stop: StopRequest, given: str = "", most: float = 0.0
+) -> tuple[int, str, str]:
+    """Run a program to its end.
+
+    Args:
+        command: its words.
+        stop: the wish to stop, which ends it first.
+        given: on its stdin.
+        most: seconds after which it is ended; 0 for never.
+
+    Returns:
+        Its exit code, and what it printed on stdout and stderr.
+
+    Raises:
+        Interrupted: a stop was asked for.
+    """
+    begun, text = time.monotonic(), given
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, encoding="utf-8", errors="replace",
+    )  # fmt: skip
+    while True:
+        try:
+            out, errors = process.communicate(text or None, timeout=_LOOK)
+        except subprocess.TimeoutExpired:
+            text = ""  # it has been given
+            if stop.exit_code is not None:
+                process.terminate()
+            elif most and time.monotonic() - begun > most:
+                process.kill()
+        else:
+            stop.check()
+            return process.returncode, out, errors

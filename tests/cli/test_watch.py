@@ -156,13 +156,16 @@ def test_two_watchers_make_one_update(tunnel):
 
 def test_hundreds_of_looks_take_no_more_memory_and_a_signal_ends_them(tunnel):
     watch = subprocess.Popen(
-        [*WATCH, ".", "--every", "0.01s"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [*WATCH, ".", "--every", "0.01s"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     path = Path(f"/proc/{watch.pid}/statm")
     if not path.exists():
         pytest.skip("the memory of another process is read from /proc")
     try:
-        _until(lambda: (tunnel / ".case.fit.h5.lock").exists())
+        _until((tunnel / ".case.fit.h5.lock").exists)
         time.sleep(3.0)
         first = _pages(path)
         write_readings(tunnel, rows("day 1", "day 2", "day 4"))

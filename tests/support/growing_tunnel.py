@@ -24,7 +24,12 @@ stages:
 gauges:
   CV0: {kind: convergence, between: [[-3, 0 m], [3, 0 m]], accuracy: 0.1 mm, zero: day 0}
   CV90: {kind: convergence, between: [[0, -3 m], [0, 3 m]], accuracy: 0.1 mm, zero: day 0}
-  EX: {kind: extensometer, head: [3 m, 0 m], anchors: {a3: [6 m, 0 m]}, accuracy: 0.05 mm, zero: day 0}
+  EX:
+    kind: extensometer
+    head: [3 m, 0 m]
+    anchors: {a3: [6 m, 0 m]}
+    accuracy: 0.05 mm
+    zero: day 0
 readings: readings.csv
 fit:
   method: closed-form
@@ -50,9 +55,9 @@ def rows(*days, seed=1, off=None):
         wall = share * 6.0 * 3.0 * 1.25 / 8000.0 * 1000.0  # mm, p a (1 + nu) / E
         # the far anchor, twice the radius away from the centre, has moved half of it
         exact = {"CV0": -2.0 * wall, "CV90": -2.0 * wall, "EX.a3": 0.5 * wall}
-        for channel, value in exact.items():
+        for channel, motion in exact.items():
             sd = 0.05 if channel == "EX.a3" else 0.1
-            value += rng.normal(0.0, sd) + (off or {}).get(channel, 0.0)
+            value = motion + rng.normal(0.0, sd) + (off or {}).get(channel, 0.0)
             lines.append(f"{channel},{day},{value:.4f},mm")
     return lines
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import click
 
 from geoident.cli.options import Duration, Options, always, takes
-from geoident.errors import UsageError
 
 EPILOG = """\b
 Examples:
@@ -44,6 +43,4 @@ def command(path: str, every: float, once: bool, on_alarm: str | None, options: 
     """
     from geoident.cli.jobs import run_watch
 
-    if on_alarm is not None and not options.trust:
-        raise UsageError("--on-alarm runs a program: add --trust if it may.")
     return run_watch(path, options, every=None if once else every, on_alarm=on_alarm)

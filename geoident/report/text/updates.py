@@ -8,8 +8,8 @@ from geoident.model.results.columns import ROW
 from geoident.model.results.result import Result
 from geoident.model.results.updates import PastParameter, UpdateStep
 from geoident.report.text.gauges import predicted_texts, reading_text
-from geoident.report.text.layout import TextTable, decimals
-from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED, shown_interval
+from geoident.report.text.layout import TextTable, decimals, shown_interval
+from geoident.report.text.parameters import AS_PRIOR, NOT_DETERMINED
 from geoident.report.text.rows import objects
 from geoident.units import shown_unit
 
@@ -99,8 +99,9 @@ def judged_table(result: Result) -> TextTable:
     history, gauges = result.updates, result.gauges
     header = ("channel", "stage", "read", "predicted", "95 % band", "error (sd)", "")
     rows = []
-    for row in () if history is None else history.readings:
-        if row.update != history.last or row.channel not in gauges.channels:
+    judged = () if history is None else history.readings
+    for row in judged:
+        if row.update != judged[-1].update or row.channel not in gauges.channels:
             continue
         i = gauges.channels.index(row.channel)
         mean, low, high = predicted_texts(gauges, i, row.predicted, row.lower95, row.upper95)

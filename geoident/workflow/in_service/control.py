@@ -341,6 +341,8 @@ def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
 def _correlation(watched: Sequence[WatchedGauge]) -> Floats:
     """(n, n) of the innovations that gauges had on one day of the fit."""
     n = len(watched)
+    if not n:
+        return np.zeros((0, 0))
     R = np.eye(n)
     for i in range(n):
         for j in range(i):

@@ -1,4 +1,4 @@
-"""New readings held against what a fit had predicted of them, before it has used them (theory 12).
+"""New readings held against what a fit had predicted of them, before they are used (theory 13.5).
 
 The error of each prediction, in its standard deviations, has the share of the reading's own error,
 of errors that it shares with readings that were used, of the model's error, and of the parameters.

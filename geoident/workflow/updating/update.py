@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.in_service.seasonal import Scales, effects_at
 from geoident.forward.observed import ObservedModel
@@ -133,6 +133,10 @@ def plan_update(request: UpdateRequest) -> UpdateTask:
     )
     files = state_of(case)
     job = plan_fit(asked)
+    if job.existing is Existing.FOREIGN:
+        message = "this is the fit of another case"
+        hint = f"Give the update of {case} another place with {Term.OUTPUT}."
+        raise InputError([Fault("other-case", message, hint, Location(str(place.path)))])
     if state_of(case) != files:
         message = "it, or a file that it names, was being written while it was read"
         raise InputError([Fault("being-written", message, "Try again.", Location(case))])
