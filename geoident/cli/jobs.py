@@ -24,6 +24,7 @@ from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.project.json import project_object
 from geoident.report.text.project.tables import project_summary
 from geoident.report.text.result import summary_text
+from geoident.report.text.updates import update_sentence
 from geoident.workflow.check import summarize
 from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.estimating.setup import prepare
@@ -110,14 +111,17 @@ def run_control(request: ControlRequest, options: Options, *, on_alarm: str | No
     task, done = plan_control(request), list[Finished]()
     case, terminal = task.job.inputs.path, Terminal(options)
 
+    about = dict[str, Any]()
+
     def work(controlling: Control) -> Finished:
         done.append(control(task, controlling))
+        about["nothing_new"] = done[0].up_to_date
         return done[0]
 
-    code = run_and_say(work, terminal, options, title=request.result, case=case)
+    code = run_and_say(work, terminal, options, title=request.result, case=case, also=about)
     if command and code == ExitCode.ALARM and not done[0].up_to_date:
-        about = result_object(done[0].result, case=case, output=done[0].paths[0])
-        if failed := passed_on(command, about, StopRequest()):
+        found = result_object(done[0].result, case=case, output=done[0].paths[0])
+        if failed := passed_on(command, found, StopRequest()):
             terminal.warn(failed)
     return code
 
@@ -134,8 +138,10 @@ def run_update(request: UpdateRequest, options: Options) -> int:
         def work(control: Control) -> Finished:
             updated = update(task, control)
             about["nothing_new"], about["alarm"] = updated.nothing_new, updated.alarm
-            about["update"] = updated.sentence
-            return updated.finished
+            finished = updated.finished
+            sentence = update_sentence(finished.result) or "First fit."
+            about["update"] = finished.remarks[0] if updated.nothing_new else sentence
+            return finished
 
         terminal = Terminal(options, task.job.inputs.case.parameters)
         with mechanism_drawn(case, options):

@@ -131,13 +131,13 @@ class Watch:
             if not self._done and not self._said:
                 raise
             self._tell(self.path, error.faults[0].message)
-            return ExitCode.INPUT
+            return ExitCode.INVALID_INPUT
         for known in (self._done, self._said):
             for gone in known.keys() - set(cases):
                 del known[gone]
         codes = [self._look_at(case) for case in cases]
         graver = (ExitCode.ALARM, ExitCode.OUTPUT, ExitCode.BUG)
-        return next((code for code in graver if code in codes), max(codes, default=0))
+        return next((int(code) for code in graver if code in codes), max(codes, default=0))
 
     def _look_at(self, case: str) -> int:
         self.stop.check()

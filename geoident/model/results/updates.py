@@ -11,6 +11,11 @@ import numpy as np
 
 from geoident.model.results.columns import ROW, column
 
+LEAST_CHANCE = 0.005
+"""P-value of all new readings, or of a gauge by their number, below which they do not belong.
+
+Chance does so in one of a hundred updates."""
+
 _LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
 _LIKE_PARAMETER = column(dimension=ROW, unit="SI unit of the parameter")
 _UNIT = column(dimension=ROW, name="display_unit", title="unit")

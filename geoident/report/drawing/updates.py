@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geoident.model.results.result import Result
-from geoident.model.results.updates import UpdateHistory
+from geoident.model.results.updates import LEAST_CHANCE, UpdateHistory
 from geoident.report.drawing.backtest import Course, courses_figure
 from geoident.report.drawing.parameters.scale import logarithmic
 from geoident.report.drawing.style import ACCENT, FAINT, MEASURED, WIDTH, Picture, key, stage_ticks
@@ -68,7 +68,7 @@ def _chance_figure(history: UpdateHistory) -> Figure:
         if np.isfinite(step.p_value):
             color = MEASURED if step.belong else ACCENT
             axes.plot(k, max(step.p_value, _LEAST), "o", ms=5, color=color)
-    axes.axhline(0.01, color=FAINT, lw=0.8, ls="--")
+    axes.axhline(LEAST_CHANCE, color=FAINT, lw=0.8, ls="--")
     axes.set_yscale("log")
     axes.set_ylim(0.5 * _LEAST, 2.0)
     axes.set_ylabel("probability by chance")

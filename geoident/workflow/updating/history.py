@@ -140,12 +140,17 @@ def _parameters(number: int, result: Result) -> Iterator[PastParameter]:
     table = result.parameters
     for i, name in enumerate(table.names):
         yield PastParameter(
-            number, name, *(float(getattr(table, column)[i]) for column in _OF_PARAMETER),
-            bool(table.at_bound[i]), bool(table.determined[i]), table.units[i], table.dimensions[i],
-        )  # fmt: skip
-
-
-_OF_PARAMETER = ("values", "sd", "lower95", "upper95")
+            update=number,
+            parameter=name,
+            value=float(table.values[i]),
+            sd=float(table.sd[i]),
+            lower95=float(table.lower95[i]),
+            upper95=float(table.upper95[i]),
+            at_bound=bool(table.at_bound[i]),
+            determined=bool(table.determined[i]),
+            unit=table.units[i],
+            dimension=table.dimensions[i],
+        )
 
 
 def _effects(number: int, result: Result) -> Iterator[PastParameter]:
@@ -157,23 +162,36 @@ def _effects(number: int, result: Result) -> Iterator[PastParameter]:
         for effect in _EFFECTS:
             size, sd = (float(getattr(fit, name)[i]) for name in (effect, f"{effect}_sd"))
             if np.isfinite(size):
-                ends = size - NORMAL_95 * sd, size + NORMAL_95 * sd
                 yield PastParameter(
-                    number, f"{gauge}: {effect}", size, sd, *ends, False, True,
-                    gauges.units[i], gauges.dimensions[i],
-                )  # fmt: skip
+                    update=number,
+                    parameter=f"{gauge}: {effect}",
+                    value=size,
+                    sd=sd,
+                    lower95=size - NORMAL_95 * sd,
+                    upper95=size + NORMAL_95 * sd,
+                    at_bound=False,
+                    determined=True,
+                    unit=gauges.units[i],
+                    dimension=gauges.dimensions[i],
+                )
 
 
 def _predictions(number: int, result: Result) -> Iterator[PastPrediction]:
     prediction, gauges = result.prediction, result.gauges
     if prediction is None:
         return
-    columns = [getattr(prediction, name) for name in _OF_PREDICTION]
     for i, j in np.argwhere(np.isfinite(prediction.mean)).tolist():
         yield PastPrediction(
-            number, gauges.channels[i], gauges.stages[j],
-            *(float(column[i, j]) for column in columns), gauges.units[i], gauges.dimensions[i],
-        )  # fmt: skip
+            update=number,
+            channel=gauges.channels[i],
+            stage=gauges.stages[j],
+            mean=float(prediction.mean[i, j]),
+            sd=float(prediction.sd[i, j]),
+            lower95=float(prediction.lower95[i, j]),
+            upper95=float(prediction.upper95[i, j]),
+            unit=gauges.units[i],
+            dimension=gauges.dimensions[i],
+        )
 
 
 _OF_PREDICTION = ("mean", "sd", "lower95", "upper95")
@@ -246,10 +264,10 @@ def _parameters_then(table: ParameterTable, then: UpdateHistory) -> ParameterTab
     unknown = np.full((len(own), len(own)), np.nan)
     return replace(
         table,
-        **{
-            name: np.array([getattr(row, column) for row in own], dtype=np.float64)
-            for name, column in zip(_OF_PARAMETER, ("value", *_OF_PARAMETER[1:]), strict=True)
-        },
+        values=np.array([row.value for row in own], dtype=np.float64),
+        sd=np.array([row.sd for row in own], dtype=np.float64),
+        lower95=np.array([row.lower95 for row in own], dtype=np.float64),
+        upper95=np.array([row.upper95 for row in own], dtype=np.float64),
         at_bound=np.array([row.at_bound for row in own], dtype=np.bool_),
         determined=np.array([row.determined for row in own], dtype=np.bool_),
         covariance=unknown,

@@ -21,7 +21,7 @@ from geoident.model.gauges import DAY, ReadingTable
 from geoident.model.results.bands import NORMAL_95, Bands, Prediction
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import Result
-from geoident.model.results.updates import JudgedGauge, JudgedReading
+from geoident.model.results.updates import LEAST_CHANCE, JudgedGauge, JudgedReading
 from geoident.workflow.estimating.another_case import with_gauges_of_fit
 from geoident.workflow.estimating.from_fit import KnownByFit, known_by_fit
 from geoident.workflow.estimating.predictions import band_of, correlations_of
@@ -30,9 +30,6 @@ from geoident.workflow.in_service.control import watched_gauges
 from geoident.workflow.running.computed import with_computed
 from geoident.workflow.running.jobs import Inputs
 from geoident.workflow.running.readings import used_rows
-
-BY_CHANCE = 0.01
-"""Part of the updates in which readings that belong to the model are said not to."""
 
 _SAME = 1e-9
 """Part of a reading up to which two computed ones are the same."""
@@ -65,13 +62,13 @@ class Judgement:
     @property
     def odd(self) -> tuple[str, ...]:
         """Gauges that do not belong, whatever the others do: half of the chance is for these."""
-        limit = 0.5 * BY_CHANCE / max(len(self.gauges), 1)
+        limit = LEAST_CHANCE / max(len(self.gauges), 1)
         return tuple(gauge.gauge for gauge in self.gauges if gauge.p_value < limit)
 
     @property
     def belong(self) -> bool:
         """The readings belong to the model that predicted them."""
-        return not self.odd and not self.p_value < 0.5 * BY_CHANCE
+        return not self.odd and not self.p_value < LEAST_CHANCE
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -276,14 +273,22 @@ def _judged_readings(
     case: Case, table: ReadingTable, rows: Sequence[int], prediction: Prediction
 ) -> tuple[JudgedReading, ...]:
     channels = {channel.name: channel for channel in case.channels}
-    columns = [getattr(prediction, name).tolist() for name in _COLUMNS]
-    judged = []
-    for k, *numbers in zip(rows, *columns, strict=True):
-        channel = channels[table.channel[k]]
-        read = float(table.time[k]), float(table.value[k])
-        units = channel.unit, channel.dimension
-        judged.append(JudgedReading(0, channel.name, table.stage[k], *read, *numbers, *units))
-    return tuple(one for one in judged if np.isfinite(one.predicted))
+    return tuple(
+        JudgedReading(
+            update=0,
+            channel=table.channel[k],
+            stage=table.stage[k],
+            time=float(table.time[k]),
+            value=float(table.value[k]),
+            predicted=float(prediction.mean[i]),
+            sd=float(prediction.sd[i]),
+            lower95=float(prediction.lower95[i]),
+            upper95=float(prediction.upper95[i]),
+            unit=channels[table.channel[k]].unit,
+            dimension=channels[table.channel[k]].dimension,
+        )
+        for i, k in enumerate(rows)
+    )
 
 
 def judged_in_service(

@@ -13,19 +13,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from geoident.errors import Fault, InputError, Location, Term
+from geoident.errors import Fault, InputError, Location, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.in_service.seasonal import Scales, effects_at
 from geoident.forward.observed import ObservedModel
 from geoident.io.result.file import read_identity, read_result
-from geoident.io.text.lock import locked
+from geoident.io.text.lock import locked_meanwhile
 from geoident.io.text.text_file import STDIN
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import SeasonalModel
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, Result
-from geoident.report.text.updates import update_sentence
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.fit import fit
 from geoident.workflow.in_service.fit import with_reasons
@@ -95,13 +94,6 @@ class Updated:
     nothing_new: bool = False
 
     @property
-    def sentence(self) -> str:
-        """What came of it, for people."""
-        if self.nothing_new:
-            return self.finished.remarks[0]
-        return update_sentence(self.finished.result) or "First fit."
-
-    @property
     def alarm(self) -> bool:
         """The new readings do not belong to the model, or have reached an alarm value."""
         history = self.finished.result.updates
@@ -147,9 +139,8 @@ def _places(request: UpdateRequest) -> tuple[str, str | None, Target]:
     """The case, what was said of the place of its result, and that place."""
     case, output = request.path, request.output
     if case == STDIN:
-        hint = "Give the path of the case, or of the result of its fit."
-        message = "a case from stdin has no readings that grow"
-        raise InputError([Fault("stdin", message, hint, Location(STDIN))])
+        message = "A case from stdin has no files that grow: give its path, or that of its fit."
+        raise UsageError(message)
     if case.endswith(".h5"):
         identity = read_identity(case)
         if identity is None:
@@ -176,7 +167,7 @@ def updating(request: UpdateRequest) -> Iterator[UpdateTask]:
     _, _, place = _places(request)
     lock = place.path.with_name(f".{place.path.name}.lock")
     busy = f"{place.path}: another geoident updates it now\n    wait for its end"
-    with locked(lock, busy):
+    with locked_meanwhile(lock, busy):
         yield plan_update(request)
 
 
@@ -331,8 +322,8 @@ def _continued(
 
     names = (before.parameters.names, before.parameters.values.tolist())
     earlier = Earlier(dict(zip(*names, strict=True)), joined)
-    methods = job.methods  # a model that is in doubt is searched with all its starts
-    if judgement.belong:
+    methods = job.methods  # an answer that is in doubt is searched from all starts again
+    if judgement.belong and before.rivals is None:
         methods = tuple(nearby(options) for options in methods)
     return replace(job, earlier=earlier, methods=methods)
 

@@ -157,3 +157,24 @@ def test_a_table_of_runs_is_updated(tmp_path):
     assert (last.judged, last.belong) == (1, True)
     found = read_result(tmp_path / "case.fit.h5").parameters
     assert found.values[0] == pytest.approx(8e9, rel=0.02)
+
+
+def test_of_two_minima_new_readings_are_judged_by_both(tmp_path):
+    """Readings of s1 leave E = 6 or 10; that of s2 tells which, and chance has one half of each."""
+
+    def at(E):
+        return f"{E},{(E - 8.0) ** 2:.5f},{2.0 * E:.5f}"
+
+    text = "\n".join(["E [GPa],A @ s1 [mm],A @ s2 [mm]", *map(at, np.arange(4.0, 16.1, 0.5))])
+    (tmp_path / "runs.csv").write_text(f"{text}\n", encoding="utf-8")
+    case = tmp_path / "case.yaml"
+    starts = TABLE.replace("start: 8 GPa", "start: 7 GPa")
+    case.write_text(f"{starts}fit: {{method: gauss-newton, gauss-newton: {{starts: 8}}}}\n", encoding="utf-8")
+    head = "gauge,stage,value,unit\nA,s1,4.0,mm\n"
+    (tmp_path / "readings.csv").write_text(head, encoding="utf-8")
+    assert len(update(case).data.rivals) == 2
+    (tmp_path / "readings.csv").write_text(f"{head}A,s2,20.01,mm\n", encoding="utf-8")
+    found = update(case)
+    assert found.updates[-1].p_value == pytest.approx(0.5 * 0.85, abs=0.15)
+    assert found.updates[-1].belong
+    assert found.parameters["E"].value == pytest.approx(10e9, rel=0.01)
