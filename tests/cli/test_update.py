@@ -70,6 +70,24 @@ def test_the_p_value_is_that_of_least_squares_and_the_answer_that_of_a_fit(tunne
     assert kept.lower95 < 8e9 < kept.upper95
 
 
+def test_the_p_value_where_only_a_prior_separates_two_parameters(tmp_path):
+    """Along p0 / E the readings are the same: their errors are correlated by the curve of that."""
+    case = write_tunnel(tmp_path, "day 1", "day 2")
+    case.write_text(with_unknown_stress(case.read_text(encoding="utf-8")), encoding="utf-8")
+    update(case)
+    write_readings(tmp_path, rows(*DAYS))
+    before, after = update(case).updates
+    truth = chdtrc(6, after.objective - before.objective)
+    assert after.p_value == pytest.approx(truth, rel=0.05)
+
+
+def with_unknown_stress(text):
+    """The case of the tunnel with the in-situ stress as a second parameter, and its prior."""
+    prior = "  p0: {start: 6 MPa, bounds: [1 MPa, 30 MPa], prior: {mean: 6 MPa, sd: 1 MPa}}\n"
+    text = text.replace("vertical: 6 MPa", "vertical: $p0")
+    return text.replace("materials:", f"{prior}materials:", 1)
+
+
 def test_the_prediction_that_judges_is_the_one_that_stood_in_the_fit(tunnel):
     before = read_data(tunnel / "case.fit.h5")
     write_readings(tunnel, rows("day 1", "day 2", "day 8"))
@@ -236,9 +254,7 @@ def test_an_alarm_value_that_is_reached_is_an_alarm(tunnel):
 def test_other_parameters_cannot_be_continued_and_a_fit_keeps_the_history(updated, tmp_path):
     folder = shutil.copytree(updated, tmp_path / "tunnel")
     case = folder / "case.yaml"
-    text = case.read_text(encoding="utf-8").replace("vertical: 6 MPa", "vertical: $p0")
-    prior = "  p0: {start: 6 MPa, bounds: [1 MPa, 9 MPa], prior: {mean: 6 MPa, sd: 1 MPa}}\n"
-    case.write_text(text.replace("materials:", f"{prior}materials:", 1), encoding="utf-8")
+    case.write_text(with_unknown_stress(case.read_text(encoding="utf-8")), encoding="utf-8")
     done = run_command("update", case)
     assert done.exit_code == 3
     assert "the case identifies E, p0; the last result has E" in " ".join(done.stderr.split())

@@ -169,7 +169,9 @@ def test_of_two_minima_new_readings_are_judged_by_both(tmp_path):
     (tmp_path / "runs.csv").write_text(f"{text}\n", encoding="utf-8")
     case = tmp_path / "case.yaml"
     starts = TABLE.replace("start: 8 GPa", "start: 7 GPa")
-    case.write_text(f"{starts}fit: {{method: gauss-newton, gauss-newton: {{starts: 8}}}}\n", encoding="utf-8")
+    case.write_text(
+        f"{starts}fit: {{method: gauss-newton, gauss-newton: {{starts: 8}}}}\n", encoding="utf-8"
+    )
     head = "gauge,stage,value,unit\nA,s1,4.0,mm\n"
     (tmp_path / "readings.csv").write_text(head, encoding="utf-8")
     assert len(update(case).data.rivals) == 2
