@@ -167,8 +167,8 @@ def run_watch(path: str, options: Options, *, every: float | None, on_alarm: str
         Interrupted: a signal came.
     """
 
-    def say(case: str, words: str) -> None:
-        if not options.quiet:
+    def say(case: str, words: str, error: bool) -> None:
+        if error or not options.quiet:
             with suppress(OSError):  # a full disk under a log ends no watch
                 click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {case}: {words}", err=True)
 

@@ -43,8 +43,8 @@ _ALARM_TIME = 600.0
 _PASSING = ("being-written", "missing-file", "unreadable-file")
 """Faults that may be gone at the next look though no file has changed since."""
 
-Say = Callable[[str, str], None]
-"""Takes a case, and a line on it for people."""
+Say = Callable[[str, str, bool], None]
+"""Takes a case, a line on it for people, and whether it is an error."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Watch:
         except InputError as error:  # such as a folder of a network that is away
             if not self._done and not self._said:
                 raise
-            self._tell(self.path, error.faults[0].message)
+            self._tell(self.path, error.faults[0].message, error=True)
             return ExitCode.INVALID_INPUT
         for known in (self._done, self._said):
             for gone in known.keys() - set(cases):
@@ -152,7 +152,7 @@ class Watch:
         if answer.nothing_new:
             self._said.pop(case, None)
         elif failed:
-            self._tell(case, f"failed, the last result stays: {answer.sentence}")
+            self._tell(case, f"failed, the last result stays: {answer.sentence}", error=True)
         else:
             self._tell(case, answer.sentence)
             self.on_result(answer.object)
@@ -162,10 +162,10 @@ class Watch:
             self._done[case] = files
         return ExitCode.DONE if answer.nothing_new else answer.code
 
-    def _tell(self, case: str, words: str) -> None:
+    def _tell(self, case: str, words: str, *, error: bool = False) -> None:
         """Say what was not said last of the case."""
         if self._said.get(case) != words:
-            self.say(case, words)
+            self.say(case, words, error)
         self._said[case] = words
 
     def _ask(self, case: str) -> Answer:
@@ -205,7 +205,7 @@ class Watch:
                 text = json.dumps({"format": "geoident-watch/1", "alarms": now})
                 Path(temporary).write_text(text + "\n", encoding="utf-8")
         except OutputError as error:
-            self._tell(case, f"{error}")
+            self._tell(case, f"{error}", error=True)
             return False
         return True
 
@@ -213,7 +213,7 @@ class Watch:
         assert self.on_alarm is not None
         failed = passed_on(self.on_alarm, answer.object, self.stop)
         if failed:
-            self._tell(case, f"{failed}; it is tried again")
+            self._tell(case, f"{failed}; it is tried again", error=True)
         return not failed
 
 

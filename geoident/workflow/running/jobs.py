@@ -389,10 +389,12 @@ class Earlier:
 
     Args:
         values: its parameters by name, SI, where the search begins.
+        ended: its search ended there, and was not cut short.
         joined: makes of the result of the job that which is written, with what went before.
     """
 
     values: Mapping[str, float]
+    ended: bool
     joined: Callable[[Result], Result]
 
 

@@ -321,7 +321,8 @@ def _continued(
         return replace(result, findings=(*findings, *result.findings), updates=whole)
 
     names = (before.parameters.names, before.parameters.values.tolist())
-    earlier = Earlier(dict(zip(*names, strict=True)), joined)
+    ended = before.status not in (STOPPED, "not-converged")
+    earlier = Earlier(dict(zip(*names, strict=True)), ended, joined)
     methods = job.methods  # an answer that is in doubt is searched from all starts again
     if judgement.belong and before.rivals is None:
         methods = tuple(nearby(options) for options in methods)
