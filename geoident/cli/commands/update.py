@@ -10,7 +10,7 @@ EPILOG = """\b
 Examples:
   geoident update case.yaml
   geoident update case.fit.h5 --json
-  geoident update case.yaml -q || echo look at it | mail -s tunnel me@example.org
+  geoident update case.yaml -q || echo look | mail me@example.org
   geoident show case.fit.h5 --as-of 2025-03-21
 """
 

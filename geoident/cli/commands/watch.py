@@ -11,7 +11,7 @@ Examples:
   geoident watch tunnel.yaml --every 10min
   geoident watch site/ --every 1h --json >> site.jsonl 2>> site.log
   geoident watch site/ --once || echo look at it
-  geoident watch tunnel.yaml --every 10min --trust --on-alarm "mail -s tunnel me@example.org"
+  geoident watch tunnel.yaml --trust --on-alarm "mail me@example.org"
 """
 
 
