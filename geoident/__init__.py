@@ -68,6 +68,7 @@ _API = (
     "scan",
     "simulate",
     "trust",
+    "update",
 )
 
 

@@ -42,5 +42,6 @@ from geoident.api import sample as sample
 from geoident.api import scan as scan
 from geoident.api import simulate as simulate
 from geoident.api import trust as trust
+from geoident.api import update as update
 
 __version__: str

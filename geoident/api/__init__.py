@@ -45,7 +45,7 @@ from geoident.api.results import (
     ScanResult,
     read_result,
 )
-from geoident.api.runs import backtest, fit, plan, predict, sample, scan
+from geoident.api.runs import backtest, fit, plan, predict, sample, scan, update
 from geoident.api.service import control
 from geoident.api.tables import (
     ChannelReadings,
@@ -100,4 +100,5 @@ __all__ = [
     "scan",
     "simulate",
     "trust",
+    "update",
 ]

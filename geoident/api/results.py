@@ -24,6 +24,7 @@ from geoident.model.results.plan import GaugePlan, PlanTarget
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
 from geoident.model.results.rivals import Evidence, ModelComparison
+from geoident.model.results.updates import UpdateStep
 from geoident.model.results.yielded import Mechanism
 from geoident.report.page.html import joined, table, tag
 from geoident.report.text.result import summary_text
@@ -120,6 +121,11 @@ class FitResult(ResultFile):
         """
         restored = restored_alone(self.data, self.path)
         return None if restored is None else KeptModel(restored, self.data.parameters.values)
+
+    @property
+    def updates(self) -> tuple[UpdateStep, ...]:
+        """The first fit and every update since; empty where there was none."""
+        return () if self.data.updates is None else self.data.updates.steps
 
     @property
     def evidence(self) -> Evidence | None:

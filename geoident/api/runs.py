@@ -30,6 +30,8 @@ from geoident.workflow.running.jobs import Job, Request, plan_backtest, plan_fit
 from geoident.workflow.sample import SampleRequest, plan_sample
 from geoident.workflow.sample import sample as run_sample
 from geoident.workflow.scan import scan as run_scan
+from geoident.workflow.updating.update import UpdateRequest, updating
+from geoident.workflow.updating.update import update as run_update
 
 
 @spoken
@@ -73,6 +75,46 @@ def fit(
     """
     request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
     return FitResult(*_run(request, plan_fit, run_fit, control(progress, max_time, jobs, cluster)))
+
+
+@spoken
+def update(
+    fitted: ResultFile | CaseFile | AnyPath,
+    *,
+    output: AnyPath | None = None,
+    max_time: float | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    solver: str = "auto",
+) -> FitResult:
+    """Judge new readings by the last fit, then fit them in.
+
+    New readings are those in the files of the case that the last fit has not used. Without any the
+    result stays as it is; where there is no result yet, this is `fit`.
+
+    Args:
+        fitted: what `fit` found, or the path of its file or of the case.
+        output: file or existing folder of the result; ``CASE.fit.h5`` beside the case if None.
+        max_time: seconds after which the search ends with what it has.
+        jobs: number of processes for what a search can compute at a time; None for all cores,
+            where that saves time.
+        progress: is told of every iteration.
+        solver: name of the sparse solver, or ``auto``.
+
+    Returns:
+        The fit. Its ``updates`` say of each update whether the readings belonged to the model.
+
+    Raises:
+        InputError: the case is wrong, or has other parameters than the last fit.
+        ModelError: the model has no solution.
+        OutputError: the result cannot be written.
+    """
+    path = fitted.path if isinstance(fitted, ResultFile | CaseFile) else os.fspath(fitted)
+    place = None if output is None else os.fspath(output)
+    overrides = fitted.overrides if isinstance(fitted, CaseFile) else ()
+    with updating(UpdateRequest(path, overrides, output=place, solver=solver)) as task:
+        finished = run_update(task, control(progress, max_time, jobs)).finished
+    return FitResult(finished.result, finished.paths[0], finished.up_to_date)
 
 
 @spoken

@@ -24,6 +24,8 @@ COMMANDS = (
     "batch",
     "sample",
     "backtest",
+    "update",
+    "watch",
     "control",
     "plan",
     "show",

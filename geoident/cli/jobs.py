@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import nullcontext
+import time
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext, suppress
+from datetime import datetime
 from functools import partial
 from typing import Any
 
@@ -14,6 +16,7 @@ from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
+from geoident.cli.watch import Watch, alarm_command, passed_on
 from geoident.errors import ExitCode
 from geoident.model.results.many.project import ProjectResult
 from geoident.report.text.case import case_text
@@ -21,6 +24,7 @@ from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.project.json import project_object
 from geoident.report.text.project.tables import project_summary
 from geoident.report.text.result import summary_text
+from geoident.report.text.updates import update_sentence
 from geoident.workflow.check import summarize
 from geoident.workflow.estimating.finished import Finished, FinishedRun
 from geoident.workflow.estimating.setup import prepare
@@ -34,6 +38,7 @@ from geoident.workflow.running.jobs import Job, Planned, Request
 from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
+from geoident.workflow.updating.update import UpdateRequest, update, updating
 
 PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
@@ -92,13 +97,97 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
         return run_and_say(work, Terminal(options), options, title=request.result, case=case)
 
 
-def run_control(request: ControlRequest, options: Options) -> int:
-    """Judge new readings of a structure in service, and say what came out."""
-    task = plan_control(request)
-    work = partial(control, task)
-    return run_and_say(
-        work, Terminal(options), options, title=request.result, case=task.job.inputs.path
-    )
+def run_control(request: ControlRequest, options: Options, *, on_alarm: str | None = None) -> int:
+    """Judge new readings of a structure in service, say what came out, and pass an alarm on.
+
+    Args:
+        request: what to hold against which fit.
+        options: of the command.
+        on_alarm: command line of a program for a new alarm; None for none.
+
+    Returns:
+        The exit code.
+    """
+    command = alarm_command(on_alarm, options)
+    task, done = plan_control(request), list[Finished]()
+    case, terminal = task.job.inputs.path, Terminal(options)
+
+    about = dict[str, Any]()
+
+    def work(controlling: Control) -> Finished:
+        done.append(control(task, controlling))
+        about["nothing_new"] = done[0].up_to_date
+        return done[0]
+
+    code = run_and_say(work, terminal, options, title=request.result, case=case, also=about)
+    if command and code == ExitCode.ALARM and not done[0].up_to_date:
+        found = result_object(done[0].result, case=case, output=done[0].paths[0])
+        if failed := passed_on(command, found, StopRequest()):
+            terminal.warn(failed)
+    return code
+
+
+def run_update(request: UpdateRequest, options: Options) -> int:
+    """Bring a fit up to date, and say what came out.
+
+    Returns:
+        The exit code: that of an alarm where the new readings do not belong to the model.
+    """
+    with updating(request) as task:
+        case, about = task.job.inputs.path, dict[str, Any]()
+
+        def work(control: Control) -> Finished:
+            updated = update(task, control)
+            about["nothing_new"], about["alarm"] = updated.nothing_new, updated.alarm
+            finished = updated.finished
+            sentence = update_sentence(finished.result) or "First fit."
+            about["update"] = finished.remarks[0] if updated.nothing_new else sentence
+            return finished
+
+        terminal = Terminal(options, task.job.inputs.case.parameters)
+        with mechanism_drawn(case, options):
+            code = run_and_say(work, terminal, options, title=request.path, case=case, also=about)
+    if about["nothing_new"]:
+        return ExitCode.DONE
+    return ExitCode.ALARM if about["alarm"] else code
+
+
+def run_watch(path: str, options: Options, *, every: float | None, on_alarm: str | None) -> int:
+    """Look at cases until a signal, or once.
+
+    Args:
+        path: of a case or folder.
+        options: of the command.
+        every: seconds from look to look; None to look once.
+        on_alarm: command line of a program for new alarms; None for none.
+
+    Returns:
+        The exit code of the only look.
+
+    Raises:
+        Interrupted: a signal came.
+    """
+
+    def say(case: str, words: str, error: bool) -> None:
+        if error or not options.quiet:
+            with suppress(OSError):  # a full disk under a log ends no watch
+                click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {case}: {words}", err=True)
+
+    def on_result(about: Mapping[str, Any]) -> None:
+        click.echo(dumps(about) if options.as_json else about["output"])
+
+    stop = StopRequest()
+    words = alarm_command(on_alarm, options)
+    watch = Watch(path, say, on_result, stop, words, trust=options.trust)
+    with stop_on_signals(stop):
+        while True:
+            code = watch.look()
+            if every is None:
+                return code
+            again = time.monotonic() + every
+            while (left := again - time.monotonic()) > 0.0:
+                stop.check()
+                time.sleep(min(left, 0.2))
 
 
 def run_plan(request: PlanRequest, options: Options) -> int:
@@ -137,6 +226,7 @@ def run_and_say(
     case: str,
     stop: StopRequest | None = None,
     cluster: str | None = None,
+    also: Mapping[str, Any] | None = None,
 ) -> int:
     """Do it; then the path or the JSON object on stdout, the rest on stderr.
 
@@ -148,6 +238,7 @@ def run_and_say(
         case: path of the case or project.
         stop: the wish to stop; None for that of the signals that arrive.
         cluster: address, ``local`` or file of a cluster; None for processes of this machine.
+        also: further entries of the JSON object, complete when the work is done.
 
     Returns:
         The exit code.
@@ -183,7 +274,8 @@ def run_and_say(
     elif isinstance(result, ProjectResult):
         click.echo(dumps(project_object(result, project=case, output=path)))
     else:
-        click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))
+        about = result_object(result, case=case, output=path, outdated=outdated)
+        click.echo(dumps({**about, **(also or {})}))
     return int(result.exit_code)
 
 

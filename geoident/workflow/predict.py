@@ -17,7 +17,7 @@ from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
-from geoident.model.results.result import STOPPED, Result
+from geoident.model.results.result import Result
 from geoident.workflow.estimating.another_case import (
     readings_as_used,
     require_identified,
@@ -30,16 +30,16 @@ from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import (
     FitTask,
+    KnownByFit,
+    known_by_fit,
     plan_on_fit,
     read_fit,
     require_same_mesh,
 )
-from geoident.workflow.estimating.known_from_fit import KnownFromFit, known_from_fit
 from geoident.workflow.estimating.predictions import (
     chosen_stages,
     collapse_findings,
     correlations,
-    follow_model,
     predict_stages,
     predicted_places,
     score,
@@ -223,7 +223,13 @@ def predict(task: PredictTask, control: Control) -> Finished:
         ),
         left_out=scored,
     )
-    together = partial(correlations, survey, known.assessment, known=known.errors)
+    together = partial(
+        correlations,
+        survey,
+        known.assessment,
+        known=known.errors,
+        nonlinearity=known.nonlinearity,
+    )
     return task.write(with_decisions(result, case, prediction, together))
 
 
@@ -252,7 +258,7 @@ def _model(task: PredictTask) -> tuple[ObservedModel, Case]:
 
 def _prediction(
     task: PredictTask, model: ObservedModel, case: Case, survey: Survey, places: Bools
-) -> tuple[Prediction, KnownFromFit, tuple[str, ...]]:
+) -> tuple[Prediction, KnownByFit, tuple[str, ...]]:
     """What all minima of a fit predict, what is known at the first, and a note on rivals left out.
 
     What is known at a rival of another case is assessed by the model of the case of the fit.
@@ -294,7 +300,7 @@ def _prediction(
 
 def _of_one_minimum(
     task: PredictTask, fit: Result, model: ObservedModel, case: Case, survey: Survey, places: Bools
-) -> tuple[Prediction, KnownFromFit]:
+) -> tuple[Prediction, KnownByFit]:
     """What a fit predicts at its parameters, or at those of a rival that stands in their place.
 
     Args:
@@ -305,22 +311,14 @@ def _of_one_minimum(
         survey: of the model there.
         places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
-    p, readings = fit.parameters.values, fit.gauges.readings
-    same_case, nonlinearity = task.request.case is None, None
-    knowledge = known_from_fit(
-        fit, task.origin.case, model, case, survey, same=same_case, others=bool(task.others)
+    same_case, others = task.request.case is None, bool(task.others)
+    known = known_by_fit(
+        fit, task.origin.case, model, case, survey, same_case=same_case, others=others
     )
-    if same_case:  # where the model is not linear, as the fit has it
-        at_p = with_computed(readings, case, model, survey, p)
-        assessment, nonlinearity = follow_model(
-            model, case, knowledge.problem, p, survey, at_p, knowledge.assessment,
-            converged=fit.status not in (STOPPED, "not-converged"),
-        )  # fmt: skip
-        knowledge = replace(knowledge, assessment=assessment)
     prediction = predict_stages(
-        survey, knowledge.assessment, accuracies(case), places, knowledge.errors, nonlinearity
+        survey, known.assessment, accuracies(case), places, known.errors, known.nonlinearity
     )
-    return prediction, knowledge
+    return prediction, known
 
 
 def _whose_gauges(task: PredictTask) -> Iterator[Finding]:

@@ -34,8 +34,16 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     show_default=True,
     help="How often chance alone may raise an alarm, of all gauges together.",
 )
-@takes("output", "seed", "force", "fresh", "as_json", after=_next)
-def command(result: str, readings: str | None, false_alarms: str, options: Options) -> int:
+@click.option(
+    "--on-alarm",
+    metavar="CMD",
+    help="Program to run when a new alarm is found, with the JSON object of the result on its "
+    "stdin; not by a shell. Needs --trust.",
+)
+@takes("output", "seed", "force", "fresh", "as_json", "trust", after=_next)
+def command(
+    result: str, readings: str | None, false_alarms: str, on_alarm: str | None, options: Options
+) -> int:
     """Hold new readings of a structure in service against its fit.
 
     Each reading is judged before it is used. Steps and drifts are looked for, of single gauges and
@@ -58,4 +66,4 @@ def command(result: str, readings: str | None, false_alarms: str, options: Optio
             force=options.force,
             fresh=options.fresh,
         )
-        return run_control(request, options)
+        return run_control(request, options, on_alarm=on_alarm)

@@ -13,6 +13,7 @@ Examples:
   geoident show results/*.fit.h5 | less
   geoident show case.fit.h5 --json | jq .parameters
   geoident show case.fit.h5 --csv > case.csv
+  geoident show case.fit.h5 --as-of 2025-03-21
   geoident show campaign.batch
 """
 
@@ -30,8 +31,13 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.command(epilog=EPILOG)
 @click.argument("results", nargs=-1, required=True, metavar="RESULT...", type=click.Path())
 @click.option("--csv", "as_csv", is_flag=True, help="All tables as CSV, one below the other.")
+@click.option(
+    "--as-of",
+    metavar="DATE",
+    help="Of a fit with updates: as it was at the end of this day (UTC), such as 2025-03-21.",
+)
 @takes("as_json", after=_next)
-def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
+def command(results: tuple[str, ...], as_csv: bool, as_of: str | None, options: Options) -> int:
     """Print results: parameters, findings, readings and predictions.
 
     For a campaign (its folder CAMPAIGN.batch) it prints the completed runs, also while others run.
@@ -40,10 +46,10 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
     """
     if as_csv and options.as_json:
         raise click.UsageError("--csv and --json exclude each other.")
-    return each(results, lambda path: _show(path, options, as_csv=as_csv))
+    return each(results, lambda path: _show(path, options, as_csv=as_csv, as_of=as_of))
 
 
-def _show(path: str, options: Options, *, as_csv: bool) -> int:
+def _show(path: str, options: Options, *, as_csv: bool, as_of: str | None) -> int:
     from geoident.io.result.campaign import is_campaign
     from geoident.io.result.file import read_result
     from geoident.io.result.project import is_project_result
@@ -64,6 +70,10 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
         return show_project(path, options, as_csv=as_csv)
     with failures_as_json(path, options):
         result, outdated = with_outdated(read_result(path), path)
+    if as_of is not None:
+        from geoident.workflow.updating.history import as_of as as_it_was
+
+        result, outdated = as_it_was(result, as_of), ()
     case = case_path(path, result.provenance.case_file)
     if options.as_json:
         click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))

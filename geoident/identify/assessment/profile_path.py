@@ -37,7 +37,7 @@ from geoident.identify.assessment.uncertainty import (
 )
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 
 FIRST_POINTS = 3
 """Points to each side up to the end of the linear interval; beyond, steps grow."""
@@ -120,8 +120,8 @@ class Nonlinearity:
     undetermined: bool
     used_deviation: Floats
 
-    def of(self, chosen: Bools) -> Nonlinearity:
-        """Of some of the readings (l,)."""
+    def of(self, chosen: Bools | Ints) -> Nonlinearity:
+        """Of some of the readings: (l,) which, or (k,) their numbers."""
         return replace(self, deviation=self.deviation[:, chosen])
 
     def at_draws(self, rows: slice) -> Floats:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
@@ -132,6 +133,29 @@ def p_value(groups: Sequence[Innovations]) -> PValue:
     far = (1.0 + np.count_nonzero(squares >= np.sum(errors**2))) / (1.0 + DRAWS)
     return PValue(float(few), float(far))
 
+
+def joint_p_value(errors: Innovations) -> float:
+    """How often errors of predictions that hold are as large altogether, each in its direction.
+
+    With R their correlation, d^2 = z^T R^-1 z is chi-squared with l degrees of freedom; where
+    accuracies were estimated from nu degrees of freedom, d^2 / l has the distribution F(l, nu).
+    Unlike `p_value` it sees readings that contradict each other, each within its band.
+
+    Args:
+        errors: of l predictions made from one fit.
+    """
+    number = len(errors.z)
+    if not number:
+        return float("nan")
+    values, vectors = np.linalg.eigh(errors.correlation)
+    along = (vectors.T @ errors.z) ** 2 / np.maximum(values, _SINGULAR * values[-1])
+    if np.isfinite(errors.freedom):
+        return float(fdtrc(number, errors.freedom, along.sum() / number))
+    return float(chdtrc(number, along.sum()))
+
+
+_SINGULAR = 1e-9
+"""Part of the largest eigenvalue of a correlation below which one is rounding."""
 
 STEADY = 0.2
 """Least standard deviation of a change, as a part of that of the value before."""

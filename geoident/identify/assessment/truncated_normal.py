@@ -116,6 +116,19 @@ class Posterior:
         """Mean squares and products of the deviations from the estimate, (n, n)."""
         return np.asarray(self.factor @ self.factor.T + (self.shift * self.weight) @ self.shift.T)
 
+    def products(self, rows: Floats, deviation: Callable[[slice], Floats] | None = None) -> Floats:
+        """Mean squares and products of functions of the deviations from the estimate, (l, l).
+
+        Args:
+            rows: (l, n) their coefficients, where they are linear.
+            deviation: of some rows, what they deviate from linear (l', K) at the draws.
+        """
+        mean = rows @ self.shift
+        if deviation is not None:
+            mean = mean + deviation(slice(None))
+        normal = rows @ self.factor
+        return np.asarray(normal @ normal.T + (mean * self.weight) @ mean.T)
+
     def pick(self, order: Ints) -> Posterior:
         """The same of some parameters, by their numbers (k,), whatever the others are."""
         return replace(self, shift=self.shift[order], factor=self.factor[order])

@@ -19,10 +19,10 @@ from typing import IO, Any
 import h5py
 import numpy as np
 
-from geoident.errors import OutputError
 from geoident.io.result.hdf5 import TableWriter, hdf5_output, plain_text, visible
 from geoident.io.text.atomic import atomic_output, make_folder, output_error, refuse_link
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
+from geoident.io.text.lock import locked
 from geoident.model.arrays import Floats
 from geoident.model.results.costs import COUNTS, Counts
 from geoident.model.results.many.campaign import CampaignTable, RunParameter, RunReading, RunRecord
@@ -173,9 +173,10 @@ class RunJournal:
 
     def __enter__(self) -> RunJournal:
         lock = self._path.with_name(".lock")
-        for path in (lock, *(self._path.with_name(name) for name in (JOURNAL, TABLE, OVER_ALL))):
-            refuse_link(path)
-        self._lock = _locked(lock)
+        for name in (JOURNAL, TABLE, OVER_ALL):
+            refuse_link(self._path.with_name(name))
+        busy = f"{lock.parent}: another geoident computes this campaign now\n    wait for its end"
+        self._lock = locked(lock, busy)
         lines = [asdict(self._head), *(record_object(record) for record in self._known)]
         with atomic_output(self._path, overwrite=True, inputs=()) as temporary:
             Path(temporary).write_text("".join(map(_line, lines)), encoding="utf-8")
@@ -208,29 +209,6 @@ class RunJournal:
 def _line(value: Mapping[str, Any]) -> str:
     text = json.dumps(value, ensure_ascii=False, allow_nan=False)
     return text.encode("utf-8", "backslashreplace").decode() + "\n"
-
-
-def _locked(path: Path) -> IO[str]:
-    """A file that no other process has locked; the lock ends with the process."""
-    try:
-        file = path.open("w")
-    except OSError as error:
-        raise output_error(path, error) from error
-    try:
-        import fcntl  # noqa: PLC0415 - not on every system
-    except ImportError:
-        return file
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        file.close()
-        message = (
-            f"{path.parent}: another geoident computes this campaign now\n    wait for its end"
-        )
-        raise OutputError(message) from error
-    except OSError:  # a file system without locks
-        pass
-    return file
 
 
 def write_over_all(table: CampaignTable, path: Path, *, inputs: Sequence[str]) -> None:

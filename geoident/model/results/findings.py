@@ -18,6 +18,7 @@ FindingKind = Literal[
     "mesh-error", "surface-error", "model-error", "model-error-doubt",
     # of predictions
     "bands", "extrapolation", "collapse", "other-case", "alarm", "decision", "change",
+    "new-readings", "changed-readings",
     # of numbers of the case
     "implausible",
     # of structures

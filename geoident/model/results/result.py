@@ -33,6 +33,7 @@ from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
+from geoident.model.results.updates import UpdateHistory
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
@@ -840,6 +841,7 @@ class Result:
         telling: earlier readings that would tell how probable these are.
         convergence: what a convergence law says of each channel.
         plan: of gauges that are to be read, or None.
+        updates: how a fit came about as readings came, or None where it was never updated.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -949,6 +951,9 @@ class Result:
         default=(), metadata=column("law_gauge", group="convergence", optional=True)
     )
     plan: GaugePlan | None = field(default=None, metadata=column(group="plan", optional=True))
+    updates: UpdateHistory | None = field(
+        default=None, metadata=column(group="updates", optional=True)
+    )
 
     @property
     def fingerprint(self) -> str:

@@ -37,6 +37,7 @@ from geoident.report.drawing.scene import Scene, scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
 from geoident.report.drawing.style import Picture, Progress, images
+from geoident.report.drawing.updates import update_pictures
 from geoident.report.drawing.varied import varied_pictures
 
 
@@ -52,6 +53,7 @@ class Album:
     quality: tuple[Picture, ...]
     structures: tuple[Picture, ...]
     backtest: tuple[Picture, ...]
+    updates: tuple[Picture, ...]
 
     @property
     def all(self) -> tuple[Picture, ...]:
@@ -59,7 +61,7 @@ class Album:
         return (
             *self.model, *self.overview, *self.parameters, *self.readings, *self.fields,
             *self.quality,
-            *self.structures, *self.backtest,
+            *self.structures, *self.backtest, *self.updates,
         )  # fmt: skip
 
 
@@ -93,6 +95,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         quality_pictures(result),
         structure_pictures(result),
         backtest_pictures(result),
+        update_pictures(result),
     )
     return Album(*(tuple(replace(p, name=prefix + p.name) for p in part) for part in parts))
 

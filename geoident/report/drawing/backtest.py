@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import Backtest, bands_of
 from geoident.model.results.bands import NORMAL_95, next_read
 from geoident.model.results.result import Result
@@ -63,25 +65,67 @@ def backtest_pictures(result: Result) -> tuple[Picture, ...]:
 
 def settling_figure(result: Result, backtest: Backtest) -> Figure:
     """A panel for each parameter."""
-    names = result.parameters.names[:_MOST_PARAMETERS]
-    figure, panels = panel_grid(len(names), height=2.3, extra=0.2)
-    stages = tuple(result.gauges.stages[step.last] for step in backtest.steps)
-    logs = logarithmic(result)
-    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
-        unit = result.parameters.units[i], result.parameters.dimensions[i]
-        values, low, high = (
-            in_unit(1.0, *unit) * np.array([getattr(step, column)[i] for step in backtest.steps])
-            for column in ("values", "lower95", "upper95")
+    table, steps = result.parameters, backtest.steps
+    courses = [
+        Course(
+            name,
+            (table.units[i], table.dimensions[i]),
+            *(np.array([getattr(step, column)[i] for step in steps]) for column in _OF_STEP),
         )
-        known = np.array([step.determined[i] for step in backtest.steps], dtype=np.bool_)
+        for i, name in enumerate(table.names)
+    ]
+    stages = tuple(result.gauges.stages[step.last] for step in steps)
+    return courses_figure(courses, stages, logarithmic(result))
+
+
+_OF_STEP = ("values", "lower95", "upper95", "determined")
+
+
+@dataclass(frozen=True)
+class Course:
+    """A parameter as readings are added.
+
+    Args:
+        name: of the parameter.
+        unit: its unit and dimension.
+        values: (k,) SI.
+        lower95: (k,) lower end of its 95 % interval.
+        upper95: (k,) its upper end.
+        determined: (k,) the readings determine it.
+    """
+
+    name: str
+    unit: tuple[str, str]
+    values: Floats
+    lower95: Floats
+    upper95: Floats
+    determined: Bools
+
+
+def courses_figure(courses: Sequence[Course], ticks: tuple[str, ...], logs: Set[str]) -> Figure:
+    """A panel for each of the first parameters.
+
+    Args:
+        courses: of the parameters.
+        ticks: what stands below each of the k estimates.
+        logs: names of the parameters that are drawn on the logarithm.
+    """
+    shown = courses[:_MOST_PARAMETERS]
+    figure, panels = panel_grid(len(shown), height=2.3, extra=0.2)
+    for axes, course in zip(panels, shown, strict=True):
+        size = in_unit(1.0, *course.unit)
+        values, low, high = (
+            size * column for column in (course.values, course.lower95, course.upper95)
+        )
+        known = course.determined
         _draw_settling(axes, np.where(known, values, np.nan), low, high)
         drawn = np.r_[values, low, high]
-        if name in logs and np.isfinite(drawn).any() and np.nanmin(drawn) > 0.0:
+        if course.name in logs and np.isfinite(drawn).any() and np.nanmin(drawn) > 0.0:
             drawn = np.r_[values[known], low[known], high[known]]
             first, last = float(np.nanmin(drawn)), float(np.nanmax(drawn))
             set_scale(axes.yaxis, low=first / 1.06, high=last * 1.06, log=True, most=4)
-        axes.set_title(labelled(short(name), shown_unit(*unit)))
-        stage_ticks(axes, stages)
+        axes.set_title(labelled(short(course.name), shown_unit(*course.unit)))
+        stage_ticks(axes, ticks)
         axes.grid(axis="y")
     return figure
 

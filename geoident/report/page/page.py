@@ -40,6 +40,7 @@ from geoident.report.text import (
     rivals,
     structures,
     trough,
+    updates,
     varied,
     yielding,
 )
@@ -186,6 +187,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             _paragraph(decisions.NOTE if result.telling else "", class_="note"),
         ),
         section(trough.NAME, *_troughs(result)),
+        section(updates.TITLE, *_updates(result), Figures(pictures.updates)),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),
         section("Displacements and stresses", Figures(pictures.fields)),
         section(
@@ -372,6 +374,20 @@ def _troughs(result: Result) -> tuple[Block, ...]:
     if not table.rows:
         return ()
     return TitledTable(trough.NAME, table), _paragraph(trough.trough_note(table), class_="note")
+
+
+def _updates(result: Result) -> tuple[Block, ...]:
+    """What the updates judged, and what the last one did."""
+    table = updates.updates_table(result)
+    if not table.rows:
+        return ()
+    return (
+        tag("p", updates.update_sentence(result)),
+        TitledTable(updates.TITLE, table),
+        tag("p", updates.NOTE, class_="note"),
+        TitledTable(updates.JUDGED_TITLE, updates.judged_table(result)),
+        TitledTable(updates.PARAMETERS_TITLE, updates.parameters_table(result)),
+    )
 
 
 def _strength(result: Result) -> tuple[Block, ...]:

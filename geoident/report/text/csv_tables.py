@@ -206,6 +206,11 @@ def _fields(result: Result) -> CsvTable:
     return CsvTable(header, tuple(rows))
 
 
+def _updates(result: Result, name: str) -> CsvTable:
+    """One table of the history of a fit."""
+    return CsvTable() if result.updates is None else sheet(getattr(result.updates, name), ROW)
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": parameters_sheet,
     "gauges": lambda result: sheet(compared_readings(result), ROW),
@@ -244,6 +249,11 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "changes": lambda result: sheet(listed_changes(result), ROW),
     "backtest": lambda result: sheet(predictions(result), ROW),
     "backtest-parameters": lambda result: sheet(step_parameters(result), ROW),
+    "updates": lambda result: _updates(result, "steps"),
+    "update-gauges": lambda result: _updates(result, "gauges"),
+    "update-readings": lambda result: _updates(result, "readings"),
+    "update-parameters": lambda result: _updates(result, "parameters"),
+    "update-predictions": lambda result: _updates(result, "predictions"),
 }
 
 CSV_TABLES = tuple(_TABLES)

@@ -36,6 +36,7 @@ from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.rows import attributes, objects
 from geoident.report.text.structures import structures_list
 from geoident.report.text.trough import troughs
+from geoident.report.text.updates import updates_object
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -121,6 +122,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,
+        "updates": updates_object(result),
         "grid": result.grid and grid_object(result.grid),
     }
 

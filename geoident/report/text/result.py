@@ -27,6 +27,7 @@ from geoident.report.text import (
     rivals,
     structures,
     trough,
+    updates,
     varied,
     yielding,
 )
@@ -94,6 +95,7 @@ def result_text(result: Result, *, title: str = "") -> str:
             sentence(surface.surface_words(result.surface)),
         ),
         section("Findings", bullets(sentences_of(result.findings))),
+        section(updates.TITLE, *updates.parts(result)),
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
         section(yielding.TITLE, yielding.certificate_text(result.certificate)),
@@ -136,6 +138,7 @@ def summary_text(result: Result) -> str:
         ),
         sentence(_model_error(result)),
         sentence(extent.extent_sentence(result.yielded)),
+        sentence(updates.update_sentence(result)),
         bullets(sentences_of(result.findings)),
     )
     return "\n".join(part for part in parts if part)

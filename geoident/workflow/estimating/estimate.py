@@ -281,7 +281,12 @@ def searched(
         return setup
 
     def of_search(setup: Setup, log: Log) -> Result:
-        search_end = estimated(setup, job.methods, log, control)
+        start = None
+        if job.earlier is not None:
+            values = [job.earlier.values[parameter.name] for parameter in setup.case.parameters]
+            start = np.array(values, dtype=np.float64)
+        near = job.earlier is not None and job.earlier.ended
+        search_end = estimated(setup, job.methods, log, control, start=start, near=near)
         control.finish()
         return result(*search_end, log)
 

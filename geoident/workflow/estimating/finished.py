@@ -175,10 +175,13 @@ class ResultFiles(Generic[R]):
                 return self.keep(place)
             existing = Existing.UNFINISHED
         remarks: tuple[str, ...] = ()
-        if existing is Existing.OTHER and now is not None and not force:
+        lost = now is not None and "updates" in now.contents.split()
+        lost = lost and getattr(result, "updates", None) is None
+        if now is not None and (lost or (existing is Existing.OTHER and not force)):
             aside, removed = set_aside(place.path)
+            why = "has the history of its updates" if lost else "was made from other input"
             remarks = (
-                f"{place.path} was made from other input: it is kept as {aside}",
+                f"{place.path} {why}: it is kept as {aside}",
                 *(f"{path}, an older one, is removed" for path in removed),
             )
         overwrite = existing is not Existing.NOTHING
@@ -223,5 +226,5 @@ def run_job(
         evaluation_log(job, control, prepared.model) as log,
         with_workers(job, prepared, control) as setup,
     ):
-        result, force = compute(setup, log), job.request.force
+        result, force = job.joined(compute(setup, log)), job.request.force
         return write(result, job.place, job.existing, inputs=job.inputs.files, force=force)

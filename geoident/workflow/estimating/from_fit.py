@@ -1,14 +1,34 @@
-"""What ``predict`` and ``sample`` share: they read the result of a fit, and their own names it."""
+"""What commands on the result of a fit share: they read it, ask what it knows, and name it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
 
 from geoident.errors import Fault, InputError, Location, Term
+from geoident.forward.observed import ObservedModel, Survey
+from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.profile_path import Nonlinearity
+from geoident.identify.assessment.uncertainty import Assessment
 from geoident.io.result.file import read_result
-from geoident.model.results.result import Result
+from geoident.model.case import Case
+from geoident.model.results.result import STOPPED, Result
+from geoident.workflow.estimating.accuracies import Possible
+from geoident.workflow.estimating.another_case import pick_assessment
+from geoident.workflow.estimating.diagnosis import assess_robustly, at_used
+from geoident.workflow.estimating.estimate import over_accuracies
 from geoident.workflow.estimating.finished import Finished, write
+from geoident.workflow.estimating.model_error import LaterModelError
+from geoident.workflow.estimating.predictions import KnownErrors, follow_model
+from geoident.workflow.estimating.setup import (
+    problem_of_result,
+    setup_of_result,
+    used_response,
+)
 from geoident.workflow.programs.program import executed
+from geoident.workflow.running.computed import with_computed
 from geoident.workflow.running.jobs import (
     Inputs,
     Job,
@@ -18,6 +38,7 @@ from geoident.workflow.running.jobs import (
     of_fit,
 )
 from geoident.workflow.running.outputs import existing, require_free, target
+from geoident.workflow.running.readings import used_rows
 from geoident.workflow.running.result_files import case_path, files_of_result
 
 
@@ -129,3 +150,74 @@ def require_same_mesh(fit: Result, inputs: Inputs, hint: str) -> None:
             hint = f"Put the file of the fit beside the result, or do this: {hint}"
         place = Location(inputs.loaded.mesh_path or inputs.path)
         raise InputError([Fault("changed-mesh", message, hint, place)])
+
+
+class KnownByFit(NamedTuple):
+    """What a fit knows beside its parameters.
+
+    Args:
+        assessment: how well it knows them, in the order of the model.
+        errors: what its readings tell of the errors of later ones; None where none do.
+        nonlinearity: how readings deviate from linear; None for not at all.
+    """
+
+    assessment: Assessment
+    errors: KnownErrors | None
+    nonlinearity: Nonlinearity | None
+
+
+def known_by_fit(
+    fit: Result,
+    fitted: Case,
+    model: ObservedModel,
+    case: Case,
+    survey: Survey,
+    *,
+    same_case: bool,
+    others: bool = False,
+    follow: bool = True,
+) -> KnownByFit:
+    """What a fit knows, assessed again from the sensitivities that it holds.
+
+    Args:
+        fit: the fit, with the parameters.
+        fitted: its case.
+        model: of the case to predict.
+        case: to predict.
+        survey: of the model there.
+        same_case: it is the case of the fit, perhaps with further readings.
+        others: its gauges are not those of the fit: of these it knows no error, nor that of the
+            model where they are.
+        follow: follow the model where it is not linear, which costs evaluations.
+    """
+    p, readings = fit.parameters.values, fit.gauges.readings
+    setup = setup_of_result(fit, fitted, model)
+    response = used_response(setup) if same_case else model.response(())
+    problem = problem_of_result(fit, setup.case, response)
+    computed, jacobian = at_used(readings)
+    over = over_accuracies(setup, problem, p, computed, jacobian)
+    order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
+    assessment = pick_assessment(assess_robustly(problem, p, computed, jacobian, over), order)
+    nonlinearity = None
+    if same_case and follow:  # where the model is not linear, as the fit has it
+        at_p = with_computed(readings, case, model, survey, p)
+        assessment, nonlinearity = follow_model(
+            model, case, problem, p, survey, at_p, assessment,
+            converged=fit.status not in (STOPPED, "not-converged"),
+        )  # fmt: skip
+    error = setup.model_error
+    if error is not None and others:
+        error = error.of_nothing_used()
+    known = None
+    if error is not None or any(c.errors for c in (*setup.case.channels, *case.channels)):
+        known = KnownErrors(
+            case,
+            replace(problem, sd=effective_sd(problem, computed)),
+            computed,
+            jacobian[:, order],
+            used_rows(setup.case, readings.used),
+            None if error is None else LaterModelError(error, case, model, survey.increments),
+            Possible.of(fit.accuracies, readings.used),
+        )
+        known = known.of_nothing_used() if others else known
+    return KnownByFit(assessment, known, nonlinearity)

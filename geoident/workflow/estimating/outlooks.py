@@ -17,7 +17,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.decision import Condition
 from geoident.model.results.result import Result
-from geoident.workflow.estimating.known_from_fit import known_from_fit
+from geoident.workflow.estimating.from_fit import known_by_fit
 from geoident.workflow.estimating.model_error import FittedModelError, LaterModelError
 from geoident.workflow.estimating.model_error_covariance import (
     ReadingSteps,
@@ -88,7 +88,9 @@ class Plannable:
     def known(self, survey: Survey) -> tuple[Assessment, KnownErrors | None]:
         """What is known of the parameters, and of the errors of readings to come."""
         if self.fit is not None and self.origin is not None:
-            known = known_from_fit(self.fit, self.origin, self.model, self.case, survey)
+            known = known_by_fit(
+                self.fit, self.origin, self.model, self.case, survey, same_case=True, follow=False
+            )
             return known.assessment, known.errors
         none = np.zeros(0)
         problem = Problem(self.model.response(()), none, none, self.case.parameters)
@@ -178,7 +180,8 @@ def linearised(
     every = np.concatenate([due.reshape(-1, 2), places])
     if not np.isfinite(survey.sensitivity[*every.T]).all():
         raise ModelError("some of the readings have no value")
-    joint = joint_readings(survey, assessment, accuracies(planned.case), every, errors)
+    sd = accuracies(planned.case)[*every.T]
+    joint = joint_readings(assessment, survey.sensitivity[*every.T], sd, every, errors)
     C = assessment.posterior.covariance[numbers]
     across = C @ joint.rows.T
     within = C[:, numbers]

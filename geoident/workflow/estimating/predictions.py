@@ -12,7 +12,7 @@ from geoident.forward.observed import ObservedModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.later_readings import LaterReadings, given_used, later_covariance
 from geoident.identify.assessment.linearity import IntervalEnds, interval_ends
-from geoident.identify.assessment.prediction_bands import predict_band
+from geoident.identify.assessment.prediction_bands import Band, predict_band
 from geoident.identify.assessment.profile_path import (
     Nonlinearity,
     PathReadings,
@@ -34,6 +34,9 @@ from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import with_computed
 from geoident.workflow.running.readings import ChannelReading, error_structure
+
+Later = Ints | tuple[ChannelReading, ...]
+"""Later readings: numbers (l, 2) of their channels and stages, or the readings themselves."""
 
 _MOST_STAGES = 4
 """Predicted stages of which each has its sentence; of more there is one for all."""
@@ -85,18 +88,17 @@ def predict_stages(
     """
     computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & places
-    mean = np.where(wanted, computed, np.nan)
-    sensitivity = survey.sensitivity[wanted]
     curved = None if nonlinearity is None else nonlinearity.of(wanted.ravel())
-    if known is not None:
-        later = known.of(np.argwhere(wanted), sensitivity)
-        mean[wanted] += later.shift
-        if curved is not None:
-            curved = known.left_of(np.argwhere(wanted), curved)
-        wider = known.wider(np.argwhere(wanted), sensitivity, assessment)
-        band = predict_band(assessment, later.jacobian, later.sd, curved, wider)
-    else:
-        band = predict_band(assessment, sensitivity, accuracy[wanted], curved)
+    shift, band = band_of(
+        assessment,
+        survey.sensitivity[wanted],
+        accuracy[wanted],
+        np.argwhere(wanted),
+        known,
+        curved,
+    )
+    mean = np.where(wanted, computed, np.nan)
+    mean[wanted] += shift
 
     def placed(values: Floats) -> Floats:
         table = np.full(computed.shape, np.nan)
@@ -125,31 +127,62 @@ class JointReadings:
 
 
 def joint_readings(
-    survey: Survey,
     assessment: Assessment,
-    accuracy: Floats,
-    places: Ints,
+    sensitivity: Floats,
+    sd: Floats,
+    later: Later,
     known: KnownErrors | None = None,
+    curved: Nonlinearity | None = None,
 ) -> JointReadings:
     """Later readings together: what the parameters lack is common to all of them.
 
     So is what is left of errors that they share with used readings or with each other.
 
     Args:
-        survey: the model at the estimate.
         assessment: how well the parameters are known.
-        accuracy: (n_channels, n_stages) standard deviation of a reading, SI.
-        places: (l, 2) numbers of their channels and stages.
+        sensitivity: (l, n) derivatives of what the model says of the readings, SI.
+        sd: (l,) standard deviations of their own errors where these are independent, SI.
+        later: the readings.
         known: what the used readings tell of shared errors; None where all are independent.
+        curved: how they deviate from linear; None for not at all.
     """
-    rows, own = survey.sensitivity[*places.T], accuracy[*places.T] ** 2
+    rows, own = sensitivity, sd**2
     left = np.diag(own)
     if known is not None and len(rows):
-        rows = known.of(places, rows).jacobian
-        problem, later = known.with_later(places)
-        left, own = later_covariance(problem, later), later.sd**2
+        rows = known.of(later, sensitivity).jacobian
+        curved = None if curved is None else known.left_of(later, curved)
+        problem, errors = known.with_later(later)
+        left, own = later_covariance(problem, errors), errors.sd**2
     rows = rows * assessment.dp_dx
-    return JointReadings(rows, rows @ assessment.posterior.covariance @ rows.T + left, own)
+    deviation = None if curved is None else curved.at_draws
+    return JointReadings(rows, assessment.posterior.products(rows, deviation) + left, own)
+
+
+def band_of(
+    assessment: Assessment,
+    sensitivity: Floats,
+    sd: Floats,
+    later: Later,
+    known: KnownErrors | None,
+    curved: Nonlinearity | None = None,
+) -> tuple[Floats, Band]:
+    """What later readings differ from the model by (l,), SI, and their bands about that.
+
+    Args:
+        assessment: how well the parameters are known.
+        sensitivity: (l, n) derivatives of what the model says of them, SI.
+        sd: (l,) standard deviations of their errors, SI.
+        later: the readings.
+        known: what the used readings tell of their errors; None where all are independent.
+        curved: how they deviate from linear; None for not at all.
+    """
+    if known is None:
+        return np.zeros(len(sd)), predict_band(assessment, sensitivity, sd, curved)
+    given = known.of(later, sensitivity)
+    if curved is not None:
+        curved = known.left_of(later, curved)
+    wider = known.wider(later, sensitivity, assessment)
+    return given.shift, predict_band(assessment, given.jacobian, given.sd, curved, wider)
 
 
 def correlations(
@@ -158,8 +191,9 @@ def correlations(
     prediction: Prediction,
     places: Bools,
     known: KnownErrors | None = None,
+    nonlinearity: Nonlinearity | None = None,
 ) -> Floats:
-    """Of the errors of predictions.
+    """Of the errors of predictions, see `correlations_of`.
 
     Args:
         survey: the model at the estimate.
@@ -167,13 +201,41 @@ def correlations(
         prediction: the bands.
         places: (n_channels, n_stages) the l predictions, all with a finite band.
         known: what the used readings tell of shared errors; None where all are independent.
+        nonlinearity: how the readings of all channels and stages, row by row, deviate from linear;
+            None for not at all.
 
     Returns:
         (l, l).
     """
-    exact = np.zeros_like(survey.computed)  # independent accuracies stand in the diagonal alone
-    joint = joint_readings(survey, assessment, exact, np.argwhere(places), known).covariance
-    sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(joint)))
+    curved = None if nonlinearity is None else nonlinearity.of(places.ravel())
+    sensitivity, sd = survey.sensitivity[places], prediction.sd[places]
+    return correlations_of(assessment, sensitivity, sd, np.argwhere(places), known, curved)
+
+
+def correlations_of(
+    assessment: Assessment,
+    sensitivity: Floats,
+    sd: Floats,
+    later: Later,
+    known: KnownErrors | None = None,
+    curved: Nonlinearity | None = None,
+) -> Floats:
+    """Of the errors of predictions.
+
+    Args:
+        assessment: how well the parameters are known.
+        sensitivity: (l, n) derivatives of what the model says of the readings, SI.
+        sd: (l,) standard deviations of their predictions, SI.
+        later: the readings.
+        known: what the used readings tell of shared errors; None where all are independent.
+        curved: how they deviate from linear; None for not at all.
+
+    Returns:
+        (l, l).
+    """
+    exact = np.zeros_like(sd)  # independent errors stand in the diagonal alone
+    joint = joint_readings(assessment, sensitivity, exact, later, known, curved).covariance
+    sd = np.maximum(sd, np.sqrt(np.diag(joint)))
     matrix = joint / np.outer(sd, sd)
     np.fill_diagonal(matrix, 1.0)
     return np.asarray(matrix)
@@ -214,48 +276,48 @@ class KnownErrors:
             possible=None,
         )
 
-    def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
+    def of(self, later: Later, sensitivity: Floats) -> LaterReadings:
         """Later readings as the used ones let expect them.
 
         Args:
-            places: (l, 2) numbers of their channels and stages.
+            later: the readings.
             sensitivity: (l, n) derivatives of what the model says of them, SI.
         """
-        problem, later = self.with_later(places)
+        problem, errors = self.with_later(later)
         return given_used(
-            problem, self.computed, self.jacobian, later=later, later_jacobian=sensitivity
+            problem, self.computed, self.jacobian, later=errors, later_jacobian=sensitivity
         )
 
-    def left_of(self, places: Ints, curved: Nonlinearity) -> Nonlinearity:
+    def left_of(self, later: Later, curved: Nonlinearity) -> Nonlinearity:
         """Deviations from linear less what the used readings, which deviate too, tell of them.
 
         Args:
-            places: (l, 2) numbers of the channels and stages of the later ones.
+            later: the readings.
             curved: of these, along a path.
         """
         if not self.rows:
             return curved
-        problem, later = self.with_later(places)
+        problem, errors = self.with_later(later)
         used, at_later = curved.used_deviation.T, curved.deviation.T
-        left = given_used(problem, self.computed, used, later=later, later_jacobian=at_later)
+        left = given_used(problem, self.computed, used, later=errors, later_jacobian=at_later)
         return replace(curved, deviation=left.jacobian.T)
 
-    def with_later(self, places: Ints) -> tuple[Problem, ErrorStructure]:
+    def with_later(self, later: Later) -> tuple[Problem, ErrorStructure]:
         """The used readings and the errors of later ones, with the same columns for what is shared.
 
         Args:
-            places: (l, 2) numbers of the channels and stages of the later ones.
+            later: the readings.
         """
-        used, later = self._structures(places)
-        return replace(self.problem, shared=used.stated[1]), later
+        used, errors = self._structures(later)
+        return replace(self.problem, shared=used.stated[1]), errors
 
     def wider(
-        self, places: Ints, sensitivity: Floats, assessment: Assessment
+        self, later: Later, sensitivity: Floats, assessment: Assessment
     ) -> tuple[Floats, Floats] | None:
         """How much farther out the ends of bands are as accuracies were estimated.
 
         Args:
-            places: (l, 2) numbers of the channels and stages of the later ones.
+            later: the readings.
             sensitivity: (l, n) derivatives of what the model says of them, SI.
             assessment: how well the parameters are known.
 
@@ -266,10 +328,10 @@ class KnownErrors:
         if over is None:
             return None
         if self.possible is None:  # gauges of another section, as accurate as they state
-            later = self.of(places, sensitivity)
-            each = np.broadcast_to(later.sd, (len(over.shift), len(later.sd)))
-            return over.wider(later.jacobian * assessment.dp_dx, sd=each)
-        used, errors = self._structures(places)
+            given = self.of(later, sensitivity)
+            each = np.broadcast_to(given.sd, (len(over.shift), len(given.sd)))
+            return over.wider(given.jacobian * assessment.dp_dx, sd=each)
+        used, errors = self._structures(later)
         points = self.possible.padded(used)
         problems = [
             given_used(
@@ -291,26 +353,27 @@ class KnownErrors:
             np.array([each.sd for each in problems]),
         )
 
-    def at_possible(self, number: int, places: Ints) -> tuple[Problem, ErrorStructure]:
+    def at_possible(self, number: int, later: Later) -> tuple[Problem, ErrorStructure]:
         """`with_later` at one of the accuracies that are possible.
 
         Args:
             number: of these, from 0.
-            places: (l, 2) numbers of the channels and stages of the later readings.
+            later: the readings.
         """
         assert self.possible is not None
-        used, later = self._structures(places)
+        used, errors = self._structures(later)
         t = self.possible.padded(used)[number]
         sd, shared = used.at(t)
-        return replace(self.problem, sd=sd, shared=shared), later.sized(t)
+        return replace(self.problem, sd=sd, shared=shared), errors.sized(t)
 
-    def _structures(self, places: Ints) -> tuple[ErrorStructure, ErrorStructure]:
+    def _structures(self, later: Later) -> tuple[ErrorStructure, ErrorStructure]:
         """The errors of the used and of later readings, with the same columns."""
         case = self.case
-        later = [
-            (case.channels[i], case.reading_at(case.channels[i], case.stages[j].name))
-            for i, j in places.tolist()
-        ]
+        if not isinstance(later, tuple):
+            later = tuple(
+                (case.channels[i], case.reading_at(case.channels[i], case.stages[j].name))
+                for i, j in later.tolist()
+            )
         rows = [*self.rows, *later]
         whole = error_structure(rows) if self.possible is None else self.possible.structure(rows)
         if self.model_error is not None:

@@ -155,18 +155,12 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     model = case.elsewhere
     assert fit is not None
     assert isinstance(model, SeasonalModel)
-    scales = Scales(fit.level_low, fit.level_high, fit.air_mean)
     table = select_readings(case, build_model(task.job.inputs))
-    effects = effects_at(model, scales, table.time)
+    effects = _effects(task.fit, model, table)
     table = _new_readings(with_reasons(table, model, effects), task.fit)
-    watched = [
-        gauge
-        for i in range(len(case.channels))
-        if (gauge := _watched(i, task.fit, model, scales, table, effects)) is not None
-    ]
+    watched, correlation = watched_gauges(task.fit, case, table)
     if not watched:
         raise InputError([_nothing_new(case, task, table)])
-    correlation = _correlation(watched)
     rng = np.random.default_rng(task.request.seed)
     controlling.monitor.detail("simulating false alarms")
     usual = Detector([gauge.standard for gauge in watched], correlation)
@@ -217,8 +211,39 @@ def _in_place(fit: Result, path: str) -> str:
     return f"readings.file={given}" if isinstance(readings, Mapping) else f"readings={given}"
 
 
+def watched_gauges(
+    fit: Result, case: Case, table: ReadingTable
+) -> tuple[list[WatchedGauge], Floats]:
+    """The gauges that have new readings, and the correlation (n, n) of their innovations.
+
+    Args:
+        fit: of a seasonal model.
+        case: with the new readings.
+        table: of these, used.
+    """
+    model = case.elsewhere
+    assert isinstance(model, SeasonalModel)
+    effects = _effects(fit, model, table)
+    watched = [
+        gauge
+        for i in range(len(fit.gauges.channels))
+        if (gauge := _watched(i, fit, model, table, effects)) is not None
+    ]
+    return watched, _correlation(watched)
+
+
+def _effects(fit: Result, model: SeasonalModel, table: ReadingTable) -> Effects:
+    """At the times of readings, in the scales of a fit."""
+    return effects_at(model, _scales(fit), table.time)
+
+
+def _scales(fit: Result) -> Scales:
+    assert fit.seasonal is not None
+    return Scales(fit.seasonal.level_low, fit.seasonal.level_high, fit.seasonal.air_mean)
+
+
 @dataclass(frozen=True)
-class _Watched:
+class WatchedGauge:
     """A gauge with new readings.
 
     Args:
@@ -251,10 +276,9 @@ def _watched(
     number: int,
     fit: Result,
     model: SeasonalModel,
-    scales: Scales,
     table: ReadingTable,
     effects: Effects,
-) -> _Watched | None:
+) -> WatchedGauge | None:
     """A gauge that was fitted and has new readings; None for others."""
     assert fit.seasonal is not None
     state, terms = _state_of(fit.seasonal, number)
@@ -267,14 +291,14 @@ def _watched(
     predicted = filtered.predicted(y)
     before = fit.gauges.readings
     old = rows_in_time(before, name, before.used)
-    columns = effects_at(model, scales, before.time[old]).columns[:, terms]
+    columns = effects_at(model, _scales(fit), before.time[old]).columns[:, terms]
     residual = before.value[old] - columns @ state.mean[:-1]
     # the days of the last two years again: what was read on one day stays on one day
     end = float(np.nanmax(fit.seasonal.last))
     if state.time <= end - _STANDARD:  # a gauge that has not been read for so long
         end = state.time
     usual = before.time[old] > end - _STANDARD
-    return _Watched(
+    return WatchedGauge(
         number=number,
         rows=rows,
         filter=filtered,
@@ -314,9 +338,11 @@ def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
     return replace(table, reason=tuple(reasons), used=used)
 
 
-def _correlation(watched: Sequence[_Watched]) -> Floats:
+def _correlation(watched: Sequence[WatchedGauge]) -> Floats:
     """(n, n) of the innovations that gauges had on one day of the fit."""
     n = len(watched)
+    if not n:
+        return np.zeros((0, 0))
     R = np.eye(n)
     for i in range(n):
         for j in range(i):
@@ -338,7 +364,7 @@ _LEAST = 0.05
 
 
 def _rows(
-    changes: Sequence[Change], watched: Sequence[_Watched], case: Case
+    changes: Sequence[Change], watched: Sequence[WatchedGauge], case: Case
 ) -> Iterator[ChangeRow]:
     for number, change in enumerate(changes, 1):
         for i, size, sd in zip(change.gauges, change.size, change.sd, strict=True):
@@ -352,7 +378,7 @@ def _rows(
 
 
 def _wrong_rows(
-    watched: Sequence[_Watched], case: Case, table: ReadingTable, before: int
+    watched: Sequence[WatchedGauge], case: Case, table: ReadingTable, before: int
 ) -> Iterator[ChangeRow]:
     """Single wrong readings, numbered after the changes that went before."""
     wrong = [(gauge, int(k)) for gauge in watched for k in gauge.wrong]
@@ -378,7 +404,7 @@ def _state(changes: Sequence[Change]) -> str:
     return AMBER if lasting else GREEN
 
 
-def _counting(gauges: GaugeTable, watched: Sequence[_Watched]) -> GaugeTable:
+def _counting(gauges: GaugeTable, watched: Sequence[WatchedGauge]) -> GaugeTable:
     """New readings that are not wrong alone: those that may reach an alarm value."""
     counts = np.zeros(len(gauges.readings), dtype=np.bool_)
     for gauge in watched:
@@ -388,7 +414,7 @@ def _counting(gauges: GaugeTable, watched: Sequence[_Watched]) -> GaugeTable:
 
 
 def _reason(
-    state: str, table: ReadingTable, watched: Sequence[_Watched], request: ControlRequest
+    state: str, table: ReadingTable, watched: Sequence[WatchedGauge], request: ControlRequest
 ) -> str:
     words = {
         GREEN: "The last readings show no change",
@@ -429,14 +455,14 @@ def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
         yield Finding("change", ", ".join(row.gauge for row in own), sentence, {"since": one.since})
 
 
-def _wrong_findings(watched: Sequence[_Watched], case: Case) -> Iterator[Finding]:
+def _wrong_findings(watched: Sequence[WatchedGauge], case: Case) -> Iterator[Finding]:
     """A sentence for each gauge with single wrong readings."""
     for gauge in watched:
         if gauge.wrong.size:
             yield _wrong_finding(gauge, case)
 
 
-def _wrong_finding(gauge: _Watched, case: Case) -> Finding:
+def _wrong_finding(gauge: WatchedGauge, case: Case) -> Finding:
     """Readings of a gauge that are far off alone."""
     channel = case.channels[gauge.number]
     at = gauge.wrong

@@ -50,7 +50,7 @@ def fit_seasonal(job: Job, control: Control) -> Finished:
         return before
     case = job.inputs.case
     assert isinstance(case.elsewhere, SeasonalModel)
-    result = _result(job, case, case.elsewhere, control)
+    result = job.joined(_result(job, case, case.elsewhere, control))
     force = job.request.force
     return write(result, job.place, job.existing, inputs=job.inputs.files, force=force)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -384,6 +384,21 @@ class Planned:
         return self.existing is Existing.UP_TO_DATE and not self.request.fresh
 
 
+@dataclass(frozen=True)
+class Earlier:
+    """A fit that goes before that of a job.
+
+    Args:
+        values: its parameters by name, SI, where the search begins.
+        ended: its search ended there, and was not cut short.
+        joined: makes of the result of the job that which is written, with what went before.
+    """
+
+    values: Mapping[str, float]
+    ended: bool
+    joined: Callable[[Result], Result]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Job(Planned):
     """A case that is to be computed.
@@ -391,10 +406,16 @@ class Job(Planned):
     Args:
         methods: the identifiers to run, one after the other.
         inputs: the case.
+        earlier: the fit that this one brings up to date; None for none.
     """
 
     methods: tuple[MethodOptions, ...]
     inputs: Inputs
+    earlier: Earlier | None = None
+
+    def joined(self, result: Result) -> Result:
+        """A result with what an earlier fit has left to it."""
+        return result if self.earlier is None else self.earlier.joined(result)
 
 
 def plan_fit(request: Request) -> Job:

@@ -227,11 +227,12 @@ def kept_results(path: Path) -> list[tuple[int, Path]]:
 
 
 def _thinned(earlier: Sequence[Path]) -> tuple[Path, ...]:
-    """Remove the oldest of too many earlier results, but none that took long to compute."""
+    """Remove the oldest of too many earlier results: none that took long, or has updates."""
     removed = []
     for path in earlier[: max(0, len(earlier) + 1 - KEPT)]:
         result = read_identity(path)
-        if result is not None and result.seconds < LONG:
+        lasting = result is None or "updates" in result.contents.split()
+        if result is not None and not lasting and result.seconds < LONG:
             with suppress(OSError):
                 path.unlink()
                 removed.append(path)

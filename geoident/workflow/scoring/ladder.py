@@ -81,7 +81,7 @@ def fit_ladder(job: Job, control: Control, fit_one: Callable[[Job, Control], Fin
     )
     others = tuple(path for _, _, fit in fits for path in fit.paths)
     inputs = (*job.inputs.files, *others)
-    written = write(result, job.place, job.existing, inputs=inputs, force=request.force)
+    written = write(job.joined(result), job.place, job.existing, inputs=inputs, force=request.force)
     return replace(written, paths=(*written.paths, *others))
 
 

@@ -232,7 +232,14 @@ def tried(
         gauges,
         step,
         bands,
-        correlations(estimate.survey, estimate.assessment, prediction, judged, estimate.errors),
+        correlations(
+            estimate.survey,
+            estimate.assessment,
+            prediction,
+            judged,
+            estimate.errors,
+            estimate.nonlinearity,
+        ),
         ahead,
         judged,
         extrapolation_findings(levels, setup.case, last + 1, states),
@@ -329,6 +336,7 @@ def _reach(setup: Setup, trials: Sequence[PartialFit]) -> Reach | None:
         trial.step.prediction,
         places,
         trial.estimate.errors,
+        trial.estimate.nonlinearity,
     )
     by_chance = p_value([_innovations(trial, places, known)])
     clock, scored = Clock.of(case), trial.bands.scored
