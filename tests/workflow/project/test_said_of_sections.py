@@ -1,11 +1,15 @@
 """What is said of a section alone is said of it in a project, too."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from support.commands import run_command
+from support.projects import SECTIONS, example
 from support.settlement_plates import days_of, hyperbola, measured, settlement, write_plate
+
+from geoident.workflow.project import run
 
 PROJECT = """\
 format: geoident-project/1
@@ -48,3 +52,27 @@ def test_sections_of_few_readings_have_a_model_error_together(project):
     result = project(hyperbola(), hyperbola(), count=3)
     (said,) = [note for note in result["notes"] if "All sections together" in note]
     assert "% of the motion" in said
+
+
+@pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 0.0, 15.0), (1.6, 20.0, 60.0)])
+def test_how_far_the_models_of_all_sections_are_from_the_ground(tmp_path, factor, least, most):
+    """The readings are those of the model, or all vertical closures are 60 % larger."""
+    path = example(tmp_path, SECTIONS)
+    for file in tmp_path.glob("km-*.csv"):
+        head, *rows = (line.split(",") for line in file.read_text("utf-8").splitlines())
+        for row in rows:
+            row[2] = f"{float(row[2]) * (factor if row[0] == 'CV0' else 1.0):.3f}"
+        file.write_text("".join(",".join(row) + "\n" for row in (head, *rows)), "utf-8")
+    result = json.loads(run_command("fit", path, "--json", "-q").stdout)
+    (said,) = [note for note in result["notes"] if "All sections together" in note]
+    size = float(re.search(r"a model error of ([\d.]+) % of the motion", said)[1])
+    assert least <= size <= most
+
+
+def test_turns_that_do_not_come_to_rest(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "TURNS", 1)
+    path = example(tmp_path, SECTIONS)
+    result = json.loads(run_command("fit", path, "--json", "-q").stdout)
+    (said,) = [one for one in result["findings"] if one["kind"] == "model-error-doubt"]
+    assert "did not come to rest" in said["sentence"]
+    assert "'model_error: 15 %' under 'fit' of the cases" in said["sentence"]
