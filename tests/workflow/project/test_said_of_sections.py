@@ -47,6 +47,31 @@ def test_residuals_that_come_in_runs(project):
     assert found[0]["sentence"].startswith("In the section east by itself: Residuals of P come")
 
 
+def test_the_line_that_helps_against_runs_does(project, tmp_path):
+    creeps = settlement(np.random.default_rng(100))
+    before = project(creeps, hyperbola(), more=", model_error: none")
+    (found,) = [one for one in before["findings"] if one["kind"] == "correlated-residuals"]
+    (line,) = re.findall(r"Write '(model_error: \{time: .*?\})' under 'fit'", found["sentence"])
+    case = tmp_path / "east" / "case.yaml"
+    case.write_text(case.read_text("utf-8").replace("model_error: none", line), "utf-8")
+    after = json.loads(run_command("fit", tmp_path / "project.yaml", "--json", "-q").stdout)
+    assert "correlated-residuals" not in [one["kind"] for one in after["findings"]]
+    assert after["common"]["m"]["sd"] > 1.5 * before["common"]["m"]["sd"]
+
+
+def test_the_line_that_is_proposed_states_the_model_error_of_all_sections(project, tmp_path):
+    before = project(hyperbola(), hyperbola())
+    (said,) = [note for note in before["notes"] if "All sections together" in note]
+    assert "write 'model_error: 30 %' under 'fit' of the cases" in said
+    for name in ("east", "west"):
+        case = tmp_path / name / "case.yaml"
+        text = case.read_text("utf-8")
+        case.write_text(text.replace("backtest: false", "backtest: false, model_error: 30 %"))
+    after = json.loads(run_command("fit", tmp_path / "project.yaml", "--json", "-q").stdout)
+    assert not [note for note in after["notes"] if "All sections together" in note]
+    assert after["common"]["m"]["sd"] > 2.0 * before["common"]["m"]["sd"]
+
+
 def test_sections_of_few_readings_have_a_model_error_together(project):
     """Three readings beside two parameters say nothing of it; those of two sections do."""
     result = project(hyperbola(), hyperbola(), count=3)
