@@ -309,7 +309,7 @@ class ModelErrorOptions:
         size: relative to the computed motion, where it is given.
         length: over which it is correlated, m; None: as far as the gauges are spread.
         time: over which it is correlated, s; None: a third of the time of the readings of a model
-            without ground of its own, and by stages of construction of others.
+            without ground of its own and behind a face, and by stages of construction of others.
         written: the case says so; else this is what happens by default.
     """
 

@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 from support.commands import run_command
-from support.external import OWN, SCRIPT
+from support.external import OWN, PYTHON, SCRIPT, gauge_values, write_case
 
 READ = {"V": 1.22e-3, "D": 1.31e-3}
 LOG_E, K0 = np.meshgrid(
@@ -80,3 +80,18 @@ def test_predict_has_the_bands_of_the_fit(tmp_path):
     for (*name, low, high), (*other, low2, high2) in zip(*bands, strict=True):
         assert name == other
         assert [low2, high2] == pytest.approx([low, high], rel=1e-6)
+
+
+def test_an_interval_that_reaches_where_the_model_has_no_solution_is_said_to(tmp_path):
+    """The opening collapses where E is 3 % off, far within its interval; K0 goes with it."""
+    script = SCRIPT.replace("if K > 2.9:", "if not 7.76e9 < E < 8.24e9:")
+    path = write_case(tmp_path, PYTHON, script=script)
+    rows = [f"{g},{s},{1e3 * v!r},mm" for (g, s), v in gauge_values(8e9, 0.9).items()]
+    path.with_name("readings.csv").write_text("\n".join(["gauge,stage,value,unit", *rows, ""]))
+    text = path.read_text().replace("start: 6 GPa", "start: 8.1 GPa").replace("0.02 mm", "0.3 mm")
+    path.write_text(text.replace("backtest: false", "backtest: false, model_error: none"))
+    made = json.loads(run_command("fit", path, "--trust", "--json", "-q").stdout)
+    (found,) = [one for one in made["findings"] if one["kind"] == "nonlinear"]
+    assert found["sentence"].startswith("The model is not linear over the interval of K0: at both ")
+    assert "ends the model has no solution" in found["sentence"]
+    assert "`geoident sample` draws from the posterior itself" in found["sentence"]

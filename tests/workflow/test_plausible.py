@@ -83,6 +83,14 @@ def test_a_fit_and_what_follows_from_it_repeat_what_check_says(tmp_path, notes, 
         assert said in sentence
 
 
+def test_a_scan_says_what_check_says(tmp_path):
+    path = write_case(tmp_path)
+    path.write_text(CASE.replace("nu: 0.25}", "nu: 0.25, density: 19000 kg/m3}"))
+    said = "The density of 'rock' is 19000 kg/m3, heavier than any ground: check its unit"
+    assert said in run_command("scan", path).stderr
+    assert said in run_command("show", tmp_path / "case.scan.h5").stdout
+
+
 def test_an_in_situ_stress_with_the_sign_of_compression_positive_is_noted(notes):
     constant = "{model: constant, xx: 1 MPa, yy: -1 MPa, zz: -1 MPa}"
     heim = "{model: heim, vertical: 1 MPa, K0: $K0}"

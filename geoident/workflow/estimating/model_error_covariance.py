@@ -194,6 +194,7 @@ class _Kernel:
         self._motions = family(channels[0]) == "motion"
         self._somewhere = all(channel.second for channel in channels)
         if not self._somewhere:
+            self._whole: tuple[Floats, Floats] | None = None
             self._root = self.size = np.ones(len(channels))
             return
         if self._motions:
@@ -224,14 +225,19 @@ class _Kernel:
             np.arange(k, min(k + _TOGETHER, len(channels)))
             for k in range(0, len(channels), _TOGETHER)
         ]
-        squares = [[np.diag(each) for each in self._plain(part, part)] for part in parts]
+        blocks = [self._plain(part, part) for part in parts]
+        squares = [[np.diag(each) for each in block] for block in blocks]
         relative, between = (np.concatenate(each) for each in zip(*squares, strict=True))
+        self._whole = blocks[0] if len(blocks) == 1 else None  # of few channels
         self._root = np.sqrt(relative)
         self.size = np.sqrt(np.maximum(between, 0.0))
 
     def parts(self, one: Ints, other: Ints) -> tuple[Floats, Floats]:
         """Of R and M those (m, n) of some channels (m,) with others (n,)."""
-        relative, between = self._plain(one, other)
+        if self._whole is None:
+            relative, between = self._plain(one, other)
+        else:
+            relative, between = (each[np.ix_(one, other)] for each in self._whole)
         return relative / np.outer(self._root[one], self._root[other]), between
 
     def _plain(self, one: Ints, other: Ints) -> tuple[Floats, Floats]:
@@ -304,7 +310,8 @@ def correlation_time(
 
     Without other word the latter holds for the steps of construction that a model of the ground
     analyses. Other models say what is read from time to time, each as a whole: then it is a third
-    of the time of the readings.
+    of the time of the readings. So it is behind a tunnel face, where stages are one motion at
+    several times.
 
     Args:
         case: of the model.
@@ -313,7 +320,7 @@ def correlation_time(
     """
     if options.time is not None:
         return CorrelationTime(options.time)
-    if case.elsewhere is None:
+    if case.elsewhere is None and case.face is None:
         return None
     span = float(_elapsed(case, pairs).max(initial=1e-6))
     return CorrelationTime(span / TIMES, "s" if has_dates(case) else "stages")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -533,11 +534,17 @@ def nonlinear_finding(ends: IntervalEnds, name: str) -> Finding:
         ends: rise of the misfit at the ends of the interval.
         name: of the parameter.
     """
-    rises = " and ".join(f"{rise:.3g}" for rise in (ends.below, ends.above))
+    at_ends = " and ".join(
+        f"at its {end} end the misfit rises by {rise:.3g} instead of 3.8"
+        if math.isfinite(rise)
+        else f"at its {end} end the model has no solution"
+        for end, rise in (("lower", ends.below), ("upper", ends.above))
+    )
+    if not math.isfinite(min(ends.below, ends.above)):
+        at_ends = "at both of its ends the model has no solution"
     sentence = (
-        f"The model is not linear over the interval of {name}. At its ends the misfit rises by "
-        f"{rises} instead of 3.8, so intervals and bands may contain less or more than 95 %. "
-        "`geoident sample` draws from the posterior itself."
+        f"The model is not linear over the interval of {name}: {at_ends}. So intervals and bands "
+        "may contain less or more than 95 %. `geoident sample` draws from the posterior itself."
     )
     numbers = {"rise_below": ends.below, "rise_above": ends.above}
     return Finding("nonlinear", name, sentence, numbers)

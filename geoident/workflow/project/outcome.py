@@ -29,6 +29,7 @@ from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ProjectSection
 from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.findings import Finding
 from geoident.model.results.many.project import (
     CONSTANT,
     GIVEN_SCATTER,
@@ -78,6 +79,7 @@ class Fitted:
         readings: of all sections of the project.
         prepared: likewise.
         sizes: of the errors of their readings.
+        at_rest: parameters and these sizes go together.
     """
 
     fit: HierarchicalFit
@@ -85,6 +87,7 @@ class Fitted:
     readings: tuple[SectionReadings, ...]
     prepared: tuple[PreparedSection, ...]
     sizes: CommonSizes
+    at_rest: bool = True
 
     @property
     def points(self) -> dict[int, Floats]:
@@ -205,7 +208,18 @@ def project_result(
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
     of_sections = (finding for one in whole.prepared for finding in one.findings)
     mistakes = {name: one.findings for name, one in mistaken.items()}
-    return replace(result, findings=(*findings(result, gaps, mistakes), *of_sections))
+    restless = () if whole.at_rest else (_NOT_AT_REST,)
+    said = (*findings(result, gaps, mistakes), *of_sections, *restless)
+    return replace(result, findings=said)
+
+
+_NOT_AT_REST = Finding(
+    "model-error-doubt",
+    "",
+    "The parameters of all sections and the errors of their readings did not come to rest: others, "
+    "with the errors that follow from them, meet the readings as well. State the model error "
+    "('model_error: 15 %' under 'fit' of the cases).",
+)
 
 
 def _notes_of_sections(job: ProjectJob, prepared: Sequence[PreparedSection]) -> list[str]:

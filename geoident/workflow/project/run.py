@@ -69,7 +69,7 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
                 sources.log_path(number).unlink(missing_ok=True)
 
 
-_TURNS = 12
+TURNS = 12
 """At most so many times parameters and errors of the readings take turns."""
 
 
@@ -101,7 +101,7 @@ class _Fits:
             begin = near.start(numbers)
         known = [self._prepared[n].errors for n in numbers]
         sizes = None if near is None else near.sizes
-        for _ in range(_TURNS):
+        for _ in range(TURNS):
             fit = self._searched([readings[n] for n in numbers], models, begin)
             fitted = Fitted(fit, tuple(numbers), self._readings, self._prepared, sizes or STATED)
             if fit.outcome.status == STOPPED:
@@ -119,7 +119,7 @@ class _Fits:
             for n, one in zip(numbers, errors, strict=True):
                 sd, shared = one.sized(sizes).stated
                 readings[n] = replace(readings[n], sd=sd, shared=shared)
-        return fitted
+        return replace(fitted, at_rest=False)
 
     def _searched(
         self, chosen: Sequence[SectionReadings], models: ChosenSections, begin: SectionsStart

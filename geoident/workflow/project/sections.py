@@ -13,7 +13,7 @@ import numpy as np
 from geoident.errors import GeoidentError, Interrupted, ModelError
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
 from geoident.forward.observed import ObservedModel
-from geoident.identify.problem.responses import HasDifferences
+from geoident.identify.problem.responses import HasDifferences, HasIncrements
 from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
@@ -284,14 +284,25 @@ class _OneSection:
         if (why := self._setup.model.admissible(task.p)) is not None:
             raise ModelError(f"{self._section.name}: {why}")
         if task.what == STEPS:
-            model = self._setup.model
-            steps = self._steps(model.case, model.response(()).increments(task.p))
+            steps = self._steps(self._setup.case, self._increments(task.p))
             return SectionAnswer(None, steps.steps, steps.floors)
         response = self._used if task.what in (EVALUATE, SHARPEN) else self._shown
         if task.what == SHARPEN:
             sharper = isinstance(response, HasDifferences) and response.sharpen(task.p)
             return SectionAnswer(sharper=sharper)
         return SectionAnswer(None, *response.evaluate(task.p))
+
+    def _increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see, (n_states, n_channels), SI.
+
+        Of all readings that are shown; of those that are used where a later stage has no solution.
+        """
+        try:
+            return _increments_of(self._shown, p)
+        except ModelError:
+            if not self._setup.readings.used.any():
+                raise
+            return _increments_of(self._used, p)
 
     @cached_property
     def _used(self) -> Response:
@@ -444,3 +455,8 @@ class _OneSection:
             estimate.outcome.status, (*self._notes, *setup.model.notes),
             () if mistaken else self._together(state, estimate), mistaken,
         )  # fmt: skip
+
+
+def _increments_of(response: Response, p: Floats) -> Floats:
+    assert isinstance(response, HasIncrements)
+    return response.increments(p)

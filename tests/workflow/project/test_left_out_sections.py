@@ -71,13 +71,14 @@ def test_later_readings_of_new_sections_and_a_section_left_out_lie_within_their_
 
 
 @pytest.mark.slow
-def test_coverage_of_sections_left_out_one_by_one(tmp_path):
-    """Ten tunnels: nothing is known of a section but its rating and its cover."""
+@pytest.mark.parametrize(("opening", "seeds"), [(False, 10), (True, 5)])
+def test_coverage_of_sections_left_out_one_by_one(tmp_path, opening, seeds):
+    """Some tunnels: nothing is known of a section but its rating and its cover."""
     inside, widths = [], []
-    for seed in range(10):
+    for seed in range(seeds):
         ground = sections(seed, COUNT)
         (folder := tmp_path / str(seed)).mkdir()
-        result = fitted(write_project(folder, ground, opening=False), leave_one_out=True)
+        result = fitted(write_project(folder, ground, opening=opening), leave_one_out=True)
         inside += [row.inside for row in result.left_out_readings]
         widths += ratios(result.left_out_readings, ground, early=False)
     assert 0.90 <= np.mean(inside) <= 0.99, np.mean(inside)
@@ -103,7 +104,11 @@ def test_coverage_of_sections_of_which_the_first_readings_are_known(tmp_path):
 
 def forecast_of_a_table(folder, seed):
     """Whether readings of later stages lie within the bands of a fit of the first three."""
-    path = write_table(folder, sections(seed, 3)[-1], np.random.default_rng(seed))
+    return forecast(write_table(folder, sections(seed, 3)[-1], np.random.default_rng(seed)))
+
+
+def forecast(path):
+    """Whether readings that a fit does not use lie within its bands."""
     result = fit(load_case(str(path))).data
     readings, prediction = result.gauges.readings, result.prediction
     return [
@@ -123,6 +128,20 @@ def test_later_readings_of_a_table_of_runs_lie_within_their_bands(tmp_path):
         inside += forecast_of_a_table(folder, seed)
     assert len(inside) == 16
     assert np.mean(inside) >= 0.85
+
+
+def test_later_readings_behind_a_face_are_not_sure_where_the_ground_may_creep(tmp_path):
+    """Elastic ground has moved when these are read: an error in parts of what it still does is 0.
+
+    Bands of such an error held 42 % of these readings, in twelve tunnels 40 %.
+    """
+    inside = []
+    for seed in (5, 6, 11):
+        (folder := tmp_path / str(seed)).mkdir()
+        write_project(folder, sections(seed, 3), early=(2,), first=3)
+        inside += forecast(folder / "S3.yaml")
+    assert len(inside) == 24
+    assert np.mean(inside) >= 0.6
 
 
 @pytest.mark.slow
