@@ -26,7 +26,9 @@ _EFFECTS = ("level", "season", "air", "irreversible")
 WHAT = (
     "Level, season, air: range of the readings that they cause, with its 95 % interval; "
     "irreversible: motion from the first reading to the last. Scatter: standard deviation of a "
-    "reading about what is explained; of it 'lasting' fades within the time shown."
+    "reading about what is explained; of it 'lasting' fades within the time shown. Drift: a slow "
+    "motion that no effect explains, as far as the readings leave it possible; standard deviation "
+    "of a year."
 )
 
 GREEN, AMBER, RED = "green", "amber", "red"
@@ -64,7 +66,8 @@ def effects_table(result: Result) -> TextTable:
     """A row for each gauge that was fitted: its effects, and what they leave."""
     fit, gauges = result.seasonal, result.gauges
     header = (
-        "gauge", "readings", *_EFFECTS, "unit", "scatter", "lasting", "fades in", "explained"
+        "gauge", "readings", *_EFFECTS, "unit", "scatter", "lasting", "fades in",
+        "drift a year", "explained",
     )  # fmt: skip
     rows = []
     for i in range(0 if fit is None else len(gauges.channels)):
@@ -84,10 +87,11 @@ def effects_table(result: Result) -> TextTable:
                 decimals(fit.scatter[i] / size, digits),
                 decimals(fit.lasting[i] / size, digits) if lasts else "",
                 f"{fit.fades[i] / DAY:.0f} d" if lasts else "",
+                decimals(fit.drift[i] / size, digits),
                 f"{100.0 * fit.explained[i]:.0f} %",
             ]
         )  # fmt: skip
-    return TextTable(header, rows, right="lrrrrrlrrrr").filled
+    return TextTable(header, rows, right="lrrrrrlrrrrr").filled
 
 
 def _with_interval(value: float, sd: float, size: float, digits: int) -> str:

@@ -16,8 +16,9 @@ from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageEr
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
-from geoident.identify.in_time.noise import Noise, whitened
+from geoident.identify.in_time.noise import PROCESSES, Noise
 from geoident.identify.in_time.regression import GaugeState
+from geoident.identify.in_time.simulation import Correlations, FittedErrors, sound_innovations
 from geoident.io.text.dates import date_text
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
@@ -50,8 +51,8 @@ _FAR = 4.0
 _STANDARD = 731.0 * DAY
 """Length of the period in which simulated false alarms are counted, s: two years, in whole days."""
 
-_COMMON_DAYS, _SHRUNK = 20, 0.8
-"""Days on which two gauges must have been read for their correlation, and what is kept of it."""
+_SIMULATED = 200
+"""Simulated periods in which nothing changes."""
 
 _SURE = 0.9
 """Probability of a kind of change from which on it is said without doubt."""
@@ -166,12 +167,15 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     ]
     if not watched:
         raise InputError([_nothing_new(case, task, table)])
-    correlation = _correlation(watched)
     rng = np.random.default_rng(task.request.seed)
     controlling.monitor.detail("simulating false alarms")
-    usual = Detector([gauge.standard for gauge in watched], correlation)
-    threshold = usual.threshold(task.request.false_alarms, rng)
-    new = Detector([gauge.filter for gauge in watched], correlation)
+    standard = [gauge.standard for gauge in watched]
+    together = Correlations.of([gauge.errors for gauge in watched])
+    likely = [likely_noises(fit, gauge.number) for gauge in watched]
+    sound = sound_innovations(standard, together, _SIMULATED, rng, likely)
+    usual = Detector(standard).correlated(sound)
+    threshold = usual.threshold(task.request.false_alarms, sound)
+    new = Detector([gauge.filter for gauge in watched], usual.together)
     changes = new.changes([gauge.e for gauge in watched], threshold)
     rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
     table = replace(table, computed=explained(fit, task.fit.gauges.channels, table, effects))
@@ -228,8 +232,7 @@ class _Watched:
         predicted: (m,) what they were expected to be, SI.
         e: (m,) their innovations.
         standard: a filter over dates as usual, for false alarms.
-        days: (k,) days of the fitted readings.
-        fitted: (k,) innovations of these.
+        errors: of the fitted readings.
     """
 
     number: int
@@ -238,8 +241,7 @@ class _Watched:
     predicted: Floats
     e: Floats
     standard: Filter
-    days: Ints
-    fitted: Floats
+    errors: FittedErrors
 
     @property
     def wrong(self) -> Ints:
@@ -268,7 +270,7 @@ def _watched(
     before = fit.gauges.readings
     old = rows_in_time(before, name, before.used)
     columns = effects_at(model, scales, before.time[old]).columns[:, terms]
-    residual = before.value[old] - columns @ state.mean[:-1]
+    residual = before.value[old] - columns @ state.mean[:-PROCESSES]
     # the days of the last two years again: what was read on one day stays on one day
     end = float(np.nanmax(fit.seasonal.last))
     if state.time <= end - _STANDARD:  # a gauge that has not been read for so long
@@ -281,8 +283,7 @@ def _watched(
         predicted=predicted,
         e=(y - predicted) / filtered.sd,
         standard=Filter(state, before.time[old][usual] + _STANDARD, columns[usual]),
-        days=(before.time[old] // DAY).astype(np.int64),
-        fitted=whitened(state.noise, before.time[old], residual),
+        errors=FittedErrors.of(state.noise, before.time[old], residual),
     )
 
 
@@ -291,13 +292,22 @@ def _state_of(fit: SeasonalFit, number: int) -> tuple[GaugeState | None, Ints]:
     if np.isnan(fit.white[number]):
         return None, np.zeros(0, dtype=np.int64)
     terms = np.flatnonzero(np.isfinite(fit.coefficients[number]))
-    noise = Noise(float(fit.white[number]), float(fit.lasting[number]))
+    noise = Noise(
+        float(fit.white[number]), float(fit.lasting[number]), drift=float(fit.drift[number])
+    )
     if noise.lasting:
         noise = replace(noise, time=float(fit.fades[number]))
-    mean = np.append(fit.coefficients[number, terms], fit.lasting_now[number])
-    at = np.append(terms, len(fit.terms))
+    processes = [fit.lasting_now[number], fit.drift_now[number]]
+    mean = np.append(fit.coefficients[number, terms], processes)
+    at = np.append(terms, len(fit.terms) + np.arange(PROCESSES))
     P = fit.covariance[number][np.ix_(at, at)]
     return GaugeState(noise, float(fit.last[number]), mean, P), terms
+
+
+def likely_noises(fit: SeasonalFit, number: int) -> list[Noise]:
+    """Noises that a fit leaves possible for a gauge."""
+    draws = fit.likely_noises[number]
+    return [Noise(*draw) for draw in draws[np.isfinite(draws[:, 0])].tolist()]
 
 
 def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
@@ -312,29 +322,6 @@ def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
         reasons[k] = "" if new else "it is no later than the fit"
     used = np.array([not reason for reason in reasons], dtype=np.bool_)
     return replace(table, reason=tuple(reasons), used=used)
-
-
-def _correlation(watched: Sequence[_Watched]) -> Floats:
-    """(n, n) of the innovations that gauges had on one day of the fit."""
-    n = len(watched)
-    R = np.eye(n)
-    for i in range(n):
-        for j in range(i):
-            _, a, b = np.intersect1d(watched[i].days, watched[j].days, return_indices=True)
-            if len(a) >= _COMMON_DAYS:
-                R[i, j] = R[j, i] = (
-                    _SHRUNK * np.corrcoef(watched[i].fitted[a], watched[j].fitted[b])[0, 1]
-                )
-    values, vectors = np.linalg.eigh(R)
-    if values[0] < _LEAST:  # gauges of different days may contradict each other
-        R = vectors @ np.diag(np.maximum(values, _LEAST)) @ vectors.T
-        size = np.sqrt(np.diag(R))
-        R = R / np.outer(size, size)
-    return R
-
-
-_LEAST = 0.05
-"""Eigenvalue of a correlation."""
 
 
 def _rows(
