@@ -57,10 +57,16 @@ class Filter:
             if not self.skipped[k]:
                 self._gain[k] = Ph / variance
                 P -= np.outer(Ph, self._gain[k])
+        self._P = P
 
     def predicted(self, y: Floats) -> Floats:
         """(m,) what each of the readings y (m,) was expected to be before it was taken, SI."""
-        return y - self._run(y[:, None], self.state.mean[:, None])[:, 0]
+        return y - self._run(y[:, None], self.state.mean[:, None])[0][:, 0]
+
+    def end(self, y: Floats) -> GaugeState:
+        """What is known of the gauge after readings y (m,), SI."""
+        mean = self._run(y[:, None], self.state.mean[:, None])[1][:, 0]
+        return GaugeState(self.state.noise, float(self.times[-1]), mean, self._P)
 
     def effects(self, changes: Floats) -> Floats:
         """What changes (m, c) of the readings, SI, do to the innovations, (m, c).
@@ -68,19 +74,19 @@ class Filter:
         Nothing to those of readings that are skipped.
         """
         start = np.zeros((self._H.shape[1], changes.shape[1]))
-        g = self._run(changes, start) / self.sd[:, None]
+        g = self._run(changes, start)[0] / self.sd[:, None]
         g[self.skipped] = 0.0
         return g
 
-    def _run(self, columns: Floats, state: Floats) -> Floats:
-        """Columns (m, c) less what the filter expects of them, begun with a state (q + 2, c)."""
+    def _run(self, columns: Floats, state: Floats) -> tuple[Floats, Floats]:
+        """Columns (m, c) less what is expected, and the last state (q + 2, c), of a first one."""
         left = np.empty_like(columns)
         state = state.copy()
         for k, (phi, h, gain) in enumerate(zip(self._phi, self._H, self._gain, strict=True)):
             state[-PROCESSES:] *= phi[:, None]
             left[k] = columns[k] - h @ state
             state += np.outer(gain, left[k])
-        return left
+        return left, state
 
 
 def whitened(noise: Noise, times: Floats, e: Floats) -> Floats:

@@ -6,6 +6,12 @@ from dataclasses import dataclass, field
 
 from geoident.model.results.columns import ROW, column
 
+LIKELY = 0.5
+"""Probability from which on an alarm value is expected to be reached."""
+
+AMBER = "amber"
+"""Name of an alarm value that warns: reached, it makes the state of a gauge amber, others red."""
+
 _LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
 
 
@@ -45,3 +51,13 @@ class AlarmState:
     probability: float
     unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
     dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+    @property
+    def state(self) -> str:
+        """Of a gauge in service: red or amber where the value is reached, amber where it is near.
+
+        Near is a value, other than one named amber, that is more probably reached than not.
+        """
+        if self.reached:
+            return AMBER if self.level == AMBER else "red"
+        return AMBER if self.expected and self.level != AMBER else ""

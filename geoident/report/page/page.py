@@ -169,7 +169,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(
             alarms.NAME,
             TitledTable(alarms.NAME, alarms.alarm_table(result)),
-            _paragraph(alarms.NOTE if result.alarms else "", class_="note"),
+            _paragraph(alarms.alarm_note(result), class_="note"),
         ),
         section(trough.NAME, *_troughs(result)),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),

@@ -125,7 +125,8 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
     """Gauge with new readings to its state and to what led there; nothing but of a control.
 
     A gauge is red whose last readings show a change of several, or that has reached an alarm value,
-    amber with a change of its own.
+    amber with a change of its own, or with a value named amber that it has reached, or another one
+    that it will more probably reach within a year than not.
     """
     if result.kind != "control" or result.judged is None:
         return {}
@@ -137,8 +138,12 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
         if name not in named:
             continue
         own = [row for row in result.changes if row.gauge == name]
-        reached = [f"alarm value '{a.level}' reached" for a in result.alarms
-                   if a.gauge == name and a.reached]  # fmt: skip
+        alarms = [a for a in result.alarms if a.gauge == name and a.state]
+        reached = [
+            f"alarm value '{a.level}' reached" if a.reached else
+            f"alarm value '{a.level}' is reached next year with {a.probability:.0%}"
+            for a in alarms
+        ]  # fmt: skip
         lasting = [row for row in own if row.lasts]
         wrong = sum(row.kind == "reading" for row in own)
         why = [
@@ -147,8 +152,10 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
               for row in lasting),
             *([f"{wrong} wrong {'reading' if wrong == 1 else 'readings'}"] if wrong else []),
         ]  # fmt: skip
-        is_red = reached or any(row.change in several for row in lasting)
-        states[name] = RED if is_red else AMBER if lasting else GREEN, "; ".join(why)
+        own_states = {a.state for a in alarms} | {AMBER for _ in lasting}
+        is_red = RED in own_states or any(row.change in several for row in lasting)
+        state = RED if is_red else AMBER if AMBER in own_states else GREEN
+        states[name] = state, "; ".join(why)
     return states
 
 
@@ -228,6 +235,11 @@ def next_steps(result: Result) -> list[str]:
     steps = []
     if reached:
         steps.append(f"Do what the plan of alarms says for {', '.join(reached)}.")
+    if near := [f"'{a.level}' of {a.gauge}" for a in result.alarms if a.state and not a.reached]:
+        steps.append(
+            f"The next year more probably reaches {', '.join(near)} than not: decide now what is "
+            "to be done then, and whether the level can be kept lower."
+        )
     if several:
         gauges = list(dict.fromkeys(row.gauge for rows in several for row in rows))
         steps.append(

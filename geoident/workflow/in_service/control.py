@@ -25,6 +25,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import DAY, YEAR, SeasonalModel
+from geoident.model.results.alarms import AlarmState
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
 from geoident.model.results.in_service import ChangeRow, SeasonalFit
@@ -39,6 +40,7 @@ from geoident.workflow.in_service.fit import (
     unknown_later,
     with_reasons,
 )
+from geoident.workflow.in_service.limits import Ahead, with_next_year
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
@@ -180,10 +182,14 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
     table = replace(table, computed=explained(fit, task.fit.gauges.channels, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
-    alarms = alarm_states(case, _counting(gauges, watched), None)
-    state = _state(changes)
-    if any(alarm.reached for alarm in alarms):
-        state = RED
+    alarms = with_next_year(
+        alarm_states(case, _counting(gauges, watched), None),
+        {case.channels[gauge.number].name: gauge.ahead(fit) for gauge in watched},
+        model,
+        scales,
+        rng,
+    )
+    state = _state(changes, alarms)
     return task.write(
         Result(
             kind="control",
@@ -192,7 +198,11 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             method="likelihood ratio",
             reason=_reason(state, table, watched, task.request),
             objective=float("nan"),
-            findings=(*alarm_findings(alarms), *_findings(rows), *_wrong_findings(watched, case)),
+            findings=(
+                *alarm_findings(alarms, dated=True),
+                *_findings(rows),
+                *_wrong_findings(watched, case),
+            ),
             case_text=task.job.inputs.loaded.text,
             case_resolved=task.job.inputs.loaded.resolved,
             provenance=job_provenance(task.job),
@@ -212,13 +222,22 @@ def _in_place(fit: Result, path: str) -> str:
     given = json.dumps(str(Path(path).absolute()))
     case = parse_yaml(fit.case_resolved, "").data
     readings = case.get("readings") if isinstance(case, Mapping) else None
-    if isinstance(readings, list):
+    files = readings if isinstance(readings, list) else [readings]
+    layouts = [
+        {key: value for key, value in file.items() if key != "file"} if "file" in file else {}
+        for file in files
+        if isinstance(file, Mapping)
+    ]
+    layouts += [{} for file in files if isinstance(file, str)]
+    if any(layout != layouts[0] for layout in layouts):
         message = (
-            "the case has several files of readings, so it is not known how this one is laid out"
+            "the files of readings in the case are laid out differently, so it is not known how "
+            "this one is"
         )
         hint = f"Add the new readings to the files of the case, and leave out {Term.READINGS}."
         raise InputError([Fault("several-files", message, hint, Location(path))])
-    return f"readings.file={given}" if isinstance(readings, Mapping) else f"readings={given}"
+    layout = json.dumps(layouts[0], ensure_ascii=False)[1:-1] if layouts else ""
+    return f"readings={{file: {given}, {layout}}}" if layout else f"readings={given}"
 
 
 @dataclass(frozen=True)
@@ -231,6 +250,8 @@ class _Watched:
         filter: over them; it skips those that are wrong alone.
         predicted: (m,) what they were expected to be, SI.
         e: (m,) their innovations.
+        terms: numbers of the terms that explain them.
+        end: what is known after them.
         standard: a filter over dates as usual, for false alarms.
         errors: of the fitted readings.
     """
@@ -240,6 +261,8 @@ class _Watched:
     filter: Filter
     predicted: Floats
     e: Floats
+    terms: Ints
+    end: GaugeState
     standard: Filter
     errors: FittedErrors
 
@@ -247,6 +270,12 @@ class _Watched:
     def wrong(self) -> Ints:
         """Numbers of the new readings that are far off alone."""
         return np.flatnonzero(self.filter.skipped)
+
+    def ahead(self, fit: SeasonalFit) -> Ahead:
+        """What the next year follows from; the gauge is read on the days of the last fitted one."""
+        usual = self.standard.times
+        since = usual[usual > usual[-1] - YEAR] - usual[-1] + YEAR
+        return Ahead(self.end, self.terms, likely_noises(fit, self.number), since)
 
 
 def _watched(
@@ -282,6 +311,8 @@ def _watched(
         filter=filtered,
         predicted=predicted,
         e=(y - predicted) / filtered.sd,
+        terms=terms,
+        end=filtered.end(y),
         standard=Filter(state, before.time[old][usual] + _STANDARD, columns[usual]),
         errors=FittedErrors.of(state.noise, before.time[old], residual),
     )
@@ -354,15 +385,15 @@ def _wrong_rows(
         )  # fmt: skip
 
 
-def _state(changes: Sequence[Change]) -> str:
+def _state(changes: Sequence[Change], alarms: Sequence[AlarmState]) -> str:
     """Red where the last readings show that the structure has changed, amber where gauges have.
 
     A single wrong reading is over with the next one, and a change that is no longer seen as well.
+    Alarm values add their states.
     """
-    lasting = [change for change in changes if change.lasts]
-    if any(len(change.gauges) > 1 for change in lasting):
-        return RED
-    return AMBER if lasting else GREEN
+    lasting = [len(change.gauges) for change in changes if change.lasts]
+    states = {alarm.state for alarm in alarms} | {RED if n > 1 else AMBER for n in lasting}
+    return next((state for state in (RED, AMBER) if state in states), GREEN)
 
 
 def _counting(gauges: GaugeTable, watched: Sequence[_Watched]) -> GaugeTable:
