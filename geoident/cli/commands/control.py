@@ -10,6 +10,7 @@ EPILOG = """\b
 Examples:
   geoident control dam.fit.h5 --readings new.csv
   geoident control dam.fit.h5 --false-alarms "1 per 5 years" --json
+  geoident control dam.fit.h5 --power "P2 drifts 1 mm/year" --power "all soften 20 %"
   geoident control dam.fit.h5 -q || echo alarm | mail -s dam me@example.org
 """
 
@@ -34,8 +35,21 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     show_default=True,
     help="How often chance alone may raise an alarm, of all gauges together.",
 )
+@click.option(
+    "--power",
+    metavar="CHANGE",
+    multiple=True,
+    help="Tell whether a change would be seen, and how late: 'P2 drifts 1 mm/year', 'P1, P2 step "
+    "2 mm', 'all soften 20 %'; may be repeated. Needs no new readings.",
+)
 @takes("output", "seed", "force", "fresh", "as_json", after=_next)
-def command(result: str, readings: str | None, false_alarms: str, options: Options) -> int:
+def command(
+    result: str,
+    readings: str | None,
+    false_alarms: str,
+    power: tuple[str, ...],
+    options: Options,
+) -> int:
     """Hold new readings of a structure in service against its fit.
 
     Each reading is judged before it is used. Steps and drifts are looked for, of single gauges and
@@ -53,6 +67,7 @@ def command(result: str, readings: str | None, false_alarms: str, options: Optio
             result=result,
             readings=readings,
             false_alarms=time_between(false_alarms),
+            power=power,
             output=options.output,
             seed=options.seed,
             force=options.force,

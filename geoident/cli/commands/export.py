@@ -47,6 +47,7 @@ TABLES = (
     "seasonal",
     "judged",
     "changes",
+    "power",
     "backtest",
     "backtest-parameters",
 )

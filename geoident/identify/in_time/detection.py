@@ -282,6 +282,26 @@ class Detector:
             most.append(np.maximum(single.max(axis=(0, 1)), several))
         return np.concatenate(most)
 
+    def first_seen(self, innovations: Sequence[Floats], threshold: float) -> Floats:
+        """(s,) time from the beginning of the period to the first date that shows a change, s.
+
+        Infinite where none does.
+
+        Args:
+            innovations: (m, s) of each gauge.
+            threshold: the surprise from which on it is no chance.
+        """
+        delays = []
+        since = np.append(self.dates - self.begun[0], np.inf)
+        for z in self._batches(innovations):
+            single, together = self.surprises(z)
+            seen = (single > threshold).any(axis=0)
+            if len(z) > 1:
+                seen |= together > threshold
+            never = np.ones((1, seen.shape[1]), dtype=np.bool_)
+            delays.append(since[np.argmax(np.vstack([seen, never]), axis=0)])
+        return np.concatenate(delays)
+
     @property
     def length(self) -> float:
         """Of the period, s."""

@@ -155,3 +155,24 @@ class ChangeRow:
         return (
             f"{size:+.{places}f}{interval} {shown_unit(self.unit, self.dimension)}".rstrip() + rate
         )
+
+
+@dataclass(frozen=True)
+class PowerRow:
+    """Whether a change would be seen, and how late.
+
+    Args:
+        change: in words.
+        gauges: that it concerns.
+        probability: that it is seen within the horizon, 0 to 1.
+        median: time after which half of such changes are seen, s; NaN if fewer are within it.
+        late: time after which 90 % of them are.
+        horizon: time that is looked ahead, s.
+    """
+
+    change: str
+    gauges: str
+    probability: float
+    median: float = field(metadata=column(dimension="time", shown="d"))
+    late: float = field(metadata=column(dimension="time", shown="d"))
+    horizon: float = field(metadata=column(dimension="time", shown="d"))

@@ -31,6 +31,8 @@ WHAT = (
     "of a year."
 )
 
+POWER_TITLE = "Changes that would be seen"
+
 GREEN, AMBER, RED = "green", "amber", "red"
 
 
@@ -44,6 +46,7 @@ def parts(result: Result) -> tuple[str, ...]:
     return (
         section(TITLE, effects_table(result).text, sentence(WHAT)) if result.seasonal else "",
         section(later_title(result), judged_table(result).text),
+        section(POWER_TITLE, power_table(result).text, sentence(power_note(result))),
         section("What to do next", *next_steps(result)),
     )
 
@@ -181,6 +184,28 @@ def changes_table(result: Result) -> TextTable:
     return TextTable(header, rows, right="rllrrrrl")
 
 
+def power_table(result: Result) -> TextTable:
+    """A row for each change that may happen: whether it would be seen, and how late."""
+    header = ("change", "gauges", "probability", "half seen after", "90 % seen after")
+    rows = []
+    for row in result.power:
+        percent = f"{100.0 * row.probability:.0f} %"
+        delays = ["-" if np.isnan(t) else f"{t / DAY:.0f} d" for t in (row.median, row.late)]
+        rows.append([row.change, row.gauges, percent, *delays])
+    return TextTable(header, rows, right="llrrr")
+
+
+def power_note(result: Result) -> str:
+    """What the table holds for; empty without it."""
+    if not result.power:
+        return ""
+    days = result.power[0].horizon / DAY
+    return (
+        f"Probability: of being seen within {days:.0f} days, if these gauges are read as often as "
+        "in the last years, by simulation of their noise. After: from the beginning of the change."
+    )
+
+
 def wrong_table(result: Result) -> TextTable:
     """Single readings that are far off."""
     rows = [
@@ -258,6 +283,8 @@ def next_steps(result: Result) -> list[str]:
             f"Repeat the wrong readings of {', '.join(wrong)} where that is possible, or mark "
             "them as bad."
         )
+    if not steps and result.judged is not None and not np.isfinite(result.judged.predicted).any():
+        return []
     if not steps:
         return ["Nothing. Go on reading, and control the next readings in the same way."]
     return [*steps, "Then control again. Where a change is explained and stays, fit anew with it."]

@@ -116,6 +116,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,
+        "power": result.power and objects(result.power, ROW),
         "grid": result.grid and grid_object(result.grid),
     }
 

@@ -16,19 +16,17 @@ from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageEr
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
-from geoident.identify.in_time.noise import PROCESSES, Noise
 from geoident.identify.in_time.regression import GaugeState
-from geoident.identify.in_time.simulation import Correlations, FittedErrors, sound_innovations
 from geoident.io.text.dates import date_text
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.in_service import DAY, YEAR, SeasonalModel
+from geoident.model.in_service import YEAR, SeasonalModel
 from geoident.model.results.alarms import AlarmState
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, SeasonalFit
+from geoident.model.results.in_service import ChangeRow, PowerRow
 from geoident.model.results.result import GaugeTable, Result
 from geoident.units import UnitError, read_quantity
 from geoident.workflow.estimating.finished import Finished, job_at_hand
@@ -40,7 +38,9 @@ from geoident.workflow.in_service.fit import (
     unknown_later,
     with_reasons,
 )
+from geoident.workflow.in_service.fitted_gauges import FittedGauge, Sound, fitted_gauges
 from geoident.workflow.in_service.limits import Ahead, with_next_year
+from geoident.workflow.in_service.power import PlannedChange, power_of, read_change
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
@@ -50,16 +50,10 @@ from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 _FAR = 4.0
 """Innovation from which on it is asked whether a single reading is wrong."""
 
-_STANDARD = 731.0 * DAY
-"""Length of the period in which simulated false alarms are counted, s: two years, in whole days."""
-
-_SIMULATED = 200
-"""Simulated periods in which nothing changes."""
-
 _SURE = 0.9
 """Probability of a kind of change from which on it is said without doubt."""
 
-GREEN, AMBER, RED = "green", "amber", "red"
+GREEN, AMBER, RED, NOT_JUDGED = "green", "amber", "red", "not judged"
 
 
 @dataclass(frozen=True)
@@ -70,6 +64,7 @@ class ControlRequest:
         result: path of the fit.
         readings: path of a file with new readings; None for those of the case.
         false_alarms: time between two false alarms of all gauges together, s, on the average.
+        power: changes of which is asked whether they would be seen, in words.
         output: a file or an existing folder; None for beside the result.
         seed: of the simulated noise.
         force: overwrite a result of other input.
@@ -79,6 +74,7 @@ class ControlRequest:
     result: str
     readings: str | None = None
     false_alarms: float = 10.0 * YEAR
+    power: tuple[str, ...] = ()
     output: str | None = None
     seed: int = 0
     force: bool = False
@@ -114,9 +110,11 @@ class ControlTask(FitTask):
 
     Args:
         request: what was asked for.
+        planned: changes of which is asked whether they would be seen.
     """
 
     request: ControlRequest
+    planned: tuple[PlannedChange, ...]
 
 
 def plan_control(request: ControlRequest) -> ControlTask:
@@ -125,6 +123,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
     Raises:
         InputError: the result is no fit of a seasonal model, or the readings are wrong.
         OutputError: the result could not be written, or another one would be lost.
+        UsageError: the words of a change are wrong.
     """
     fit, origin = read_fit(request.result, CONTROLLED)
     if fit.seasonal is None:
@@ -145,8 +144,15 @@ def plan_control(request: ControlRequest) -> ControlTask:
         force=request.force,
         fresh=request.fresh,
     )
-    job = plan_on_fit("control", f"{request.false_alarms:g}", asked, fit, inputs)
-    return ControlTask(fit=fit, job=job, request=request)
+    fitted = np.flatnonzero(np.isfinite(fit.seasonal.white)).tolist()
+    has_level = "level" in fit.seasonal.effects
+    planned = tuple(
+        read_change(text, inputs.case.channels, fitted, has_level=has_level)
+        for text in request.power
+    )
+    purpose = "; ".join([f"{request.false_alarms:g}", *request.power])
+    job = plan_on_fit("control", purpose, asked, fit, inputs)
+    return ControlTask(fit=fit, job=job, request=request, planned=planned)
 
 
 def control(task: ControlTask, controlling: Control) -> Finished:
@@ -162,39 +168,40 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     table = select_readings(case, build_model(task.job.inputs))
     effects = effects_at(model, scales, table.time)
     table = _new_readings(with_reasons(table, model, effects), task.fit)
+    fitted = fitted_gauges(task.fit, fit, model, scales)
     watched = [
-        gauge
-        for i in range(len(case.channels))
-        if (gauge := _watched(i, task.fit, model, scales, table, effects)) is not None
+        new for gauge in fitted if (new := _watched(gauge, task.fit, table, effects)) is not None
     ]
-    if not watched:
+    if not watched and not task.planned:
         raise InputError([_nothing_new(case, task, table)])
     rng = np.random.default_rng(task.request.seed)
     controlling.monitor.detail("simulating false alarms")
-    standard = [gauge.standard for gauge in watched]
-    together = Correlations.of([gauge.errors for gauge in watched])
-    likely = [likely_noises(fit, gauge.number) for gauge in watched]
-    sound = sound_innovations(standard, together, _SIMULATED, rng, likely)
-    usual = Detector(standard).correlated(sound)
-    threshold = usual.threshold(task.request.false_alarms, sound)
-    new = Detector([gauge.filter for gauge in watched], usual.together)
-    changes = new.changes([gauge.e for gauge in watched], threshold)
+    changes: list[Change] = []
+    if watched:
+        sound = Sound([new.gauge for new in watched], task.request.false_alarms, rng)
+        detector = Detector([new.filter for new in watched], sound.detector.together)
+        changes = detector.changes([new.e for new in watched], sound.threshold)
     rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
+    power: tuple[PowerRow, ...] = ()
+    if task.planned:
+        if len(watched) < len(fitted):
+            sound = Sound(fitted, task.request.false_alarms, rng)
+        power = tuple(power_of(one, sound, effects, case.channels) for one in task.planned)
     table = replace(table, computed=explained(fit, task.fit.gauges.channels, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
     alarms = with_next_year(
         alarm_states(case, _counting(gauges, watched), None),
-        {case.channels[gauge.number].name: gauge.ahead(fit) for gauge in watched},
+        {case.channels[new.gauge.number].name: new.ahead for new in watched},
         model,
         scales,
         rng,
     )
-    state = _state(changes, alarms)
+    state = _state(changes, alarms) if watched else NOT_JUDGED
     return task.write(
         Result(
             kind="control",
             status=state,
-            exit_code=ExitCode.DONE if state == GREEN else ExitCode.ALARM,
+            exit_code=ExitCode.ALARM if state in (AMBER, RED) else ExitCode.DONE,
             method="likelihood ratio",
             reason=_reason(state, table, watched, task.request),
             objective=float("nan"),
@@ -209,8 +216,9 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             parameters=task.fit.parameters,
             gauges=gauges,
             counts=NO_COST,
-            judged=judged(table, [(gauge.rows, gauge.filter) for gauge in watched]),
+            judged=judged(table, [(new.rows, new.filter) for new in watched]),
             changes=rows,
+            power=power,
             alarms=alarms,
             notes=(*case.notes, *unused_notes(table)),
         )
@@ -245,100 +253,45 @@ class _Watched:
     """A gauge with new readings.
 
     Args:
-        number: of its channel.
+        gauge: as the fit left it.
         rows: (m,) rows of its new readings.
         filter: over them; it skips those that are wrong alone.
         predicted: (m,) what they were expected to be, SI.
         e: (m,) their innovations.
-        terms: numbers of the terms that explain them.
         end: what is known after them.
-        standard: a filter over dates as usual, for false alarms.
-        errors: of the fitted readings.
     """
 
-    number: int
+    gauge: FittedGauge
     rows: Ints
     filter: Filter
     predicted: Floats
     e: Floats
-    terms: Ints
     end: GaugeState
-    standard: Filter
-    errors: FittedErrors
 
     @property
     def wrong(self) -> Ints:
         """Numbers of the new readings that are far off alone."""
         return np.flatnonzero(self.filter.skipped)
 
-    def ahead(self, fit: SeasonalFit) -> Ahead:
-        """What the next year follows from; the gauge is read on the days of the last fitted one."""
-        usual = self.standard.times
-        since = usual[usual > usual[-1] - YEAR] - usual[-1] + YEAR
-        return Ahead(self.end, self.terms, likely_noises(fit, self.number), since)
+    @property
+    def ahead(self) -> Ahead:
+        """What the next year follows from."""
+        gauge = self.gauge
+        return Ahead(self.end, gauge.terms, gauge.likely, gauge.read_in_a_year)
 
 
 def _watched(
-    number: int,
-    fit: Result,
-    model: SeasonalModel,
-    scales: Scales,
-    table: ReadingTable,
-    effects: Effects,
+    gauge: FittedGauge, fit: Result, table: ReadingTable, effects: Effects
 ) -> _Watched | None:
-    """A gauge that was fitted and has new readings; None for others."""
-    assert fit.seasonal is not None
-    state, terms = _state_of(fit.seasonal, number)
-    name = fit.gauges.channels[number]
-    rows = rows_in_time(table, name, table.used)
-    if state is None or not rows.size:
+    """A gauge that has new readings; None for others."""
+    rows = rows_in_time(table, fit.gauges.channels[gauge.number], table.used)
+    if not rows.size:
         return None
-    times, X, y = table.time[rows], effects.columns[rows][:, terms], table.value[rows]
-    filtered = Filter(state, times, X, single_wrong(state, times, X, y, _FAR))
+    times, X, y = table.time[rows], effects.columns[rows][:, gauge.terms], table.value[rows]
+    filtered = Filter(gauge.state, times, X, single_wrong(gauge.state, times, X, y, _FAR))
     predicted = filtered.predicted(y)
-    before = fit.gauges.readings
-    old = rows_in_time(before, name, before.used)
-    columns = effects_at(model, scales, before.time[old]).columns[:, terms]
-    residual = before.value[old] - columns @ state.mean[:-PROCESSES]
-    # the days of the last two years again: what was read on one day stays on one day
-    end = float(np.nanmax(fit.seasonal.last))
-    if state.time <= end - _STANDARD:  # a gauge that has not been read for so long
-        end = state.time
-    usual = before.time[old] > end - _STANDARD
-    return _Watched(
-        number=number,
-        rows=rows,
-        filter=filtered,
-        predicted=predicted,
-        e=(y - predicted) / filtered.sd,
-        terms=terms,
-        end=filtered.end(y),
-        standard=Filter(state, before.time[old][usual] + _STANDARD, columns[usual]),
-        errors=FittedErrors.of(state.noise, before.time[old], residual),
-    )
-
-
-def _state_of(fit: SeasonalFit, number: int) -> tuple[GaugeState | None, Ints]:
-    """What a fit knows of a gauge, and the numbers of its terms; None where it was not fitted."""
-    if np.isnan(fit.white[number]):
-        return None, np.zeros(0, dtype=np.int64)
-    terms = np.flatnonzero(np.isfinite(fit.coefficients[number]))
-    noise = Noise(
-        float(fit.white[number]), float(fit.lasting[number]), drift=float(fit.drift[number])
-    )
-    if noise.lasting:
-        noise = replace(noise, time=float(fit.fades[number]))
-    processes = [fit.lasting_now[number], fit.drift_now[number]]
-    mean = np.append(fit.coefficients[number, terms], processes)
-    at = np.append(terms, len(fit.terms) + np.arange(PROCESSES))
-    P = fit.covariance[number][np.ix_(at, at)]
-    return GaugeState(noise, float(fit.last[number]), mean, P), terms
-
-
-def likely_noises(fit: SeasonalFit, number: int) -> list[Noise]:
-    """Noises that a fit leaves possible for a gauge."""
-    draws = fit.likely_noises[number]
-    return [Noise(*draw) for draw in draws[np.isfinite(draws[:, 0])].tolist()]
+    e = (y - predicted) / filtered.sd
+    return _Watched(gauge, rows, filtered, predicted, e, filtered.end(y))
 
 
 def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
@@ -360,7 +313,7 @@ def _rows(
 ) -> Iterator[ChangeRow]:
     for number, change in enumerate(changes, 1):
         for i, size, sd in zip(change.gauges, change.size, change.sd, strict=True):
-            channel = case.channels[watched[i].number]
+            channel = case.channels[watched[i].gauge.number]
             yield ChangeRow(
                 kind=change.kind, gauge=channel.name, change=number, shown=change.shown,
                 since=change.since, earliest=change.earliest, latest=change.latest, size=size,
@@ -375,7 +328,7 @@ def _wrong_rows(
     """Single wrong readings, numbered after the changes that went before."""
     wrong = [(gauge, int(k)) for gauge in watched for k in gauge.wrong]
     for number, (gauge, k) in enumerate(wrong, before + 1):
-        channel, time = case.channels[gauge.number], float(gauge.filter.times[k])
+        channel, time = case.channels[gauge.gauge.number], float(gauge.filter.times[k])
         surprise = -(np.log(2.0) + float(log_ndtr(-abs(gauge.e[k])))) / np.log(10.0)
         yield ChangeRow(
             kind="reading", gauge=channel.name, change=number, shown=time, since=time,
@@ -408,6 +361,8 @@ def _counting(gauges: GaugeTable, watched: Sequence[_Watched]) -> GaugeTable:
 def _reason(
     state: str, table: ReadingTable, watched: Sequence[_Watched], request: ControlRequest
 ) -> str:
+    if not watched:
+        return "There are no new readings."
     words = {
         GREEN: "The last readings show no change",
         AMBER: "A gauge has changed",
@@ -456,7 +411,7 @@ def _wrong_findings(watched: Sequence[_Watched], case: Case) -> Iterator[Finding
 
 def _wrong_finding(gauge: _Watched, case: Case) -> Finding:
     """Readings of a gauge that are far off alone."""
-    channel = case.channels[gauge.number]
+    channel = case.channels[gauge.gauge.number]
     at = gauge.wrong
     far = at[np.argsort(-np.abs(gauge.e[at]))][:_NAMED]
     named = [
