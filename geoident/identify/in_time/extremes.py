@@ -46,4 +46,4 @@ def simulated_readings(
         x = phi * x + lasting * np.sqrt(1.0 - phi**2) * eps
         s = s + drift * np.sqrt(elapsed / YEAR) * eta
         readings[:, k] += x + s + white * own
-    return readings
+    return np.asarray(readings)

@@ -98,7 +98,7 @@ class TimeRegression:
     @cached_property
     def b(self) -> Floats:
         """(q,) the coefficients."""
-        return np.linalg.solve(self._basis[1], self._c)
+        return np.asarray(np.linalg.solve(self._basis[1], self._c), dtype=np.float64)
 
     @cached_property
     def covariance(self) -> Floats:
@@ -215,22 +215,20 @@ class _NoiseSearch:
             noise = Noise(self.size * white, self.size * lasting, time, start.drift)
             return self.regression(noise)
 
-        parts = [start.white / self.size, start.lasting / self.size, start.time]
-        bounds = np.log(self._bounds)
+        def minus_two_l(t: Floats) -> float:
+            return regression(t).minus_two_l
+
         number = 3 if start.lasting else 1
-        at = np.clip(np.log(np.maximum(parts[:number], np.finfo(float).tiny)), *bounds[:number].T)
-        simplex = np.vstack(
-            [
-                at,
-                at
-                + _STEP * np.where(at < bounds[:number].mean(axis=1), 1.0, -1.0) * np.eye(number),
-            ]
-        )
+        parts = [start.white / self.size, start.lasting / self.size, start.time][:number]
+        bounds = np.log(self._bounds[:number])
+        at: Floats = np.clip(np.log(np.maximum(parts, np.finfo(float).tiny)), *bounds.T)
+        inwards = np.where(at < bounds.mean(axis=1), _STEP, -_STEP)
+        simplex: Floats = np.vstack([at, at + np.diag(inwards)])
         best = minimize(
-            lambda t: regression(t).minus_two_l,
+            minus_two_l,
             at,
             method="Nelder-Mead",
-            bounds=bounds[:number],
+            bounds=[(float(low), float(high)) for low, high in bounds],
             options={"xatol": near, "fatol": near, "initial_simplex": simplex},
         )
         return regression(best.x)

@@ -107,20 +107,23 @@ def sound_innovations(
         rng: random numbers.
     """
     moments, places = _moments([f.times for f in filters])
-    white, slow = np.linalg.cholesky(together.white), np.linalg.cholesky(together.slow)
+    white, slow = (
+        np.asarray(np.linalg.cholesky(R), dtype=np.float64) for R in (together.white, together.slow)
+    )
     n = len(filters)
 
     def draws(root: Floats, length: int) -> Floats:
         """(n, length, number), correlated between gauges."""
-        independent = rng.standard_normal((n, length * number))
-        return (root @ independent).reshape(n, length, number)
+        return (root @ rng.standard_normal((n, length * number))).reshape(n, length, number)
 
     given = likely if likely is not None else [[f.state.noise] for f in filters]
     chosen = [[own[k] for k in rng.integers(len(own), size=number)] for own in given]
     parts = [[(a.white, a.lasting, a.time, a.drift) for a in own] for own in chosen]
     own_error, lasting, fades, drift = np.array(parts).transpose(2, 0, 1)  # each (n, number)
-    start = draws(slow, max(len(f.state.mean) for f in filters))
-    start = [f.state.root @ one[: len(f.state.mean)] for f, one in zip(filters, start, strict=True)]
+    independent = draws(slow, max(len(f.state.mean) for f in filters))
+    start = [
+        f.state.root @ own[: len(f.state.mean)] for f, own in zip(filters, independent, strict=True)
+    ]
     x, s = np.stack([one[-PROCESSES:] for one in start], axis=1)  # each (n, number)
     errors = [
         f.columns @ first[:-PROCESSES] + size * own[place]

@@ -51,7 +51,7 @@ class FittedGauge:
     def read_in_a_year(self) -> Floats:
         """(m,) times since the last reading at which the gauge is read in a year, s."""
         usual = self.standard.times
-        return usual[usual > usual[-1] - YEAR] - usual[-1] + YEAR
+        return np.asarray(usual[usual > usual[-1] - YEAR] - usual[-1] + YEAR)
 
 
 def fitted_gauges(

@@ -62,10 +62,10 @@ class PlannedChange:
         if self.kind == "step":
             return np.full(len(times), size)
         if self.kind == "drift":
-            return size * (times - times[0]) / YEAR
+            return np.asarray(size * (times - times[0]) / YEAR)
         level = np.isin(gauge.terms, effects.of("level"))
         motion = columns[:, level] @ gauge.state.mean[: len(level)][level]
-        return (1.0 / (1.0 - size) - 1.0) * motion
+        return np.asarray((1.0 / (1.0 - size) - 1.0) * motion)
 
 
 def read_change(
