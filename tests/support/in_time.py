@@ -6,6 +6,7 @@ from geoident.identify.in_time.noise import Noise
 
 DAY = 86400.0
 TRUTH = Noise(0.3, 0.5, 40.0 * DAY)
+DRIFTING = Noise(0.3, 0.5, 40.0 * DAY, drift=0.4)
 B = np.array([1.0, 2.0, 3.0, 4.0])
 
 
@@ -20,10 +21,11 @@ def effects(t):
 
 def covariance(noise, t):
     lasting = noise.lasting**2 * np.exp(-np.abs(t[:, None] - t) / noise.time)
-    return noise.white**2 * np.eye(len(t)) + lasting
+    drift = noise.drift**2 * (1.0 + (np.minimum(t[:, None], t) - t[0]) / (365.25 * DAY))
+    return noise.white**2 * np.eye(len(t)) + lasting + drift
 
 
-def drawn(m, rng):
+def drawn(m, rng, noise=TRUTH):
     t = times(m, rng)
-    root = np.linalg.cholesky(covariance(TRUTH, t))
+    root = np.linalg.cholesky(covariance(noise, t))
     return t, effects(t) @ B + root @ rng.standard_normal(m)

@@ -10,6 +10,7 @@ EPILOG = """\b
 Examples:
   geoident control dam.fit.h5 --readings new.csv
   geoident control dam.fit.h5 --false-alarms "1 per 5 years" --json
+  geoident control dam.fit.h5 --power "P2 drifts 1 mm/year" --power "all soften 20 %"
   geoident control dam.fit.h5 -q || echo alarm | mail -s dam me@example.org
 """
 
@@ -35,6 +36,13 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     help="How often chance alone may raise an alarm, of all gauges together.",
 )
 @click.option(
+    "--power",
+    metavar="CHANGE",
+    multiple=True,
+    help="Tell whether a change would be seen, and how late: 'P2 drifts 1 mm/year', 'P1, P2 step "
+    "2 mm', 'all soften 20 %'; may be repeated. Needs no new readings.",
+)
+@click.option(
     "--on-alarm",
     metavar="CMD",
     help="Program to run when a new alarm is found, with the JSON object of the result on its "
@@ -42,7 +50,12 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 )
 @takes("output", "seed", "force", "fresh", "as_json", "trust", after=_next)
 def command(
-    result: str, readings: str | None, false_alarms: str, on_alarm: str | None, options: Options
+    result: str,
+    readings: str | None,
+    false_alarms: str,
+    power: tuple[str, ...],
+    on_alarm: str | None,
+    options: Options,
 ) -> int:
     """Hold new readings of a structure in service against its fit.
 
@@ -61,6 +74,7 @@ def command(
             result=result,
             readings=readings,
             false_alarms=time_between(false_alarms),
+            power=power,
             output=options.output,
             seed=options.seed,
             force=options.force,

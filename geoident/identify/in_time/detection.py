@@ -6,21 +6,22 @@ in an unknown size a. The generalized likelihood ratio for it is
     z^2 ,    z = sum g e / sqrt(sum g^2) ,      a = sum g e / sum g^2 ,    sd(a) = 1 / sqrt(sum g^2)
 
 over the innovations since t0; z is standard normal where nothing has changed. At each date the
-largest over all t0 of a window counts. For all n gauges together, whose innovations of one day have
-the correlation R, a change of any pattern over the gauges at one t0 has
+largest over all t0 of a window counts. For all n gauges together, whose z of a change have the
+correlation R, a change of any pattern over the gauges at one t0 has
 
     z^T R^-1 z less its largest term, at most chi-squared with n - 1 degrees of freedom,
 
-so that one gauge that fails is no change of the structure.
+so that one gauge that fails is no change of the structure. R follows from simulated innovations in
+which nothing changes, for steps and drifts of some age: sums over longer times are more alike.
 
 Both are compared by their surprise, -log10 of the probability that chance does as much at one date
-and one t0. The threshold of it follows from simulated innovations in which nothing changes: it is
-passed, by any gauge or by all together, once in a stated time on the average.
+and one t0. The threshold of it follows from the same simulations: it is passed, by any gauge or by
+all together, once in a stated time on the average.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +51,14 @@ _MOST_BEGINNINGS = 40
 _LEAST_CHANCE = 1e-300
 """Below it floating-point numbers have no probability."""
 
-_SIMULATED, _AT_A_TIME = 200, 20
-"""Simulated periods in which nothing changes."""
+_AT_A_TIME = 20
+"""Simulated periods of which z is kept at once."""
+
+_KEPT = 0.95
+"""What is kept of simulated correlations."""
+
+_AGES = np.array([0.1, 0.25, 0.5, 1.0]) * YEAR
+"""Ages of changes, s, between which gauges have one correlation."""
 
 
 @dataclass(frozen=True)
@@ -97,22 +104,28 @@ class Detector:
 
     Args:
         filters: one for each gauge, over its readings of the period.
-        correlation: (n, n) of the innovations that gauges have on one day.
+        together: of another detector of these gauges, (2 a, n, n) the correlation of z of steps
+            and drifts of each age; None for independent gauges.
     """
 
-    def __init__(self, filters: Sequence[Filter], correlation: Floats) -> None:
+    def __init__(self, filters: Sequence[Filter], together: Floats | None = None) -> None:
         self.filters = filters
+        n, classes = len(filters), len(KINDS) * (len(_AGES) + 1)
+        self.together = np.tile(np.eye(n), (classes, 1, 1)) if together is None else together
+        self._roots = np.linalg.cholesky(self.together)
         days = np.unique(np.concatenate([f.times for f in filters]) // DAY) * DAY + DAY
         self.dates = _some(days, _MOST_DATES)
         step = WINDOW / _MOST_BEGINNINGS
         first = days[0] - DAY
         later = np.arange(first, days[-1], step)
         self.begun: Floats = later if len(later) > 1 else np.array([first])
-        self._root = np.linalg.cholesky(correlation)
         self._patterns = [self._pattern(f) for f in filters]
         self._until = [np.searchsorted(f.times, self.dates) for f in filters]
         old = self.dates[:, None] - self.begun[None, :]
-        self._recent = np.tile(old <= WINDOW + step, 2)
+        self._recent = np.tile(old <= WINDOW + step, len(KINDS))
+        age = np.searchsorted(_AGES, old)
+        # (k, 2 c) which correlation each date and change has
+        self._class = np.hstack([age + kind * (len(_AGES) + 1) for kind in range(len(KINDS))])
         # (k, 2 c) sums of g^2; 0 where no reading is since
         self._weight = [
             _squares(g, ends) for g, ends in zip(self._patterns, self._until, strict=True)
@@ -231,38 +244,78 @@ class Detector:
         return single, _surprise(np.max(without_largest, axis=1), max(len(z) - 1, 1))
 
     def _white(self, z: Floats) -> Floats:
-        """R^(-1/2) z."""
-        return np.linalg.solve(self._root, z.reshape(len(z), -1)).reshape(z.shape)
+        """R^(-1/2) z, of the last dates."""
+        white = np.empty_like(z)
+        classes = self._class[-z.shape[1] :]
+        for number, root in enumerate(self._roots):
+            own = classes == number
+            white[:, own] = np.linalg.solve(root, z[:, own].reshape(len(z), -1)).reshape(
+                z[:, own].shape
+            )
+        return white
 
-    def simulated(self, rng: np.random.Generator) -> Floats:
-        """(s,) the largest surprise of periods in which nothing changes."""
-        days = [np.unique(f.times // DAY, return_inverse=True) for f in self.filters]
-        all_days = np.unique(np.concatenate([own for own, _ in days]))
-        place = [np.searchsorted(all_days, own)[back] for own, back in days]
-        largest = []
-        for _ in range(_SIMULATED // _AT_A_TIME):
-            draws = rng.standard_normal((len(self.filters), len(all_days), _AT_A_TIME))
-            draws = np.einsum("ij,jds->ids", self._root, draws)
-            z = self.z([own[at] for own, at in zip(draws, place, strict=True)])
+    def correlated(self, innovations: Sequence[Floats]) -> Detector:
+        """The detector with the correlations of simulated innovations (m, s) of each gauge."""
+        n = len(self.filters)
+        sums = np.zeros_like(self.together)
+        for z in self._batches(innovations):
+            for number in range(len(sums)):
+                own = z[:, (self._class == number) & self._recent].reshape(n, -1)
+                sums[number] += own @ own.T
+        size = np.sqrt(np.einsum("cii->ci", sums))
+        size[size == 0.0] = 1.0
+        R = sums / (size[:, :, None] * size[:, None, :])
+        R = _KEPT * R + (1.0 - _KEPT) * np.eye(n)
+        np.einsum("cii->ci", R)[:] = 1.0
+        return Detector(self.filters, R)
+
+    def _batches(self, innovations: Sequence[Floats]) -> Iterator[Floats]:
+        for first in range(0, innovations[0].shape[1], _AT_A_TIME):
+            yield self.z([own[:, first : first + _AT_A_TIME] for own in innovations])
+
+    def largest(self, innovations: Sequence[Floats]) -> Floats:
+        """(s,) the largest surprise of periods with innovations (m, s) of each gauge."""
+        most = []
+        for z in self._batches(innovations):
             single, together = self.surprises(z)
-            most = np.maximum(single.max(axis=(0, 1)), together.max(axis=0) if len(z) > 1 else 0.0)
-            largest.append(most)
-        return np.concatenate(largest)
+            several = together.max(axis=0) if len(z) > 1 else 0.0
+            most.append(np.maximum(single.max(axis=(0, 1)), several))
+        return np.concatenate(most)
+
+    def first_seen(self, innovations: Sequence[Floats], threshold: float) -> Floats:
+        """(s,) time from the beginning of the period to the first date that shows a change, s.
+
+        Infinite where none does.
+
+        Args:
+            innovations: (m, s) of each gauge.
+            threshold: the surprise from which on it is no chance.
+        """
+        delays = []
+        since = np.append(self.dates - self.begun[0], np.inf)
+        for z in self._batches(innovations):
+            single, together = self.surprises(z)
+            seen = (single > threshold).any(axis=0)
+            if len(z) > 1:
+                seen |= together > threshold
+            never = np.ones((1, seen.shape[1]), dtype=np.bool_)
+            delays.append(since[np.argmax(np.vstack([seen, never]), axis=0)])
+        return np.concatenate(delays)
 
     @property
     def length(self) -> float:
         """Of the period, s."""
         return float(self.dates[-1] - self.begun[0])
 
-    def threshold(self, between: float, rng: np.random.Generator) -> float:
+    def threshold(self, between: float, innovations: Sequence[Floats]) -> float:
         """The surprise that chance passes once in a stated time.
 
         Args:
             between: two false alarms, s, on the average.
-            rng: random numbers.
+            innovations: (m, s) simulated, of each gauge, in which nothing changes.
         """
         without = np.exp(-self.length / between)
-        return float(np.quantile(self.simulated(rng), without))
+        return float(np.quantile(self.largest(innovations), without))
 
 
 def _squares(g: Floats, ends: Ints) -> Floats:

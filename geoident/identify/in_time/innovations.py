@@ -1,7 +1,8 @@
 """What each new reading says that those before it did not (theory 16.3).
 
-After the readings that a regression rests on, its coefficients and the lasting error have a mean
-and a covariance. A filter carries both from reading to reading and gives of each the innovation
+After the readings that a regression rests on, its coefficients, the lasting error and the drift
+have a mean and a covariance. A filter carries them from reading to reading and gives of each the
+innovation
 
     e_k = (y_k - prediction before k) / its standard deviation ,
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from geoident.identify.in_time.noise import PROCESSES, Noise
 from geoident.identify.in_time.regression import GaugeState
 from geoident.model.arrays import Bools, Floats
 
@@ -34,27 +36,37 @@ class Filter:
     def __init__(
         self, state: GaugeState, times: Floats, X: Floats, skipped: Bools | None = None
     ) -> None:
-        self.times, self._start = times, state.mean
+        self.times, self.columns, self.state = times, X, state
         self.skipped = np.zeros(len(times), dtype=np.bool_) if skipped is None else skipped
         P, noise = state.P.copy(), state.noise
-        self._phi = noise.remaining(np.diff(times, prepend=state.time))
-        self._H = np.column_stack([X, np.ones(len(times))])
+        elapsed = np.diff(times, prepend=state.time)
+        self._phi = noise.remaining(elapsed)
+        self._H = np.column_stack([X, np.ones((len(times), PROCESSES))])
+        own = slice(X.shape[1], None)  # of the state: the processes
+        diagonal = np.arange(X.shape[1], self._H.shape[1])
         self._gain = np.zeros_like(self._H)
         self.sd: Floats = np.zeros(len(times))
-        for k, (phi, h) in enumerate(zip(self._phi, self._H, strict=True)):
-            P[-1] *= phi
-            P[:, -1] *= phi
-            P[-1, -1] += noise.lasting**2 * (1.0 - phi**2)
+        steps = zip(self._phi, noise.added(elapsed), self._H, strict=True)
+        for k, (phi, added, h) in enumerate(steps):
+            P[own] *= phi[:, None]
+            P[:, own] *= phi
+            P[diagonal, diagonal] += added
             Ph = P @ h
             variance = max(float(h @ Ph), 0.0) + noise.white**2  # rounding may leave less
             self.sd[k] = np.sqrt(variance)
             if not self.skipped[k]:
                 self._gain[k] = Ph / variance
                 P -= np.outer(Ph, self._gain[k])
+        self._P = P
 
     def predicted(self, y: Floats) -> Floats:
         """(m,) what each of the readings y (m,) was expected to be before it was taken, SI."""
-        return y - self._run(y[:, None], self._start[:, None])[:, 0]
+        return y - self._run(y[:, None], self.state.mean[:, None])[0][:, 0]
+
+    def end(self, y: Floats) -> GaugeState:
+        """What is known of the gauge after readings y (m,), SI."""
+        mean = self._run(y[:, None], self.state.mean[:, None])[1][:, 0]
+        return GaugeState(self.state.noise, float(self.times[-1]), mean, self._P)
 
     def effects(self, changes: Floats) -> Floats:
         """What changes (m, c) of the readings, SI, do to the innovations, (m, c).
@@ -62,19 +74,32 @@ class Filter:
         Nothing to those of readings that are skipped.
         """
         start = np.zeros((self._H.shape[1], changes.shape[1]))
-        g = self._run(changes, start) / self.sd[:, None]
+        g = self._run(changes, start)[0] / self.sd[:, None]
         g[self.skipped] = 0.0
         return g
 
-    def _run(self, columns: Floats, state: Floats) -> Floats:
-        """Columns (m, c) less what the filter expects of them, begun with a state (q + 1, c)."""
+    def _run(self, columns: Floats, state: Floats) -> tuple[Floats, Floats]:
+        """Columns (m, c) less what is expected, and the last state (q + 2, c), of a first one."""
         left = np.empty_like(columns)
         state = state.copy()
         for k, (phi, h, gain) in enumerate(zip(self._phi, self._H, self._gain, strict=True)):
-            state[-1] *= phi
+            state[-PROCESSES:] *= phi[:, None]
             left[k] = columns[k] - h @ state
             state += np.outer(gain, left[k])
-        return left
+        return left, state
+
+
+def whitened(noise: Noise, times: Floats, e: Floats) -> Floats:
+    """L^-1 e (m,) of errors e (m,), with Sigma = L L^T: independent, of variance one.
+
+    Args:
+        noise: of the gauge.
+        times: (m,) s, increasing.
+        e: (m,) SI.
+    """
+    start = GaugeState(noise, float(times[0]), np.zeros(PROCESSES), np.diag(noise.at_first))
+    filtered = Filter(start, times, np.zeros((len(times), 0)))
+    return (e - filtered.predicted(e)) / filtered.sd
 
 
 def single_wrong(state: GaugeState, times: Floats, X: Floats, y: Floats, far: float) -> Bools:

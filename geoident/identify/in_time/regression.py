@@ -12,14 +12,15 @@ readings,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
 
-from geoident.identify.in_time.noise import Noise, TimeCovariance
+from geoident.identify.in_time.noise import PROCESSES, Noise, TimeCovariance
 from geoident.model.arrays import Floats
+from geoident.model.in_service import YEAR
 
 WORTH = 6.0
 """Fall of -2 l from which on an error that lasts counts: its two numbers then earn their place."""
@@ -35,14 +36,20 @@ class GaugeState:
     Args:
         noise: of its readings.
         time: of the last one, s.
-        mean: (q + 1,) the coefficients and, last, the error that lasts.
-        P: (q + 1, q + 1) their covariance.
+        mean: (q + 2,) the coefficients and, last, the error that lasts and the drift.
+        P: (q + 2, q + 2) their covariance.
     """
 
     noise: Noise
     time: float
     mean: Floats
     P: Floats
+
+    @property
+    def root(self) -> Floats:
+        """(q + 2, q + 2) a factor of P, which may be singular."""
+        values, vectors = np.linalg.eigh(self.P)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -54,12 +61,16 @@ class TimeRegression:
         y: (m,) readings, SI.
         X: (m, q) of full rank, q < m.
         noise: of the readings.
+        basis: orthonormal columns Q that span X, and R with X = Q R, where they are known.
+        likely: other noises that the readings leave possible, as often as they are likely.
     """
 
     times: Floats
     y: Floats
     X: Floats
     noise: Noise
+    basis: tuple[Floats, Floats] | None = None
+    likely: tuple[Noise, ...] = ()
 
     @cached_property
     def _errors(self) -> TimeCovariance:
@@ -67,9 +78,8 @@ class TimeRegression:
 
     @cached_property
     def _basis(self) -> tuple[Floats, Floats]:
-        """Orthonormal columns that span X, and R with X = Q R: no sum then loses digits."""
-        Q, R = np.linalg.qr(self.X)
-        return Q, R
+        """Q and R: no sum over columns of Q loses digits."""
+        return np.linalg.qr(self.X) if self.basis is None else self.basis
 
     @cached_property
     def _normal(self) -> tuple[Floats, Floats, Floats]:
@@ -79,11 +89,16 @@ class TimeRegression:
         return cholesky(Q.T @ solved[:, :-1], lower=True), solved[:, :-1], solved[:, -1]
 
     @cached_property
+    def _c(self) -> Floats:
+        """(q,) R b, the coefficients of Q."""
+        Q, _ = self._basis
+        L, _, y = self._normal
+        return np.asarray(cho_solve((L, True), Q.T @ y))
+
+    @cached_property
     def b(self) -> Floats:
         """(q,) the coefficients."""
-        Q, R = self._basis
-        L, _, y = self._normal
-        return np.asarray(np.linalg.solve(R, cho_solve((L, True), Q.T @ y)))
+        return np.asarray(np.linalg.solve(self._basis[1], self._c), dtype=np.float64)
 
     @cached_property
     def covariance(self) -> Floats:
@@ -100,70 +115,181 @@ class TimeRegression:
     @cached_property
     def minus_two_l(self) -> float:
         """-2 l, up to a constant of the columns alone."""
-        L, _, y = self._normal
-        left = float(self.residual @ (y - self._errors.solve(self.X @ self.b)))
+        L, Q, y = self._normal
+        left = float((self.y - self._basis[0] @ self._c) @ (y - Q @ self._c))
         return self._errors.log_determinant + 2.0 * float(np.log(np.diag(L)).sum()) + left
 
     @property
     def end(self) -> GaugeState:
         """What is known after the last reading."""
-        k = self.noise.lasting**2 * self.noise.remaining(self.times[-1] - self.times)
+        k = self._errors.with_last
         solved = self._errors.solve(k)
-        pull = solved @ self.X
-        mean = np.append(self.b, solved @ self.residual)
-        P = np.zeros((len(mean), len(mean)))
-        P[:-1, :-1] = self.covariance
-        P[-1, :-1] = P[:-1, -1] = -self.covariance @ pull
-        P[-1, -1] = self.noise.lasting**2 - k @ solved + pull @ self.covariance @ pull
+        pull = self.X.T @ solved
+        q = len(self.b)
+        P = np.zeros((q + PROCESSES, q + PROCESSES))
+        P[:q, :q] = self.covariance
+        P[:q, q:] = -self.covariance @ pull
+        P[q:, :q] = P[:q, q:].T
+        P[q:, q:] = np.diag(k[-1]) - k.T @ solved + pull.T @ self.covariance @ pull
+        mean = np.concatenate([self.b, solved.T @ self.residual])
         return GaugeState(self.noise, float(self.times[-1]), mean, P)
 
 
-def regression_in_time(
-    times: Floats, y: Floats, X: Floats, white: float | None = None
-) -> TimeRegression:
+def regression_in_time(times: Floats, y: Floats, X: Floats) -> TimeRegression:
     """The regression of a gauge with the noise that its residuals show.
 
     Args:
         times: (m,) s, increasing.
         y: (m,) readings, SI.
-        X: (m, q) of full rank, q < m.
-        white: what each reading has by itself, SI; None to estimate it.
+        X: (m, q) of full rank, q < m, a constant among the columns.
     """
-    plain = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
-    size = float(np.sqrt(plain @ plain / max(len(y) - X.shape[1], 1)))
-    size = max(size, 1e-12 * float(np.abs(y).max(initial=0.0)), np.finfo(float).tiny)
-    spacing = float(np.median(np.diff(times)))
-    span = float(times[-1] - times[0])
-
-    def of(noise: Noise) -> TimeRegression:
-        return TimeRegression(times, y, X, noise)
-
-    best = of(Noise(size if white is None else white))
+    search = _NoiseSearch(times, y, X)
     if len(y) < X.shape[1] + 5:
-        return best
+        only = Noise(search.size)
+        return replace(search.regression(only), likely=(only,))
+    lasting = [search.likeliest(start, _COARSE) for start in search.starts]
+    best = min(lasting, key=lambda one: one.minus_two_l)
+    best = search.likeliest(replace(best.noise, drift=search.drift(best)), _FINE)
+    likely = search.likely(best.noise)
+    plain = search.likeliest(Noise(search.size, drift=best.noise.drift), _FINE)
+    if best.minus_two_l > plain.minus_two_l - WORTH:
+        best = plain
+    fit = search.regression(replace(best.noise, drift=search.drift(best)))
+    return replace(fit, likely=likely)
 
-    def noise(t: Floats) -> Noise:
-        """Of the logarithms of sizes, in `size`, and of the time in which it fades, s."""
-        own = size * np.exp(t[2]) if white is None else white
-        return Noise(float(own), float(size * np.exp(t[0])), float(np.exp(t[1])))
 
-    def minus_two_l(t: Floats) -> float:
-        return of(noise(t)).minus_two_l
+class _NoiseSearch:
+    """The noise of a regression: its parts by the restricted likelihood, beside a drift.
 
-    from scipy.optimize import minimize  # noqa: PLC0415 - 0.3 s, and only these fits search so
+    Args:
+        times, y, X: see `regression_in_time`.
 
-    bounds = [(-5.0, 3.0), (np.log(spacing / 3.0), np.log(max(span / 3.0, spacing)))]
-    bounds += [(np.log(_LEAST_WHITE), 1.0)] if white is None else []
-    for time in np.geomspace(spacing, max(span / 10.0, 2.0 * spacing), 3):
-        start = np.array([-0.3, np.log(time), -0.7][: len(bounds)])
-        found = minimize(
+    Attributes:
+        size: standard deviation of the residuals of plain least squares, SI.
+    """
+
+    def __init__(self, times: Floats, y: Floats, X: Floats) -> None:
+        self._given, self._basis = (times, y, X), np.linalg.qr(X)
+        plain = y - self._basis[0] @ (self._basis[0].T @ y)
+        size = float(np.sqrt(plain @ plain / max(len(y) - X.shape[1], 1)))
+        self.size = max(size, 1e-12 * float(np.abs(y).max(initial=0.0)), np.finfo(float).tiny)
+        self._spacing = float(np.median(np.diff(times)))
+        self._span = float(times[-1] - times[0])
+
+    def regression(self, noise: Noise) -> TimeRegression:
+        """With a given noise."""
+        return TimeRegression(*self._given, noise, self._basis)
+
+    @property
+    def usual_drift(self) -> float:
+        """A drift that adds as much as the residuals scatter over the record, SI in a year."""
+        return self.size * float(np.sqrt(YEAR / self._span))
+
+    @property
+    def starts(self) -> list[Noise]:
+        """From where to search; the time in which the error fades has several likely values."""
+        longest = max(self._span / 10.0, 2.0 * self._spacing)
+        return [
+            Noise(0.5 * self.size, 0.75 * self.size, float(time), self.usual_drift)
+            for time in np.geomspace(self._spacing, longest, 3)
+        ]
+
+    @property
+    def _bounds(self) -> list[tuple[float, float]]:
+        """Of white and lasting, in the size of the residuals, and of the time, s."""
+        most = max(self._span / 3.0, self._spacing)
+        return [(_LEAST_WHITE, 3.0), (5e-3, 20.0), (self._spacing / 3.0, most)]
+
+    def likeliest(self, start: Noise, near: float) -> TimeRegression:
+        """The likeliest parts beside the drift of the start; none that lasts if that has none.
+
+        Args:
+            start: of the search.
+            near: tolerance of the logarithms of the parts.
+        """
+        from scipy.optimize import minimize  # noqa: PLC0415 - 0.3 s, and only these fits search so
+
+        def regression(t: Floats) -> TimeRegression:
+            white, *rest = np.exp(t).tolist()
+            lasting, time = rest or (0.0, 1.0)
+            noise = Noise(self.size * white, self.size * lasting, time, start.drift)
+            return self.regression(noise)
+
+        def minus_two_l(t: Floats) -> float:
+            return regression(t).minus_two_l
+
+        number = 3 if start.lasting else 1
+        parts = [start.white / self.size, start.lasting / self.size, start.time][:number]
+        bounds = np.log(self._bounds[:number])
+        at: Floats = np.clip(np.log(np.maximum(parts, np.finfo(float).tiny)), *bounds.T)
+        inwards = np.where(at < bounds.mean(axis=1), _STEP, -_STEP)
+        simplex: Floats = np.vstack([at, at + np.diag(inwards)])
+        best = minimize(
             minus_two_l,
-            np.clip(start, *np.transpose(bounds)),
+            at,
             method="Nelder-Mead",
-            bounds=bounds,
-            options={"xatol": 0.02, "fatol": 0.02},
+            bounds=[(float(low), float(high)) for low, high in bounds],
+            options={"xatol": near, "fatol": near, "initial_simplex": simplex},
         )
-        trial = of(noise(found.x))
-        if trial.minus_two_l < best.minus_two_l - (WORTH if best.noise.lasting == 0.0 else 0.0):
-            best = trial
-    return best
+        return regression(best.x)
+
+    def likely(self, start: Noise) -> tuple[Noise, ...]:
+        """Draws of the posterior of the noise by random steps (Metropolis et al. 1953).
+
+        Priors: uniform for white, lasting and the logarithm of the time, half normal for the drift.
+        """
+        rng = np.random.default_rng(0)
+        bounds = np.log([*self._bounds, (1e-3, 1e2)])
+        bounds[:2] += np.log(self.size)
+        bounds[3] += np.log(self.usual_drift)
+
+        def minus_two_log(t: Floats) -> float:
+            noise = Noise(*np.exp(t).tolist())
+            return (
+                self.regression(noise).minus_two_l
+                + (noise.drift / self.usual_drift) ** 2
+                - 2.0 * float(t[0] + t[1] + t[3])
+            )
+
+        t = np.clip(np.log([start.white, start.lasting, start.time, start.drift]), *bounds.T)
+        here = minus_two_log(t)
+        draws = []
+        for number in range(_LIKELY * _THINNED):
+            other = t + _STEPS * rng.standard_normal(4)
+            if ((other > bounds[:, 0]) & (other < bounds[:, 1])).all():
+                there = minus_two_log(other)
+                if np.log(rng.random()) < 0.5 * (here - there):
+                    t, here = other, there
+            if number % _THINNED == 0:
+                draws.append(Noise(*np.exp(t).tolist()))
+        return tuple(draws)
+
+    def drift(self, regression: TimeRegression) -> float:
+        """The drift that the readings leave possible: root of the mean square of its posterior.
+
+        Its prior is half a normal distribution of the usual drift. The likeliest one is often none,
+        since a record of some years cannot exclude a drift that doubles the variance of a later
+        sum of innovations.
+        """
+        noise, usual = regression.noise, self.usual_drift
+        trials = [self.regression(replace(noise, drift=usual * x)) for x in _DRIFTS]
+        minus_two_l = np.array([trial.minus_two_l for trial in trials]) + _DRIFTS**2
+        weight = np.exp(-0.5 * (minus_two_l - minus_two_l.min()))
+        square = np.trapezoid(weight * _DRIFTS**2, _DRIFTS) / np.trapezoid(weight, _DRIFTS)
+        return float(usual * np.sqrt(square))
+
+
+_COARSE, _FINE = 0.3, 0.02
+"""Tolerances of a search among starts, and of the last one."""
+
+_STEP = 0.7
+"""First steps of a search, in logarithms."""
+
+_LIKELY, _THINNED = 30, 5
+"""Likely noises that are kept, and steps from one to the next."""
+
+_STEPS = np.array([0.2, 0.25, 0.5, 0.8])
+"""Standard deviations of a step, of the logarithms of white, lasting, time and drift."""
+
+_DRIFTS = np.concatenate([[0.0], np.geomspace(0.1, 12.0, 14)])
+"""Drifts that are compared, in usual ones."""

@@ -9,6 +9,12 @@ import numpy as np
 from geoident.model.arrays import Floats
 from geoident.model.results.columns import ROW, column
 
+LIKELY = 0.5
+"""Probability from which on an alarm value is expected to be reached."""
+
+AMBER = "amber"
+"""Name of an alarm value that warns: reached, it makes the state of a gauge amber, others red."""
+
 _LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
 
 
@@ -55,3 +61,13 @@ class AlarmState:
         default_factory=lambda: np.zeros(0),
         metadata=column("stage", optional=True, sheet="probability at {stage}", hidden=("diff",)),
     )
+
+    @property
+    def state(self) -> str:
+        """Of a gauge in service: red or amber where the value is reached, amber where it is near.
+
+        Near is a value, other than one named amber, that is more probably reached than not.
+        """
+        if self.reached:
+            return AMBER if self.level == AMBER else "red"
+        return AMBER if self.expected and self.level != AMBER else ""

@@ -25,14 +25,18 @@ class SeasonalFit:
         effects: to which effect each belongs: ``level``, ``season``, ``air`` or ``irreversible``.
         coefficients: (n_gauges, q) in the unit of the gauge, by K for the air, by year for
             ``linear``.
-        covariance: (n_gauges, q + 1, q + 1) of the coefficients and, last, of the lasting error at
-            the last reading.
-        lasting_now: (n_gauges,) that error.
+        covariance: (n_gauges, q + 2, q + 2) of the coefficients and, last, of the lasting error and
+            the drift at the last reading.
+        lasting_now: (n_gauges,) that lasting error.
+        drift_now: (n_gauges,) that drift.
         number: (n_gauges,) readings that were used.
         last: (n_gauges,) when the last of them was taken, s since 1970.
         white: (n_gauges,) error that each reading has by itself.
         lasting: (n_gauges,) standard deviation of the error that lasts.
         fades: (n_gauges,) time in which that fades to 1/e, s.
+        drift: (n_gauges,) standard deviation of what the drift, a random walk, adds in a year.
+        likely_noises: (n_gauges, k, 4) white, lasting, fades and drift of noises that the readings
+            leave possible, as often as they are likely.
         level_low: level from which it counts, m; NaN where there is no effect of it.
         level_high: level at which it counts as 1, m.
         air_mean: air temperature from which it counts, K.
@@ -53,6 +57,7 @@ class SeasonalFit:
     )
     covariance: Floats = field(metadata=column("gauge", "state", "other_state", hidden=("csv",)))
     lasting_now: Floats = field(metadata=_LIKE_READING)
+    drift_now: Floats = field(metadata=_LIKE_READING)
     number: Ints = field(metadata=column("gauge"))
     last: Floats = field(
         metadata=column("gauge", unit="s since 1970-01-01", hidden=("csv", "json", "diff"))
@@ -60,6 +65,10 @@ class SeasonalFit:
     white: Floats = field(metadata=_LIKE_READING)
     lasting: Floats = field(metadata=_LIKE_READING)
     fades: Floats = field(metadata=column("gauge", dimension="time", shown="d"))
+    drift: Floats = field(metadata=_LIKE_READING)
+    likely_noises: Floats = field(
+        metadata=column("gauge", "draw", "part of the noise", hidden=("csv", "json", "diff"))
+    )
     level_low: float
     level_high: float
     air_mean: float
@@ -146,3 +155,24 @@ class ChangeRow:
         return (
             f"{size:+.{places}f}{interval} {shown_unit(self.unit, self.dimension)}".rstrip() + rate
         )
+
+
+@dataclass(frozen=True)
+class PowerRow:
+    """Whether a change would be seen, and how late.
+
+    Args:
+        change: in words.
+        gauges: that it concerns.
+        probability: that it is seen within the horizon, 0 to 1.
+        median: time after which half of such changes are seen, s; NaN if fewer are within it.
+        late: time after which 90 % of them are.
+        horizon: time that is looked ahead, s.
+    """
+
+    change: str
+    gauges: str
+    probability: float
+    median: float = field(metadata=column(dimension="time", shown="d"))
+    late: float = field(metadata=column(dimension="time", shown="d"))
+    horizon: float = field(metadata=column(dimension="time", shown="d"))

@@ -24,7 +24,7 @@ from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
 from geoident.model.results.decisions import DecisionState, TellingReading
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, Judged, SeasonalFit
+from geoident.model.results.in_service import ChangeRow, Judged, PowerRow, SeasonalFit
 from geoident.model.results.left_out import LeftOutTable
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
@@ -835,6 +835,7 @@ class Result:
         left_out: how well gauges that the fit left out are predicted, or None.
         seasonal: coefficients and errors of the gauges of a structure in service, or None.
         changes: what new readings of a structure in service show.
+        power: changes of it that may happen, and whether they would be seen.
         judged: readings after the end of a fit, held against it, or None.
         alarms: what is known of each alarm value of each channel.
         decisions: what is known of each decision that depends on a reading.
@@ -937,6 +938,9 @@ class Result:
     judged: Judged | None = field(default=None, metadata=column(group="judged", optional=True))
     changes: tuple[ChangeRow, ...] = field(
         default=(), metadata=column("change", group="changes", optional=True)
+    )
+    power: tuple[PowerRow, ...] = field(
+        default=(), metadata=column("planned_change", group="power", optional=True)
     )
     alarms: tuple[AlarmState, ...] = field(
         default=(), metadata=column("alarm", group="alarms", optional=True)

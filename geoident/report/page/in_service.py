@@ -60,6 +60,13 @@ def later(result: Result) -> tuple[Block, ...]:
     return tuple(TitledTable(name, table) for name, table in tables.items())
 
 
+def power(result: Result) -> tuple[Block, ...]:
+    """Changes that may happen, and whether they would be seen."""
+    note = in_service.power_note(result)
+    table = TitledTable(in_service.POWER_TITLE, in_service.power_table(result))
+    return (table, tag("p", note, class_="note")) if note else ()
+
+
 def changed(result: Result) -> tuple[Block, ...]:
     """Steps and drifts, and single wrong readings."""
     return (

@@ -174,11 +174,12 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(words.TITLE, *in_service.effects(result)),
         section("Changes", *in_service.changed(result)),
         section(words.later_title(result), *in_service.later(result)),
+        section(words.POWER_TITLE, *in_service.power(result)),
         section(
             alarms.NAME,
             TitledTable(alarms.NAME, alarms.alarm_table(result)),
             TitledTable(alarms.BY_STAGE, alarms.stage_table(result)),
-            _paragraph(alarms.NOTE if result.alarms else "", class_="note"),
+            _paragraph(alarms.alarm_note(result), class_="note"),
         ),
         section(
             decisions.NAME,

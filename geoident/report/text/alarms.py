@@ -22,9 +22,20 @@ NOTE = (
     "Probability: of the stage in which it is largest; 2.5 % lie beyond each end of a 95 % band. "
     "A value with both signs is a limit, which the size of a reading reaches."
 )
+IN_SERVICE_NOTE = (
+    "Expected: a reading of the next year more probably reaches the value than not. Probability: "
+    "with loads as in one of the past years, and all that is not known of coefficients and errors."
+)
 
 _FAR = 0.01
 """Probability below which a value that was not reached is no matter."""
+
+
+def alarm_note(result: Result) -> str:
+    """What the columns of the table mean; empty where there are no alarm values."""
+    if not result.alarms:
+        return ""
+    return IN_SERVICE_NOTE if result.in_service else NOTE
 
 
 def alarm_parts(result: Result) -> tuple[str, ...]:
@@ -76,7 +87,7 @@ def alarm_table(result: Result) -> TextTable:
                 one.level,
                 _value(result, one),
                 reading_text(gauges, row, one.largest),
-                _when(one.reached, one.reached_on),
+                _when("" if result.in_service else one.reached, one.reached_on),
                 _when(one.expected, one.expected_on),
                 probable(one.probability) + (f" ({one.likeliest})" if one.likeliest else ""),
             ]
@@ -88,7 +99,8 @@ def alarm_table(result: Result) -> TextTable:
 def _when(stage: str, seconds: float) -> str:
     """A stage with its date, where there is one."""
     date = moment_text(seconds)
-    return f"{stage} ({date.partition('T')[0]})" if stage and date else stage or "-"
+    day = date.partition("T")[0] if date else ""
+    return f"{stage} ({day})" if stage and day else stage or day or "-"
 
 
 def stage_table(result: Result) -> TextTable:

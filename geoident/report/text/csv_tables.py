@@ -247,6 +247,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "seasonal": seasonal_sheet,
     "judged": lambda result: sheet(judged_readings(result), ROW),
     "changes": lambda result: sheet(listed_changes(result), ROW),
+    "power": lambda result: sheet(result.power, ROW),
     "backtest": lambda result: sheet(predictions(result), ROW),
     "backtest-parameters": lambda result: sheet(step_parameters(result), ROW),
     "updates": lambda result: _updates(result, "steps"),

@@ -26,8 +26,12 @@ _EFFECTS = ("level", "season", "air", "irreversible")
 WHAT = (
     "Level, season, air: range of the readings that they cause, with its 95 % interval; "
     "irreversible: motion from the first reading to the last. Scatter: standard deviation of a "
-    "reading about what is explained; of it 'lasting' fades within the time shown."
+    "reading about what is explained; of it 'lasting' fades within the time shown. Drift: a slow "
+    "motion that no effect explains, as far as the readings leave it possible; standard deviation "
+    "of a year."
 )
+
+POWER_TITLE = "Changes that would be seen"
 
 GREEN, AMBER, RED = "green", "amber", "red"
 
@@ -42,6 +46,7 @@ def parts(result: Result) -> tuple[str, ...]:
     return (
         section(TITLE, effects_table(result).text, sentence(WHAT)) if result.seasonal else "",
         section(later_title(result), judged_table(result).text),
+        section(POWER_TITLE, power_table(result).text, sentence(power_note(result))),
         section("What to do next", *next_steps(result)),
     )
 
@@ -64,7 +69,8 @@ def effects_table(result: Result) -> TextTable:
     """A row for each gauge that was fitted: its effects, and what they leave."""
     fit, gauges = result.seasonal, result.gauges
     header = (
-        "gauge", "readings", *_EFFECTS, "unit", "scatter", "lasting", "fades in", "explained"
+        "gauge", "readings", *_EFFECTS, "unit", "scatter", "lasting", "fades in",
+        "drift a year", "explained",
     )  # fmt: skip
     rows = []
     for i in range(0 if fit is None else len(gauges.channels)):
@@ -84,10 +90,11 @@ def effects_table(result: Result) -> TextTable:
                 decimals(fit.scatter[i] / size, digits),
                 decimals(fit.lasting[i] / size, digits) if lasts else "",
                 f"{fit.fades[i] / DAY:.0f} d" if lasts else "",
+                decimals(fit.drift[i] / size, digits),
                 f"{100.0 * fit.explained[i]:.0f} %",
             ]
         )  # fmt: skip
-    return TextTable(header, rows, right="lrrrrrlrrrr").filled
+    return TextTable(header, rows, right="lrrrrrlrrrrr").filled
 
 
 def _with_interval(value: float, sd: float, size: float, digits: int) -> str:
@@ -121,7 +128,8 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
     """Gauge with new readings to its state and to what led there; nothing but of a control.
 
     A gauge is red whose last readings show a change of several, or that has reached an alarm value,
-    amber with a change of its own.
+    amber with a change of its own, or with a value named amber that it has reached, or another one
+    that it will more probably reach within a year than not.
     """
     if result.kind != "control" or result.judged is None:
         return {}
@@ -133,8 +141,12 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
         if name not in named:
             continue
         own = [row for row in result.changes if row.gauge == name]
-        reached = [f"alarm value '{a.level}' reached" for a in result.alarms
-                   if a.gauge == name and a.reached]  # fmt: skip
+        alarms = [a for a in result.alarms if a.gauge == name and a.state]
+        reached = [
+            f"alarm value '{a.level}' reached" if a.reached else
+            f"alarm value '{a.level}' is reached next year with {a.probability:.0%}"
+            for a in alarms
+        ]  # fmt: skip
         lasting = [row for row in own if row.lasts]
         wrong = sum(row.kind == "reading" for row in own)
         why = [
@@ -143,8 +155,10 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
               for row in lasting),
             *([f"{wrong} wrong {'reading' if wrong == 1 else 'readings'}"] if wrong else []),
         ]  # fmt: skip
-        is_red = reached or any(row.change in several for row in lasting)
-        states[name] = RED if is_red else AMBER if lasting else GREEN, "; ".join(why)
+        own_states = {a.state for a in alarms} | {AMBER for _ in lasting}
+        is_red = RED in own_states or any(row.change in several for row in lasting)
+        state = RED if is_red else AMBER if AMBER in own_states else GREEN
+        states[name] = state, "; ".join(why)
     return states
 
 
@@ -168,6 +182,28 @@ def changes_table(result: Result) -> TextTable:
                  _day(row.shown), "still there" if row.lasts else "no longer"]
             )  # fmt: skip
     return TextTable(header, rows, right="rllrrrrl")
+
+
+def power_table(result: Result) -> TextTable:
+    """A row for each change that may happen: whether it would be seen, and how late."""
+    header = ("change", "gauges", "probability", "half seen after", "90 % seen after")
+    rows = []
+    for row in result.power:
+        percent = f"{100.0 * row.probability:.0f} %"
+        delays = ["-" if np.isnan(t) else f"{t / DAY:.0f} d" for t in (row.median, row.late)]
+        rows.append([row.change, row.gauges, percent, *delays])
+    return TextTable(header, rows, right="llrrr")
+
+
+def power_note(result: Result) -> str:
+    """What the table holds for; empty without it."""
+    if not result.power:
+        return ""
+    days = result.power[0].horizon / DAY
+    return (
+        f"Probability: of being seen within {days:.0f} days, if these gauges are read as often as "
+        "in the last years, by simulation of their noise. After: from the beginning of the change."
+    )
 
 
 def wrong_table(result: Result) -> TextTable:
@@ -224,6 +260,11 @@ def next_steps(result: Result) -> list[str]:
     steps = []
     if reached:
         steps.append(f"Do what the plan of alarms says for {', '.join(reached)}.")
+    if near := [f"'{a.level}' of {a.gauge}" for a in result.alarms if a.state and not a.reached]:
+        steps.append(
+            f"The next year more probably reaches {', '.join(near)} than not: decide now what is "
+            "to be done then, and whether the level can be kept lower."
+        )
     if several:
         gauges = list(dict.fromkeys(row.gauge for rows in several for row in rows))
         steps.append(
@@ -242,6 +283,8 @@ def next_steps(result: Result) -> list[str]:
             f"Repeat the wrong readings of {', '.join(wrong)} where that is possible, or mark "
             "them as bad."
         )
+    if not steps and result.judged is not None and not np.isfinite(result.judged.predicted).any():
+        return []
     if not steps:
         return ["Nothing. Go on reading, and control the next readings in the same way."]
     return [*steps, "Then control again. Where a change is explained and stays, fit anew with it."]

@@ -123,6 +123,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,
         "updates": updates_object(result),
+        "power": result.power and objects(result.power, ROW),
         "grid": result.grid and grid_object(result.grid),
     }
 

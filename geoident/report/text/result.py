@@ -126,6 +126,7 @@ def summary_text(result: Result) -> str:
         _parameters_in_words(result) if result.plan is None else "",
         section(f"{in_service.TITLE}:", in_service.effects_table(result).text),
         section(f"{in_service.later_title(result)}:", in_service.judged_table(result).text),
+        section(f"{in_service.POWER_TITLE}:", in_service.power_table(result).text),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),

@@ -16,17 +16,17 @@ from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageEr
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
-from geoident.identify.in_time.noise import Noise, whitened
 from geoident.identify.in_time.regression import GaugeState
 from geoident.io.text.dates import date_text
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.in_service import DAY, YEAR, SeasonalModel
+from geoident.model.in_service import YEAR, SeasonalModel
+from geoident.model.results.alarms import AlarmState
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, SeasonalFit
+from geoident.model.results.in_service import ChangeRow, PowerRow, SeasonalFit
 from geoident.model.results.result import GaugeTable, Result
 from geoident.units import UnitError, read_quantity
 from geoident.workflow.estimating.finished import Finished, job_at_hand
@@ -38,6 +38,9 @@ from geoident.workflow.in_service.fit import (
     unknown_later,
     with_reasons,
 )
+from geoident.workflow.in_service.fitted_gauges import FittedGauge, Sound, fitted_gauges
+from geoident.workflow.in_service.limits import Ahead, with_next_year
+from geoident.workflow.in_service.power import PlannedChange, power_of, read_change
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
@@ -47,16 +50,10 @@ from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
 _FAR = 4.0
 """Innovation from which on it is asked whether a single reading is wrong."""
 
-_STANDARD = 731.0 * DAY
-"""Length of the period in which simulated false alarms are counted, s: two years, in whole days."""
-
-_COMMON_DAYS, _SHRUNK = 20, 0.8
-"""Days on which two gauges must have been read for their correlation, and what is kept of it."""
-
 _SURE = 0.9
 """Probability of a kind of change from which on it is said without doubt."""
 
-GREEN, AMBER, RED = "green", "amber", "red"
+GREEN, AMBER, RED, NOT_JUDGED = "green", "amber", "red", "not judged"
 
 
 @dataclass(frozen=True)
@@ -67,6 +64,7 @@ class ControlRequest:
         result: path of the fit.
         readings: path of a file with new readings; None for those of the case.
         false_alarms: time between two false alarms of all gauges together, s, on the average.
+        power: changes of which is asked whether they would be seen, in words.
         output: a file or an existing folder; None for beside the result.
         seed: of the simulated noise.
         force: overwrite a result of other input.
@@ -76,6 +74,7 @@ class ControlRequest:
     result: str
     readings: str | None = None
     false_alarms: float = 10.0 * YEAR
+    power: tuple[str, ...] = ()
     output: str | None = None
     seed: int = 0
     force: bool = False
@@ -111,9 +110,11 @@ class ControlTask(FitTask):
 
     Args:
         request: what was asked for.
+        planned: changes of which is asked whether they would be seen.
     """
 
     request: ControlRequest
+    planned: tuple[PlannedChange, ...]
 
 
 def plan_control(request: ControlRequest) -> ControlTask:
@@ -122,6 +123,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
     Raises:
         InputError: the result is no fit of a seasonal model, or the readings are wrong.
         OutputError: the result could not be written, or another one would be lost.
+        UsageError: the words of a change are wrong.
     """
     fit, origin = read_fit(request.result, CONTROLLED)
     if fit.seasonal is None:
@@ -142,8 +144,15 @@ def plan_control(request: ControlRequest) -> ControlTask:
         force=request.force,
         fresh=request.fresh,
     )
-    job = plan_on_fit("control", f"{request.false_alarms:g}", asked, fit, inputs)
-    return ControlTask(fit=fit, job=job, request=request)
+    fitted = np.flatnonzero(np.isfinite(fit.seasonal.white)).tolist()
+    has_level = "level" in fit.seasonal.effects
+    planned = tuple(
+        read_change(text, inputs.case.channels, fitted, has_level=has_level)
+        for text in request.power
+    )
+    purpose = "; ".join([f"{request.false_alarms:g}", *request.power])
+    job = plan_on_fit("control", purpose, asked, fit, inputs)
+    return ControlTask(fit=fit, job=job, request=request, planned=planned)
 
 
 def control(task: ControlTask, controlling: Control) -> Finished:
@@ -156,41 +165,60 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     assert fit is not None
     assert isinstance(model, SeasonalModel)
     table = select_readings(case, build_model(task.job.inputs))
-    effects = _effects(task.fit, model, table)
+    scales = _scales(fit)
+    effects = effects_at(model, scales, table.time)
     table = _new_readings(with_reasons(table, model, effects), task.fit)
-    watched, correlation = watched_gauges(task.fit, case, table)
-    if not watched:
+    fitted = fitted_gauges(task.fit, fit, model, scales)
+    watched = [
+        new for gauge in fitted if (new := _watched(gauge, task.fit, table, effects)) is not None
+    ]
+    if not watched and not task.planned:
         raise InputError([_nothing_new(case, task, table)])
     rng = np.random.default_rng(task.request.seed)
     controlling.monitor.detail("simulating false alarms")
-    usual = Detector([gauge.standard for gauge in watched], correlation)
-    threshold = usual.threshold(task.request.false_alarms, rng)
-    new = Detector([gauge.filter for gauge in watched], correlation)
-    changes = new.changes([gauge.e for gauge in watched], threshold)
+    changes: list[Change] = []
+    if watched:
+        sound = Sound([new.gauge for new in watched], task.request.false_alarms, rng)
+        detector = Detector([new.filter for new in watched], sound.detector.together)
+        changes = detector.changes([new.e for new in watched], sound.threshold)
     rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
+    power: tuple[PowerRow, ...] = ()
+    if task.planned:
+        if len(watched) < len(fitted):
+            sound = Sound(fitted, task.request.false_alarms, rng)
+        power = tuple(power_of(one, sound, effects, case.channels) for one in task.planned)
     table = replace(table, computed=explained(fit, task.fit.gauges.channels, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
-    alarms = alarm_states(case, _counting(gauges, watched), None)
-    state = _state(changes)
-    if any(alarm.reached for alarm in alarms):
-        state = RED
+    alarms = with_next_year(
+        alarm_states(case, _counting(gauges, watched), None),
+        {case.channels[new.gauge.number].name: new.ahead for new in watched},
+        model,
+        scales,
+        rng,
+    )
+    state = _state(changes, alarms) if watched else NOT_JUDGED
     return task.write(
         Result(
             kind="control",
             status=state,
-            exit_code=ExitCode.DONE if state == GREEN else ExitCode.ALARM,
+            exit_code=ExitCode.ALARM if state in (AMBER, RED) else ExitCode.DONE,
             method="likelihood ratio",
             reason=_reason(state, table, watched, task.request),
             objective=float("nan"),
-            findings=(*alarm_findings(alarms), *_findings(rows), *_wrong_findings(watched, case)),
+            findings=(
+                *alarm_findings(alarms, dated=True),
+                *_findings(rows),
+                *_wrong_findings(watched, case),
+            ),
             case_text=task.job.inputs.loaded.text,
             case_resolved=task.job.inputs.loaded.resolved,
             provenance=job_provenance(task.job),
             parameters=task.fit.parameters,
             gauges=gauges,
             counts=NO_COST,
-            judged=judged(table, [(gauge.rows, gauge.filter) for gauge in watched]),
+            judged=judged(table, [(new.rows, new.filter) for new in watched]),
             changes=rows,
+            power=power,
             alarms=alarms,
             notes=(*case.notes, *unused_notes(table)),
         )
@@ -202,44 +230,44 @@ def _in_place(fit: Result, path: str) -> str:
     given = json.dumps(str(Path(path).absolute()))
     case = parse_yaml(fit.case_resolved, "").data
     readings = case.get("readings") if isinstance(case, Mapping) else None
-    if isinstance(readings, list):
+    files = readings if isinstance(readings, list) else [readings]
+    layouts = [
+        {key: value for key, value in file.items() if key != "file"} if "file" in file else {}
+        for file in files
+        if isinstance(file, Mapping)
+    ]
+    layouts += [{} for file in files if isinstance(file, str)]
+    if any(layout != layouts[0] for layout in layouts):
         message = (
-            "the case has several files of readings, so it is not known how this one is laid out"
+            "the files of readings in the case are laid out differently, so it is not known how "
+            "this one is"
         )
         hint = f"Add the new readings to the files of the case, and leave out {Term.READINGS}."
         raise InputError([Fault("several-files", message, hint, Location(path))])
-    return f"readings.file={given}" if isinstance(readings, Mapping) else f"readings={given}"
+    layout = json.dumps(layouts[0], ensure_ascii=False)[1:-1] if layouts else ""
+    return f"readings={{file: {given}, {layout}}}" if layout else f"readings={given}"
 
 
-def watched_gauges(
-    fit: Result, case: Case, table: ReadingTable
-) -> tuple[list[WatchedGauge], Floats]:
-    """The gauges that have new readings, and the correlation (n, n) of their innovations.
+def watched_gauges(fit: Result, case: Case, table: ReadingTable) -> list[WatchedGauge]:
+    """The gauges that have new readings.
 
     Args:
         fit: of a seasonal model.
         case: with the new readings.
         table: of these, used.
     """
-    model = case.elsewhere
+    model, seasonal = case.elsewhere, fit.seasonal
     assert isinstance(model, SeasonalModel)
-    effects = _effects(fit, model, table)
-    watched = [
-        gauge
-        for i in range(len(fit.gauges.channels))
-        if (gauge := _watched(i, fit, model, table, effects)) is not None
-    ]
-    return watched, _correlation(watched)
+    assert seasonal is not None
+    scales = _scales(seasonal)
+    effects = effects_at(model, scales, table.time)
+    fitted = fitted_gauges(fit, seasonal, model, scales)
+    held = (_watched(gauge, fit, table, effects) for gauge in fitted)
+    return [new for new in held if new is not None]
 
 
-def _effects(fit: Result, model: SeasonalModel, table: ReadingTable) -> Effects:
-    """At the times of readings, in the scales of a fit."""
-    return effects_at(model, _scales(fit), table.time)
-
-
-def _scales(fit: Result) -> Scales:
-    assert fit.seasonal is not None
-    return Scales(fit.seasonal.level_low, fit.seasonal.level_high, fit.seasonal.air_mean)
+def _scales(fit: SeasonalFit) -> Scales:
+    return Scales(fit.level_low, fit.level_high, fit.air_mean)
 
 
 @dataclass(frozen=True)
@@ -247,81 +275,45 @@ class WatchedGauge:
     """A gauge with new readings.
 
     Args:
-        number: of its channel.
+        gauge: as the fit left it.
         rows: (m,) rows of its new readings.
         filter: over them; it skips those that are wrong alone.
         predicted: (m,) what they were expected to be, SI.
         e: (m,) their innovations.
-        standard: a filter over dates as usual, for false alarms.
-        days: (k,) days of the fitted readings.
-        fitted: (k,) innovations of these.
+        end: what is known after them.
     """
 
-    number: int
+    gauge: FittedGauge
     rows: Ints
     filter: Filter
     predicted: Floats
     e: Floats
-    standard: Filter
-    days: Ints
-    fitted: Floats
+    end: GaugeState
 
     @property
     def wrong(self) -> Ints:
         """Numbers of the new readings that are far off alone."""
         return np.flatnonzero(self.filter.skipped)
 
+    @property
+    def ahead(self) -> Ahead:
+        """What the next year follows from."""
+        gauge = self.gauge
+        return Ahead(self.end, gauge.terms, gauge.likely, gauge.read_in_a_year)
+
 
 def _watched(
-    number: int,
-    fit: Result,
-    model: SeasonalModel,
-    table: ReadingTable,
-    effects: Effects,
+    gauge: FittedGauge, fit: Result, table: ReadingTable, effects: Effects
 ) -> WatchedGauge | None:
-    """A gauge that was fitted and has new readings; None for others."""
-    assert fit.seasonal is not None
-    state, terms = _state_of(fit.seasonal, number)
-    name = fit.gauges.channels[number]
-    rows = rows_in_time(table, name, table.used)
-    if state is None or not rows.size:
+    """A gauge that has new readings; None for others."""
+    rows = rows_in_time(table, fit.gauges.channels[gauge.number], table.used)
+    if not rows.size:
         return None
-    times, X, y = table.time[rows], effects.columns[rows][:, terms], table.value[rows]
-    filtered = Filter(state, times, X, single_wrong(state, times, X, y, _FAR))
+    times, X, y = table.time[rows], effects.columns[rows][:, gauge.terms], table.value[rows]
+    filtered = Filter(gauge.state, times, X, single_wrong(gauge.state, times, X, y, _FAR))
     predicted = filtered.predicted(y)
-    before = fit.gauges.readings
-    old = rows_in_time(before, name, before.used)
-    columns = effects_at(model, _scales(fit), before.time[old]).columns[:, terms]
-    residual = before.value[old] - columns @ state.mean[:-1]
-    # the days of the last two years again: what was read on one day stays on one day
-    end = float(np.nanmax(fit.seasonal.last))
-    if state.time <= end - _STANDARD:  # a gauge that has not been read for so long
-        end = state.time
-    usual = before.time[old] > end - _STANDARD
-    return WatchedGauge(
-        number=number,
-        rows=rows,
-        filter=filtered,
-        predicted=predicted,
-        e=(y - predicted) / filtered.sd,
-        standard=Filter(state, before.time[old][usual] + _STANDARD, columns[usual]),
-        days=(before.time[old] // DAY).astype(np.int64),
-        fitted=whitened(state.noise, before.time[old], residual),
-    )
-
-
-def _state_of(fit: SeasonalFit, number: int) -> tuple[GaugeState | None, Ints]:
-    """What a fit knows of a gauge, and the numbers of its terms; None where it was not fitted."""
-    if np.isnan(fit.white[number]):
-        return None, np.zeros(0, dtype=np.int64)
-    terms = np.flatnonzero(np.isfinite(fit.coefficients[number]))
-    noise = Noise(float(fit.white[number]), float(fit.lasting[number]))
-    if noise.lasting:
-        noise = replace(noise, time=float(fit.fades[number]))
-    mean = np.append(fit.coefficients[number, terms], fit.lasting_now[number])
-    at = np.append(terms, len(fit.terms))
-    P = fit.covariance[number][np.ix_(at, at)]
-    return GaugeState(noise, float(fit.last[number]), mean, P), terms
+    e = (y - predicted) / filtered.sd
+    return WatchedGauge(gauge, rows, filtered, predicted, e, filtered.end(y))
 
 
 def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
@@ -338,37 +330,12 @@ def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
     return replace(table, reason=tuple(reasons), used=used)
 
 
-def _correlation(watched: Sequence[WatchedGauge]) -> Floats:
-    """(n, n) of the innovations that gauges had on one day of the fit."""
-    n = len(watched)
-    if not n:
-        return np.zeros((0, 0))
-    R = np.eye(n)
-    for i in range(n):
-        for j in range(i):
-            _, a, b = np.intersect1d(watched[i].days, watched[j].days, return_indices=True)
-            if len(a) >= _COMMON_DAYS:
-                R[i, j] = R[j, i] = (
-                    _SHRUNK * np.corrcoef(watched[i].fitted[a], watched[j].fitted[b])[0, 1]
-                )
-    values, vectors = np.linalg.eigh(R)
-    if values[0] < _LEAST:  # gauges of different days may contradict each other
-        R = vectors @ np.diag(np.maximum(values, _LEAST)) @ vectors.T
-        size = np.sqrt(np.diag(R))
-        R = R / np.outer(size, size)
-    return R
-
-
-_LEAST = 0.05
-"""Eigenvalue of a correlation."""
-
-
 def _rows(
     changes: Sequence[Change], watched: Sequence[WatchedGauge], case: Case
 ) -> Iterator[ChangeRow]:
     for number, change in enumerate(changes, 1):
         for i, size, sd in zip(change.gauges, change.size, change.sd, strict=True):
-            channel = case.channels[watched[i].number]
+            channel = case.channels[watched[i].gauge.number]
             yield ChangeRow(
                 kind=change.kind, gauge=channel.name, change=number, shown=change.shown,
                 since=change.since, earliest=change.earliest, latest=change.latest, size=size,
@@ -383,7 +350,7 @@ def _wrong_rows(
     """Single wrong readings, numbered after the changes that went before."""
     wrong = [(gauge, int(k)) for gauge in watched for k in gauge.wrong]
     for number, (gauge, k) in enumerate(wrong, before + 1):
-        channel, time = case.channels[gauge.number], float(gauge.filter.times[k])
+        channel, time = case.channels[gauge.gauge.number], float(gauge.filter.times[k])
         surprise = -(np.log(2.0) + float(log_ndtr(-abs(gauge.e[k])))) / np.log(10.0)
         yield ChangeRow(
             kind="reading", gauge=channel.name, change=number, shown=time, since=time,
@@ -393,15 +360,15 @@ def _wrong_rows(
         )  # fmt: skip
 
 
-def _state(changes: Sequence[Change]) -> str:
+def _state(changes: Sequence[Change], alarms: Sequence[AlarmState]) -> str:
     """Red where the last readings show that the structure has changed, amber where gauges have.
 
     A single wrong reading is over with the next one, and a change that is no longer seen as well.
+    Alarm values add their states.
     """
-    lasting = [change for change in changes if change.lasts]
-    if any(len(change.gauges) > 1 for change in lasting):
-        return RED
-    return AMBER if lasting else GREEN
+    lasting = [len(change.gauges) for change in changes if change.lasts]
+    states = {alarm.state for alarm in alarms} | {RED if n > 1 else AMBER for n in lasting}
+    return next((state for state in (RED, AMBER) if state in states), GREEN)
 
 
 def _counting(gauges: GaugeTable, watched: Sequence[WatchedGauge]) -> GaugeTable:
@@ -416,6 +383,8 @@ def _counting(gauges: GaugeTable, watched: Sequence[WatchedGauge]) -> GaugeTable
 def _reason(
     state: str, table: ReadingTable, watched: Sequence[WatchedGauge], request: ControlRequest
 ) -> str:
+    if not watched:
+        return "There are no new readings."
     words = {
         GREEN: "The last readings show no change",
         AMBER: "A gauge has changed",
@@ -464,7 +433,7 @@ def _wrong_findings(watched: Sequence[WatchedGauge], case: Case) -> Iterator[Fin
 
 def _wrong_finding(gauge: WatchedGauge, case: Case) -> Finding:
     """Readings of a gauge that are far off alone."""
-    channel = case.channels[gauge.number]
+    channel = case.channels[gauge.gauge.number]
     at = gauge.wrong
     far = at[np.argsort(-np.abs(gauge.e[at]))][:_NAMED]
     named = [

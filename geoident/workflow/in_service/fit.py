@@ -11,6 +11,7 @@ from scipy.special import bdtr
 from geoident.errors import ExitCode, Fault, InputError
 from geoident.forward.in_service.seasonal import EFFECTS, Effects, Scales, effects_at, independent
 from geoident.identify.in_time.innovations import Filter
+from geoident.identify.in_time.noise import PROCESSES
 from geoident.identify.in_time.regression import TimeRegression, regression_in_time
 from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats, Ints
@@ -164,21 +165,39 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
     unknown = np.full(n, np.nan)
     columns = {
         name: unknown.copy()
-        for name in ("lasting_now", "last", "white", "lasting", "fades", "explained", *EFFECTS)
+        for name in (
+            "lasting_now",
+            "drift_now",
+            "last",
+            "white",
+            "lasting",
+            "fades",
+            "drift",
+            "explained",
+            *EFFECTS,
+        )
     }
     columns |= {f"{effect}_sd": unknown.copy() for effect in EFFECTS}
-    coefficients, covariance = np.full((n, q), np.nan), np.full((n, q + 1, q + 1), np.nan)
+    coefficients, covariance = (
+        np.full((n, q), np.nan),
+        np.full((n, q + PROCESSES, q + PROCESSES), np.nan),
+    )
     number = np.zeros(n, dtype=np.int64)
+    most = max((len(fit.regression.likely) for fit in fits if fit is not None), default=0)
+    likely = np.full((n, most, 4), np.nan)
     for i, fit in enumerate(fits):
         if fit is None:
             continue
         regression, noise = fit.regression, fit.regression.noise
         end = regression.end
-        at = np.append(fit.terms, q)
-        coefficients[i, fit.terms] = end.mean[:-1]
+        at = np.append(fit.terms, q + np.arange(PROCESSES))
+        coefficients[i, fit.terms] = end.mean[:-PROCESSES]
         covariance[i][np.ix_(at, at)] = end.P
+        for k, one in enumerate(regression.likely):
+            likely[i, k] = one.white, one.lasting, one.time, one.drift
         number[i] = len(fit.rows)
-        columns["lasting_now"][i], columns["last"][i] = end.mean[-1], end.time
+        columns["lasting_now"][i], columns["drift_now"][i] = end.mean[-PROCESSES:]
+        columns["last"][i], columns["drift"][i] = end.time, noise.drift
         columns["white"][i], columns["lasting"][i] = noise.white, noise.lasting
         columns["fades"][i] = noise.time if noise.lasting else np.nan
         left, spread = regression.residual.var(), regression.y.var()
@@ -189,7 +208,7 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
                 columns[effect][i], columns[f"{effect}_sd"][i] = size
     return SeasonalFit(
         terms=effects.names, effects=effects.effects, coefficients=coefficients,
-        covariance=covariance, number=number, level_low=scales.level_low,
+        covariance=covariance, likely_noises=likely, number=number, level_low=scales.level_low,
         level_high=scales.level_high, air_mean=scales.air_mean, **columns,
     )  # fmt: skip
 

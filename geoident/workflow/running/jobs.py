@@ -447,7 +447,13 @@ def plan_scan(request: Request) -> Job:
 def _plan(request: Request, command: str, *further: str) -> Job:
     """Plan a command on a case with further overrides."""
     overrides = [*request.overrides, *further]
-    inputs = load_inputs(request.case, overrides=overrides, text=request.text)
+    try:
+        inputs = load_inputs(request.case, overrides=overrides, text=request.text)
+    except InputError:
+        # what is wrong with the case itself is said first, and a seasonal model refused as such
+        inputs = load_inputs(request.case, overrides=request.overrides, text=request.text)
+        if not isinstance(inputs.case.elsewhere, SeasonalModel):
+            raise
     case = inputs.case
     if isinstance(case.elsewhere, SeasonalModel):
         if command != "fit":

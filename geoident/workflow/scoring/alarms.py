@@ -8,16 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtr
 
+from geoident.io.text.dates import date_text
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import named_channels
-from geoident.model.results.alarms import AlarmState
+from geoident.model.results.alarms import LIKELY, AlarmState
 from geoident.model.results.bands import NORMAL_95, Prediction
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
-
-_LIKELY = 0.5
-"""Probability from which on an alarm value is expected to be reached."""
 
 
 def alarm_states(
@@ -55,7 +53,7 @@ def _state(
         each = [reached_probability(prediction, row, x, below=x < 0.0) for x in sides]
         later = np.sum(each, axis=0)
     known = np.flatnonzero(np.isfinite(later))
-    likely = known[later[known] >= _LIKELY]
+    likely = known[later[known] >= LIKELY]
     expected = gauges.stages[likely[0]] if likely.size else ""
     most = int(known[np.argmax(later[known])]) if known.size else None
     return AlarmState(
@@ -99,17 +97,18 @@ def reached_probability(prediction: Prediction, row: int, value: float, *, below
     return np.where(known, under if below else 1.0 - under, np.nan)
 
 
-def alarm_findings(states: Sequence[AlarmState]) -> tuple[Finding, ...]:
+def alarm_findings(states: Sequence[AlarmState], *, dated: bool = False) -> tuple[Finding, ...]:
     """What was reached, and what is to be expected: a sentence each for each level of alarm.
 
     Args:
         states: of all channels.
+        dated: say the date of a reading and not its stage: in service there is only one.
     """
     findings = []
     for level in dict.fromkeys(one.level for one in states):
         own = [one for one in states if one.level == level]
         for words, stages in (
-            ("was reached by", {one.gauge: one.reached for one in own}),
+            ("was reached by", {one.gauge: _when(one, dated) for one in own}),
             (
                 "is expected to be reached, with a probability above 50 %, by",
                 {one.gauge: one.expected for one in own if not one.reached},
@@ -121,3 +120,8 @@ def alarm_findings(states: Sequence[AlarmState]) -> tuple[Finding, ...]:
                 sentence = f"Alarm value '{level}' {words} {listed}."
                 findings.append(Finding("alarm", ", ".join(names), sentence))
     return tuple(findings)
+
+
+def _when(state: AlarmState, dated: bool) -> str:
+    """The stage in which a value was reached, or the date; empty where it was not."""
+    return date_text(state.reached_on)[:10] if dated and state.reached else state.reached

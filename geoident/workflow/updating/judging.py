@@ -15,6 +15,7 @@ from scipy.special import chdtrc
 
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.identify.assessment.scores import Innovations, joint_p_value
+from geoident.identify.in_time.simulation import Correlations
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import DAY, ReadingTable
@@ -309,7 +310,7 @@ def judged_in_service(
     last = dict(zip(fit.gauges.channels, fit.seasonal.last.tolist(), strict=True))
     ends = np.array([last.get(name, np.nan) for name in table.channel])
     later = np.isin(np.arange(len(table)), rows) & (table.time > ends)
-    watched, R = watched_gauges(fit, case, replace(table, used=later))
+    watched = watched_gauges(fit, case, replace(table, used=later))
     if not watched:
         return Judgement()
     at = np.concatenate([gauge.rows for gauge in watched])
@@ -318,11 +319,14 @@ def judged_in_service(
     sd = np.concatenate([gauge.filter.sd for gauge in watched])
     number = np.repeat(np.arange(len(watched)), [len(gauge.rows) for gauge in watched])
     sound = ~np.concatenate([gauge.filter.skipped for gauge in watched])
+    white = np.array([new.gauge.state.noise.white for new in watched])[number]
+    together = Correlations.of([new.gauge.errors for new in watched])
     day = table.time[at] // DAY
     squares = 0.0
     for one in np.unique(day[sound]):
         own = np.flatnonzero(sound & (day == one))
-        squares += float(e[own] @ np.linalg.solve(_of_gauges(R, number[own]), e[own]))
+        R = together.of_innovations(number[own], white[own], sd[own])
+        squares += float(e[own] @ np.linalg.solve(R, e[own]))
     gauges = []
     for k, gauge in enumerate(watched):
         own = sound & (number == k)
@@ -333,10 +337,3 @@ def judged_in_service(
     bands = Prediction(mean, sd, mean - half, mean + half)
     p = float(chdtrc(sound.sum(), squares)) if sound.any() else float("nan")
     return Judgement(_judged_readings(case, table, at.tolist(), bands), tuple(gauges), p)
-
-
-def _of_gauges(R: Floats, numbers: Ints) -> Floats:
-    """Correlation of readings of one day, by the numbers of their gauges."""
-    of_day = R[np.ix_(numbers, numbers)].copy()
-    of_day[(numbers[:, None] == numbers) & ~np.eye(len(numbers), dtype=np.bool_)] = 0.0
-    return of_day

@@ -1,7 +1,7 @@
 """Innovations are those of the joint normal distribution of old and new readings."""
 
 import numpy as np
-from support.in_time import TRUTH, covariance, drawn, effects
+from support.in_time import DRIFTING, covariance, drawn, effects
 
 from geoident.identify.in_time.innovations import Filter, single_wrong
 from geoident.identify.in_time.regression import TimeRegression
@@ -10,12 +10,12 @@ from geoident.identify.in_time.regression import TimeRegression
 def old_and_new(seed=6, m=100, k=70):
     t, y = drawn(m, np.random.default_rng(seed))
     X = effects(t)
-    return t, y, X, k, TimeRegression(t[:k], y[:k], X[:k], TRUTH)
+    return t, y, X, k, TimeRegression(t[:k], y[:k], X[:k], DRIFTING)
 
 
 def conditional(t, y, X, k, regression):
     """Mean and covariance of the new readings, given the old ones, by dense matrices."""
-    S = covariance(TRUTH, t)
+    S = covariance(DRIFTING, t)
     G = np.linalg.solve(S[:k, :k], S[:k, k:]).T
     D = X[k:] - G @ X[:k]
     mean = X[k:] @ regression.b + G @ (y[:k] - X[:k] @ regression.b)

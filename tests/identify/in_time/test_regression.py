@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from support.in_time import DAY, TRUTH, B, covariance, drawn, effects, times
+from support.in_time import DAY, DRIFTING, TRUTH, B, covariance, drawn, effects, times
 
+from geoident.identify.in_time.innovations import Filter
 from geoident.identify.in_time.noise import Noise
 from geoident.identify.in_time.regression import TimeRegression, regression_in_time
+
+YEAR = 365.25 * DAY
 
 
 def test_coefficients_are_those_of_generalized_least_squares():
@@ -55,15 +58,32 @@ def test_white_noise_is_not_taken_for_one_that_lasts():
 
 
 def test_what_is_known_after_the_last_reading_is_the_conditional_mean():
-    t, y = drawn(60, np.random.default_rng(5))
-    X, S = effects(t), covariance(TRUTH, t)
-    end = TimeRegression(t, y, X, TRUTH).end
-    # coefficients of a very wide prior, and the lasting error of the last day
+    t, y = drawn(60, np.random.default_rng(5), DRIFTING)
+    X, S = effects(t), covariance(DRIFTING, t)
+    end = TimeRegression(t, y, X, DRIFTING).end
+    # coefficients of a very wide prior, the lasting error of the last day, and the drift
     wide = 1e4
-    k = TRUTH.lasting**2 * np.exp(-(t[-1] - t) / TRUTH.time)
-    cross = np.column_stack([wide**2 * X, k])
+    lasting = DRIFTING.lasting**2 * np.exp(-(t[-1] - t) / DRIFTING.time)
+    drift = DRIFTING.drift**2 * (1.0 + (t - t[0]) / YEAR)
+    cross = np.column_stack([wide**2 * X, lasting, drift])
     full = S + wide**2 * X @ X.T
-    prior = np.diag([*[wide**2] * len(B), TRUTH.lasting**2])
-    np.testing.assert_allclose(end.mean, cross.T @ np.linalg.solve(full, y), rtol=1e-4)
+    prior = np.diag([*[wide**2] * len(B), DRIFTING.lasting**2, drift[-1]])
+    np.testing.assert_allclose(end.mean, cross.T @ np.linalg.solve(full, y), rtol=1e-4, atol=1e-6)
     P = prior - cross.T @ np.linalg.solve(full, cross)
-    np.testing.assert_allclose(end.P, P, rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(end.P, P, rtol=1e-3, atol=1e-4)
+
+
+def test_later_sums_of_innovations_vary_as_they_should_although_creep_follows_another_curve():
+    """Creep by the logarithm of time, fitted by a line and one that fades, and looked at later."""
+    rng, noise = np.random.default_rng(11), Noise(0.15, 0.2, 25.0 * DAY)
+    t = np.arange(0.0, 3650.0, 10.0) * DAY
+    root, old = np.linalg.cholesky(covariance(noise, t)), t < 6.0 * YEAR
+    X = np.column_stack([effects(t), 1.0 - np.exp(-t / (300.0 * DAY))])
+    squares = []
+    for _ in range(12):
+        y = 1.2 * np.log1p(t / (120.0 * DAY)) + root @ rng.standard_normal(len(t))
+        fit = regression_in_time(t[old], y[old], X[old])
+        later = Filter(fit.end, t[~old], X[~old])
+        e = (y[~old] - later.predicted(y[~old])) / later.sd
+        squares += [e[:72].sum() ** 2 / 72.0, e[72:144].sum() ** 2 / 72.0]
+    assert 0.5 <= np.mean(squares) <= 2.0  # of 15 records 1.4; without a drift 3.7

@@ -140,6 +140,40 @@ def test_new_readings_in_a_file_of_their_own_are_judged_alike(tmp_path, sound):
     assert one["reason"] == other["reason"]
 
 
+def test_new_readings_are_laid_out_as_several_files_of_the_case(tmp_path):
+    """Files of the case that are alike say how a further one is laid out; others do not."""
+    made = dam(1, years=5.0)
+    case = write(tmp_path, made, fitted_years=4.0)
+    header, *rows = (tmp_path / "readings.csv").read_text().replace(",", ";").splitlines()
+    for number, part in enumerate((rows[::2], rows[1::2])):
+        old = [row for row in part if row.split(";")[1] < "2014-01-01"]
+        (tmp_path / f"part{number}.csv").write_text("\n".join([header, *old]) + "\n")
+    new = [row for row in rows if row.split(";")[1] >= "2014-01-01"]
+    (tmp_path / "new.csv").write_text("\n".join([header, *new]) + "\n")
+    alike = "[{file: part0.csv, delimiter: ';'}, {file: part1.csv, delimiter: ';'}]"
+    case.write_text(case.read_text().replace("readings: readings.csv", f"readings: {alike}"))
+    run("fit", case)
+    fit, further = tmp_path / "dam.fit.h5", ("--readings", tmp_path / "new.csv")
+    done = run_command("control", str(fit), *map(str, further), "--json")
+    assert f"{len(new)} readings of 5 gauges" in json.loads(done.stdout)["reason"]
+    (tmp_path / "part1.csv").write_text((tmp_path / "part1.csv").read_text().replace(";", ","))
+    other = alike.replace("part1.csv, delimiter: ';'", "part1.csv, delimiter: ','")
+    case.write_text(case.read_text().replace(alike, other))
+    run("fit", case, "--force")
+    done = run_command("control", str(fit), *map(str, further))
+    assert done.exit_code == 3
+    assert "laid out differently" in done.output
+    assert "leave out --readings" in done.output.replace("`", "")
+
+
+@pytest.mark.parametrize("command", ["scan", "backtest"])
+def test_commands_that_need_parameters_refuse_a_seasonal_model(tmp_path, command):
+    done = run_command(command, str(write(tmp_path, dam(1, years=3.0))))
+    assert done.exit_code == 3
+    assert "a seasonal model has coefficients of each gauge, and no parameters" in done.output
+    assert "--set" not in done.output
+
+
 @pytest.mark.parametrize(
     ("model", "missing"),
     [

@@ -131,8 +131,9 @@ class GaugeBase(Section):
     alarm: dict[Name, AlarmValue] | None = Field(
         None,
         description="Reading from which on an alarm is given, or several with their names. A fit "
-        "says when it was reached, and when and how probably predicted readings reach it. A "
-        "negative value is reached by readings below it.",
+        "says when it was reached, and when and how probably predicted readings reach it; in "
+        "service `geoident control` says how probably one of the next year does. A negative value "
+        "is reached by readings below it.",
     )
     limits: dict[Name, AlarmValue] | None = Field(
         None,
