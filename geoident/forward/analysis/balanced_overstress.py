@@ -57,6 +57,9 @@ _FIELDS = 3
 """The same at a given viscosity: always as many, so that the last solution is a smooth function of
 the parameters; with more of them modes that are not stable would grow."""
 
+_STANDS = 0.05
+"""Change of the displacements in the last of these above which they lead nowhere."""
+
 _EXACT_STEPS = 10
 """Newton steps from a balanced solution to the equilibrium without viscosity; six are usual."""
 
@@ -87,7 +90,8 @@ def diffuse_flow(equations: StageEquations, viscous: Balance, budget: StepBudget
         budget: steps that are left to the whole search, less those taken here.
 
     Returns:
-        That without viscosity where it is found, else what is balanced; None where nothing is.
+        That without viscosity where it is found, else what is balanced; None where nothing is, or
+        where displacements still change.
     """
     mu = viscous.viscosity
     steps, at_mu = [BalancedStep(viscous.end, mu)], equations.viscous(mu)
@@ -103,7 +107,14 @@ def diffuse_flow(equations: StageEquations, viscous: Balance, budget: StepBudget
             end = newton(equations, start, budget, most=_EXACT_STEPS)
             if end.converged:
                 return end
-    return _as_balance(equations, steps, viscous)
+    balance = _as_balance(equations, steps, viscous)
+    return balance if _change(steps) <= _STANDS else None
+
+
+def _change(steps: list[BalancedStep]) -> float:
+    """By how much displacements changed in the last solution, of the largest."""
+    before, last = (step.iterate.du for step in steps[-2:])
+    return float(np.abs(last - before).max() / np.abs(last).max())
 
 
 def balance_overstress(equations: StageEquations, last: Balance) -> Balance | None:
@@ -142,9 +153,8 @@ def _solutions(
         following = _balanced(viscous, steps[-1], budget)
         if following is None:
             break
-        change = np.abs(following.iterate.du - steps[-1].iterate.du).max()
         steps.append(following)
-        if change <= _SETTLED * np.abs(following.iterate.du).max():
+        if _change(steps) <= _SETTLED:
             break
     return _as_balance(equations, steps, path_end) if len(steps) > 1 else None
 
@@ -157,14 +167,15 @@ def _as_balance(equations: StageEquations, steps: list[BalancedStep], on_path: B
         steps: the solutions.
         on_path: where they begin; where much is left of the overstress it is as good a guess.
     """
-    du, residual = steps[-1].iterate.du, residual_of(equations, steps[-1])
-    others = [steps[-2].iterate.du, *([on_path.end.du] if residual > SOUND else [])]
-    short = max(np.abs(du - other).max() for other in others) / np.abs(du).max()
+    residual, short = residual_of(equations, steps[-1]), _change(steps)
+    if residual > SOUND:
+        du = steps[-1].iterate.du
+        short = max(short, float(np.abs(du - on_path.end.du).max() / np.abs(du).max()))
     return Balance(
         steps[-1].end,
         viscosity=steps[-1].viscosity,
         residual=residual,
-        short=float(short),
+        short=short,
         steps=tuple(steps),
     )
 

@@ -329,7 +329,7 @@ def _non_associated(
         raise NoEquilibrium(direct.end.du)
     if flow is not None and not strict and flow.residual <= ROUGH:
         raise NoEquilibrium(flow.end.du, diffuse=flow)
-    path = follow_path(equations, points, budget)
+    path = follow_path(equations, points[0], budget)
     last = path.balance
     if last.viscosity == 0.0:
         return last

@@ -48,8 +48,8 @@ NO_LOWER = 1e-8
 _ON_THE_PATH = 1e-8
 """Out-of-balance force that is enough where mu is not zero: it is only a start for the next."""
 
-FIRST = (0.1, 0.025, 0.0125)
-"""mu of the points with which the path begins: where the equations are mostly elliptic."""
+_FIRST = (0.1, 0.025, 0.0125)
+"""mu of viscous grounds that are reached first: where the equations are mostly elliptic."""
 
 _RATIO = 0.15
 """Of the next mu to the last: a larger ratio needs more points and saves few steps at each."""
@@ -171,14 +171,14 @@ def _moved(equations: StageEquations, iterate: Iterate, d: Floats) -> Iterate | 
 
 
 def first_points(equations: StageEquations, budget: StepBudget) -> Iterator[Balance]:
-    """Equilibria with which the path begins, as far as they are found.
+    """Equilibria of viscous grounds with which a search begins, as far as they are found.
 
     Args:
         equations: of the stage.
         budget: steps that are left to the whole search, less those taken here.
     """
     points: list[Balance] = []
-    for mu in FIRST:
+    for mu in _FIRST:
         viscous = equations.viscous(mu)
         start = _extrapolated(points[-2:], mu) if points else 0.0 * equations.forces
         try:
@@ -191,17 +191,15 @@ def first_points(equations: StageEquations, budget: StepBudget) -> Iterator[Bala
         yield balance
 
 
-def follow_path(
-    equations: StageEquations, points: Sequence[Balance], budget: StepBudget
-) -> PathEnd:
+def follow_path(equations: StageEquations, first: Balance, budget: StepBudget) -> PathEnd:
     """The path from viscous ground to the ground itself, as far as it can be followed.
 
     Args:
         equations: of the stage.
-        points: with which it begins (`first_points`), one or more.
+        first: the first of `first_points`; its own steps are longer than theirs.
         budget: steps that are left to the whole search, less those taken here.
     """
-    previous, last = points[-2:] if len(points) > 1 else (points[0], points[0])
+    previous = last = first
     growing = 0
     while last.viscosity > 0.0:
         following = _next(equations, previous, last, budget)
