@@ -13,6 +13,12 @@ end, and its shape soon stands still. What is left of the overstress then, mu (o
 mean; it only keeps shear from going into bands as wide as the elements, and is reported as a
 residual.
 
+Where the path ends, and which of several equilibria without viscosity Newton's method ends at,
+changes from one parameter vector to the next. So overstress is balanced at given viscosities first
+(`diffuse_flow`), in a given number of solutions: from there Newton's method leads to one and the
+same equilibrium, and where it leads to none the last solution is a smooth function of the
+parameters. Only where that fails is it balanced where the path ends (`balance_overstress`).
+
 Each solution takes Newton steps with two right-hand sides, the tangent of viscous ground and the
 field C^T V o', so it costs what a point of the path costs. The iterates are as smooth in the
 parameters as those of the path; their derivatives follow from one to the next
@@ -32,17 +38,30 @@ from geoident.forward.analysis.stage_equations import (
     StageEquations,
     Tangent,
 )
-from geoident.forward.analysis.viscous_path import StepBudget
+from geoident.forward.analysis.viscous_path import StepBudget, newton
 from geoident.model.arrays import Floats
 
 SOUND = 0.05
 """Residual up to which motions are known by their last change, and a load counts as carried."""
+
+ROUGH = 0.15
+"""Residual up to which the flow is taken that is balanced at a given viscosity."""
 
 _STEPS = 60
 """Newton steps in all; 20 are usual."""
 
 _MOST_SOLUTIONS = 4
 """Fields of overstress that are balanced one after the other; the second is good to a percent."""
+
+_FIELDS = 3
+"""The same at a given viscosity: always as many, so that the last solution is a smooth function of
+the parameters; with more of them modes that are not stable would grow."""
+
+_STANDS = 0.05
+"""Change of the displacements in the last of these above which they lead nowhere."""
+
+_EXACT_STEPS = 10
+"""Newton steps from a balanced solution to the equilibrium without viscosity; six are usual."""
 
 _SETTLED = 0.01
 """Change of the displacements, of the largest, from which on the shape stands still."""
@@ -62,6 +81,42 @@ _VISCOUS = (1.0, 2.0, 4.0, 8.0, 16.0)
 _MOST_VISCOUS = 0.2
 
 
+def diffuse_flow(equations: StageEquations, viscous: Balance, budget: StepBudget) -> Balance | None:
+    """The equilibrium near the flow of viscous ground whose overstress is balanced.
+
+    Args:
+        equations: of the stage, without viscosity.
+        viscous: the equilibrium of viscous ground.
+        budget: steps that are left to the whole search, less those taken here.
+
+    Returns:
+        That without viscosity where it is found, else what is balanced; None where nothing is, or
+        where displacements still change.
+    """
+    mu = viscous.viscosity
+    steps, at_mu = [BalancedStep(viscous.end, mu)], equations.viscous(mu)
+    if not steps[0].overstress.any():
+        return None
+    for field in range(_FIELDS):
+        following = _balanced(at_mu, steps[-1], budget)
+        if following is None:
+            return None
+        steps.append(following)
+        if field:
+            start = equations.at(following.iterate.du)
+            end = newton(equations, start, budget, most=_EXACT_STEPS)
+            if end.converged:
+                return end
+    balance = _as_balance(equations, steps, viscous)
+    return balance if _change(steps) <= _STANDS else None
+
+
+def _change(steps: list[BalancedStep]) -> float:
+    """By how much displacements changed in the last solution, of the largest."""
+    before, last = (step.iterate.du for step in steps[-2:])
+    return float(np.abs(last - before).max() / np.abs(last).max())
+
+
 def balance_overstress(equations: StageEquations, last: Balance) -> Balance | None:
     """The diffuse flow near the end of a path of viscous grounds; None if not found.
 
@@ -76,37 +131,50 @@ def balance_overstress(equations: StageEquations, last: Balance) -> Balance | No
     for factor in _VISCOUS:
         if factor > 1.0 and factor * last.viscosity > _MOST_VISCOUS:
             break
-        balance = _solutions(equations, equations.viscous(factor * last.viscosity), first, budget)
+        viscous = equations.viscous(factor * last.viscosity)
+        balance = _solutions(equations, viscous, first, budget, last)
         if balance is not None and (best is None or balance.residual < best.residual):
             best = balance
         if best is not None and best.residual <= SOUND:
             break
-    if best is not None and best.residual > SOUND:  # the end of the path is as good a guess
-        apart = np.abs(best.end.du - last.end.du).max() / np.abs(best.end.du).max()
-        best = replace(best, short=max(best.short, float(apart)))
     return best
 
 
 def _solutions(
-    equations: StageEquations, viscous: StageEquations, first: BalancedStep, budget: StepBudget
+    equations: StageEquations,
+    viscous: StageEquations,
+    first: BalancedStep,
+    budget: StepBudget,
+    path_end: Balance,
 ) -> Balance | None:
     """The solutions at one viscosity; None where the first is not found."""
-    steps, short = [first], 0.0
+    steps = [first]
     while len(steps) <= _MOST_SOLUTIONS:
         following = _balanced(viscous, steps[-1], budget)
         if following is None:
             break
-        change = np.abs(following.iterate.du - steps[-1].iterate.du).max()
-        short = float(change / np.abs(following.iterate.du).max())
         steps.append(following)
-        if short <= _SETTLED:
+        if _change(steps) <= _SETTLED:
             break
-    if len(steps) == 1:
-        return None
+    return _as_balance(equations, steps, path_end) if len(steps) > 1 else None
+
+
+def _as_balance(equations: StageEquations, steps: list[BalancedStep], on_path: Balance) -> Balance:
+    """The last of two or more solutions, with what it lacks.
+
+    Args:
+        equations: of the stage.
+        steps: the solutions.
+        on_path: where they begin; where much is left of the overstress it is as good a guess.
+    """
+    residual, short = residual_of(equations, steps[-1]), _change(steps)
+    if residual > SOUND:
+        du = steps[-1].iterate.du
+        short = max(short, float(np.abs(du - on_path.end.du).max() / np.abs(du).max()))
     return Balance(
         steps[-1].end,
-        viscosity=viscous.viscosity,
-        residual=residual_of(equations, steps[-1]),
+        viscosity=steps[-1].viscosity,
+        residual=residual,
         short=short,
         steps=tuple(steps),
     )

@@ -37,7 +37,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
-from geoident.forward.analysis.balanced_overstress import unbalanced
+from geoident.forward.analysis.balanced_overstress import ROUGH, SOUND, diffuse_flow, unbalanced
 from geoident.forward.analysis.stage_equations import (
     Balance,
     Iterate,
@@ -50,6 +50,7 @@ from geoident.forward.analysis.viscous_path import (
     BALANCED,
     NO_LOWER,
     StepBudget,
+    first_points,
     follow_path,
     newton,
 )
@@ -313,9 +314,22 @@ def _non_associated(
     direct = newton(equations, start, budget, most=PATIENCE)
     if direct.converged:
         return direct
-    path = follow_path(equations, budget)
-    if path is None:
+    points: list[Balance] = []
+    flow: Balance | None = None
+    for point in first_points(equations, budget):
+        points.append(point)
+        if len(points) == 1:
+            continue
+        flow = diffuse_flow(equations, point, budget) or flow
+        if flow is not None and flow.viscosity == 0.0:
+            return flow
+        if flow is not None and not strict and flow.residual <= SOUND:
+            return flow
+    if not points:
         raise NoEquilibrium(direct.end.du)
+    if flow is not None and not strict and flow.residual <= ROUGH:
+        raise NoEquilibrium(flow.end.du, diffuse=flow)
+    path = follow_path(equations, points[0], budget)
     last = path.balance
     if last.viscosity == 0.0:
         return last

@@ -357,7 +357,7 @@ class PlasticSteps:
         last = failure.diffuse
         if last is None:
             return None
-        balance = balance_overstress(equations, last)
+        balance = last if last.steps else balance_overstress(equations, last)
         if balance is None and not failure.runs_away:
             balance = last
         if balance is None or overstrained(equations, balance.end, LARGE_STRAIN):

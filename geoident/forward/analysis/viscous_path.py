@@ -25,6 +25,7 @@ same place on every machine.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +48,8 @@ NO_LOWER = 1e-8
 _ON_THE_PATH = 1e-8
 """Out-of-balance force that is enough where mu is not zero: it is only a start for the next."""
 
-_FIRST = 0.1
-"""mu at which the path begins: well inside of where the equations are elliptic."""
+_FIRST = (0.1, 0.025, 0.0125)
+"""mu of viscous grounds that are reached first: where the equations are mostly elliptic."""
 
 _RATIO = 0.15
 """Of the next mu to the last: a larger ratio needs more points and saves few steps at each."""
@@ -169,30 +170,41 @@ def _moved(equations: StageEquations, iterate: Iterate, d: Floats) -> Iterate | 
         return None
 
 
-def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None:
-    """The path from viscous ground to the ground itself, as far as it can be followed.
+def first_points(equations: StageEquations, budget: StepBudget) -> Iterator[Balance]:
+    """Equilibria of viscous grounds with which a search begins, as far as they are found.
 
     Args:
         equations: of the stage.
         budget: steps that are left to the whole search, less those taken here.
-
-    Returns:
-        Where it ends; None where not even its first point was found.
     """
-    viscous = equations.viscous(_FIRST)
-    try:
-        start = viscous.at(0.0 * equations.forces)
-    except NoEquilibrium:
-        return None
-    last = newton(viscous, start, budget, balanced=_ON_THE_PATH)
-    if not last.converged:
-        return None
-    previous = last
+    points: list[Balance] = []
+    for mu in _FIRST:
+        viscous = equations.viscous(mu)
+        start = _extrapolated(points[-2:], mu) if points else 0.0 * equations.forces
+        try:
+            balance = newton(viscous, viscous.at(start), budget, balanced=_ON_THE_PATH)
+        except NoEquilibrium:
+            return
+        if not balance.converged:
+            return
+        points.append(balance)
+        yield balance
+
+
+def follow_path(equations: StageEquations, first: Balance, budget: StepBudget) -> PathEnd:
+    """The path from viscous ground to the ground itself, as far as it can be followed.
+
+    Args:
+        equations: of the stage.
+        first: the first of `first_points`; its own steps are longer than theirs.
+        budget: steps that are left to the whole search, less those taken here.
+    """
+    previous = last = first
     growing = 0
     while last.viscosity > 0.0:
         following = _next(equations, previous, last, budget)
         if following is None:
-            return PathEnd(last, _extrapolated(previous, last, 0.0))
+            return PathEnd(last, _extrapolated([previous, last], 0.0))
         previous, last = last, following
         if last.viscosity > 0.0:
             sizes = [float(np.linalg.norm(one.end.du)) for one in (previous, last)]
@@ -203,8 +215,9 @@ def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None
     return PathEnd(last, last.end.du)
 
 
-def _extrapolated(previous: Balance, last: Balance, mu: float) -> Floats:
+def _extrapolated(points: Sequence[Balance], mu: float) -> Floats:
     """Displacements (n_dofs,) at another mu, on the line through the last two."""
+    previous, last = points[0], points[-1]
     if previous is last:
         return last.end.du
     slope = (last.end.du - previous.end.du) / (last.viscosity - previous.viscosity)
@@ -220,7 +233,7 @@ def _next(
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
         try:
-            iterate = viscous.at(_extrapolated(previous, last, mu))
+            iterate = viscous.at(_extrapolated([previous, last], mu))
         except NoEquilibrium:
             continue
         balance = newton(viscous, iterate, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)

@@ -18,6 +18,10 @@ that run, so one run gives F and its derivatives by lambda and p; Newton's metho
 Where the ground yields, ubar is convex in what is released: a step beyond all of the stress is
 halved, and from above Newton's method comes down. The next parameter vector starts at
 lambda + dlambda/dp dp, which leaves one or two analyses.
+
+Where a stage ends with a residual (theory 5.4), what it leaves is as much as the last stage
+releases, often less than a percent of the stress. Then all of the stress is released at once, from
+the state before the tunnel.
 """
 
 from __future__ import annotations
@@ -44,13 +48,17 @@ from geoident.model.parameter import Scalar
 _SMALL = 1e-8
 """Step of the parts after which the next one is below rounding: steps are squared."""
 
+_SMALL_AT_ONCE = 1e-5
+"""The same where stages end with a residual: the next step is below what their motions are good
+for."""
+
 _MOST_ANALYSES = 40
 
 _ROUGH = 0.02
-"""Of the final motion: how far off the wall may be where stages end with a residual. Their motions
-are good to a few percent only, and not continuous in what is released."""
+"""Of the final motion: how far off the wall may be where stages end with a residual and Newton's
+method does not end."""
 
-_MOST_ROUGH = 8
+_MOST_ROUGH = 12
 """Analyses after which the nearest parts are taken there."""
 
 _END = " all released"
@@ -105,23 +113,29 @@ class MeshReaction:
         self.releases: tuple[FaceDistance, ...] = tuple(dict.fromkeys(distances))
         self._names = tuple(f"released part {k}" for k in range(len(self.releases)))
         named = dict(zip(self.releases, self._names, strict=True))
-        alone = CaseOnMesh(
-            _unsupported(on_mesh, case.face.groups, named),
-            on_mesh.mesh,
-            on_mesh.fields,
-            on_mesh.turned,
-            on_mesh.growths,
+        in_turn, at_once = (
+            CaseOnMesh(
+                _unsupported(on_mesh, case.face.groups, named, at_once=at_once),
+                on_mesh.mesh,
+                on_mesh.fields,
+                on_mesh.turned,
+                on_mesh.growths,
+            )
+            for at_once in (False, True)
         )
-        self._analysis = StagedAnalysis(alone, StageSystems(alone, solver), parts)
-        self._end = len(alone.sequence.states) - 1
+        self._in_turn, self._at_once = (
+            StagedAnalysis(one, StageSystems(one, solver), parts) for one in (in_turn, at_once)
+        )
+        self._end = len(in_turn.sequence.states) - 1
         self._before = self._end - len(chain) - 1
         self._states = [self._before + 1 + distances.index(release) for release in self.releases]
-        self._inwards = _mean_inwards(alone, case.face.groups, self._before)
+        self._inwards = _mean_inwards(in_turn, case.face.groups, self._before)
         self._last: _Solved | None = None
 
     def forget(self) -> None:
         """Begin the next solution as a new model does."""
-        self._analysis.forget()
+        self._in_turn.forget()
+        self._at_once.forget()
         self._last = None
 
     def parts(self, shares: Sequence[Dual], point: ParameterPoint) -> dict[FaceDistance, Dual]:
@@ -152,53 +166,62 @@ class MeshReaction:
         return parts if np.all((parts > 0.0) & (parts < 1.0)) else last.columns[:, 0].copy()
 
     def _solve(self, shares: Dual, point: ParameterPoint) -> _Solved:
-        """Newton's method on F = 0."""
-        n, parts = len(point.names), self._start(shares, point)
+        """Newton's method on F = 0, of stages in turn if they all end in equilibrium."""
+        analysis, n, parts = self._in_turn, len(point.names), self._start(shares, point)
         nearest, least = None, np.inf
-        for number in range(1, _MOST_ANALYSES + 1):
-            wall, end, converged = self._moved(parts, point)
+        left = _MOST_ANALYSES
+        while left > 0:
+            moved = self._moved(analysis, parts, point)
+            if moved is None:
+                analysis, left = self._at_once, _MOST_ROUGH
+                continue
+            wall, end = moved
+            left -= 1
             if not end[0] > 0.0:
                 raise NoFinalMotion("the mean convergence is outward")
             off = wall - np.multiply.outer(shares.value, end)
             off[:, 1 : 1 + n] -= shares.columns[:, 1:] * end[0]
             step = np.linalg.solve(off[:, 1 + n :], off[:, : 1 + n])
-            away = float(np.abs(off[:, 0]).max() / end[0])
-            if away < least:
-                columns = np.hstack([parts[:, None], -step[:, 1:]])
-                nearest, least = _Solved(dict(point.values), point.names, columns), away
-            if not converged and nearest is not None and least <= _ROUGH:
-                return nearest
-            if not converged and number >= _MOST_ROUGH:
-                break
             after = parts - step[:, 0]
             after = np.where(after < 1.0, after, 0.5 * (parts + 1.0))
             after = np.where(after >= 0.0, after, 0.5 * parts)
             change, parts = np.abs(after - parts).max(), after
-            if change <= _SMALL:
-                columns = np.hstack([parts[:, None], -step[:, 1:]])
-                return _Solved(dict(point.values), point.names, columns)
+            columns = np.hstack([parts[:, None], -step[:, 1:]])
+            solved = _Solved(dict(point.values), point.names, columns)
+            if change <= (_SMALL if analysis is self._in_turn else _SMALL_AT_ONCE):
+                return solved
+            away = float(np.abs(off[:, 0]).max() / end[0])
+            if away < least and analysis is self._at_once:
+                nearest, least = solved, away
+        if nearest is not None and least <= _ROUGH:
+            return nearest
         reason = "no part of the stress is found at which it has made that part"
         if nearest is not None:
             reason += f"; the nearest is off by {100.0 * least:.2g} % of the final motion"
         raise NoFinalMotion(reason)
 
-    def _moved(self, parts: Floats, point: ParameterPoint) -> tuple[Floats, Floats, bool]:
+    def _moved(
+        self, analysis: StagedAnalysis, parts: Floats, point: ParameterPoint
+    ) -> tuple[Floats, Floats] | None:
         """Motion of the wall, m, by n parameters and K parts: (K, 1 + n + K), and its end.
 
-        And whether all stages converged.
+        None where a stage of those in turn ends with a residual.
         """
         released = dict(zip(self._names, map(float, parts), strict=True))
         wider = ParameterPoint({**point.values, **released}, (*point.names, *self._names))
-        run = AnalysisRun(self._analysis, wider, RunOptions(explain=False))
+        run = AnalysisRun(analysis, wider, RunOptions(explain=False))
+        moved = []
         try:
-            moved = np.stack([self._inwards @ end.u for end in run.states()])
+            for end in run.states():
+                moved.append(self._inwards @ end.u)
+                plastic = run.findings.plastic
+                if analysis is self._in_turn and plastic is not None and plastic.overstressed:
+                    return None
         except CollapseError as collapse:
             msg = "the mesh finds no equilibrium when all of the stress is released"
             raise NoFinalMotion(msg, collapse=True) from collapse
-        moved = moved - moved[self._before]
-        plastic = run.findings.plastic
-        converged = plastic is None or not plastic.overstressed
-        return moved[self._states], moved[self._end], converged
+        walls = np.stack(moved) - moved[self._before]
+        return walls[self._states], walls[self._end]
 
 
 def stages_by_distance(on_mesh: CaseOnMesh) -> list[int]:
@@ -225,7 +248,11 @@ def tunnel_base(on_mesh: CaseOnMesh) -> int:
 
 
 def _unsupported(
-    on_mesh: CaseOnMesh, inside: Sequence[str], names: Mapping[FaceDistance, str]
+    on_mesh: CaseOnMesh,
+    inside: Sequence[str],
+    names: Mapping[FaceDistance, str],
+    *,
+    at_once: bool,
 ) -> Case:
     """The case up to its tunnel, which is then left to itself and released by named parts.
 
@@ -233,6 +260,8 @@ def _unsupported(
         on_mesh: the whole one.
         inside: element groups that the tunnel fills.
         names: of the parts, by distance.
+        at_once: whether all of the stress is released from the state before the tunnel, not from
+            the last part on.
     """
     case, chain, built_on = on_mesh.case, stages_by_distance(on_mesh), on_mesh.sequence.built_on
     before = np.flatnonzero(built_on[:, tunnel_base(on_mesh)]).tolist()
@@ -243,8 +272,13 @@ def _unsupported(
         part = Scalar(1.0, names[FaceDistance(stage.distance)])
         leaves = tuple(name for name in stage.excavate if name in inside)
         stages.append(Stage(stage.name, leaves, release=dict.fromkeys(inside, part)))
-    stages.append(Stage(_END, release=dict.fromkeys(inside, Scalar(1.0))))
-    bases = (VIRGIN, *(stage.name for stage in stages))
+    bases = [VIRGIN, *(stage.name for stage in stages)]
+    leaving = tuple(name for stage in stages[len(before) - 1 :] for name in stage.excavate)
+    stages.append(
+        Stage(_END, leaving if at_once else (), release=dict.fromkeys(inside, Scalar(1.0)))
+    )
+    if at_once:
+        bases[-1] = bases[-1 - len(chain)]
     in_turn = [
         replace(stage, base=base, independent=False)
         for stage, base in zip(stages, bases, strict=False)

@@ -18,7 +18,15 @@ from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
 from .test_advance import profile, stages
-from .test_opening_model import GAUGES, RADIUS, MPa, quarter, staged, without_mesh
+from .test_opening_model import (
+    GAUGES,
+    RADIUS,
+    MPa,
+    displacement,
+    quarter,
+    staged,
+    without_mesh,
+)
 
 DISTANCES = (0.5, 4.0)
 UNEVEN = constant(-7 * MPa, -11 * MPa, -9 * MPa)
@@ -135,6 +143,30 @@ def test_a_flat_floor_releases_what_another_mesh_asks_for():
     other = replace(opening, kind="quad8", size=0.1, released=(*parts, 1.0))
     area = lost_area(other.staged(), FLOOR)
     np.testing.assert_allclose(area[:-1] / area[-1], shares, atol=0.02)
+
+
+@pytest.mark.slow
+def test_readings_are_smooth_where_stages_end_with_a_residual():
+    """Flat floor, weak ground, no dilation: once no parts were found, or such that are off by 2 %.
+
+    Radius 5 m, readings in mm; readings at near cohesions lie on a line, with its slope.
+    """
+    opening = OpeningCase("horseshoe", "tri6", 0.15, 30.0, 0.0, 0.05, K0=0.7)
+    face = replace(profile("chern", conversion="mesh"), radius=Scalar(1.0))
+    ground = rock(3e9, 0.25, mohr(Scalar(1.0, "c"), np.pi / 6, psi=0.0))
+    points = {"crown": (0.0, 1.0), "side": (1.0, 0.0), "floor": (0.0, FLOOR)}
+    gauges = {"crown": (0.0, -1.0), "side": (-1.0, 0.0), "floor": (0.0, 1.0)}
+    found = opening.staged(
+        stages=stages((0.2, 1.0, 3.0))[:3], face=face, materials={"rock": ground},
+        parameters=parameters(c=0.5 * MPa),
+        channels=[displacement(name, points[name], way, zero="0") for name, way in gauges.items()],
+    )  # fmt: skip
+    response = found.response([(name, stage) for name in gauges for stage in ("1", "2")])
+    ends = [response.evaluate(0.5 * MPa * np.array([part])) for part in (1.0, 1.003, 1.006)]
+    first, between, last = (5e3 * values for values, _ in ends)
+    np.testing.assert_allclose(between, 0.5 * (first + last), rtol=0, atol=0.02)
+    slope = 5e3 * ends[1][1][:, 0] * 0.006 * 0.5 * MPa
+    np.testing.assert_allclose(last - first, slope, rtol=0.05)
 
 
 @pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
