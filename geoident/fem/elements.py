@@ -151,6 +151,25 @@ def raised_rule(kind: str) -> tuple[Floats, Floats]:
     return _gauss(cell.dim, cell.order + 1)
 
 
+def mass_rule(kind: str) -> tuple[Floats, Floats]:
+    """Quadrature (points (n_q, dim), weights (n_q,)) for products of two shape functions.
+
+    Exact on affine elements without pyramids; with the factor of a radius nearly so.
+    """
+    cell = CELLS[kind]
+    match cell.shape.name:
+        case "tri":
+            return _TRIANGLE_DEGREE_4
+        case "tet":
+            # a cube that shrinks to the corner: x, y (1 - x), z (1 - x) (1 - y)
+            unit, weights = _gauss(3, cell.order + 2)
+            x, y, z = 0.5 * (1.0 + unit.T)
+            points = np.column_stack([x, y * (1 - x), z * (1 - x) * (1 - y)])
+            return points, weights / 8.0 * (1 - x) ** 2 * (1 - y)
+        case _:
+            return _stiffness_rule(cell)
+
+
 def _space(cell: CellKind) -> list[tuple[int, ...]]:
     """Exponents of the coordinates, and how often it is divided by w, of every function."""
     name, p = cell.shape.name, cell.order

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from geoident.model.arrays import Floats
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar
 
@@ -152,7 +153,14 @@ class TemperatureField:
     factor: Scalar = Scalar(1.0)
 
 
-Temperature = Scalar | TemperatureField
+@dataclass(frozen=True, eq=False)
+class PointTemperature:
+    """Temperature changes at all strain points of a mesh, (n_points,), K: computed, not given."""
+
+    values: Floats
+
+
+Temperature = Scalar | TemperatureField | PointTemperature
 """Change of temperature since the initial state or since placing, K."""
 
 

@@ -211,7 +211,7 @@ def _reading_notes(
     Programs and functions of others are not run.
     """
     case = model.case
-    if not case.parameters or not readings.used.any():
+    if not case.parameters or not readings.used.any() or case.service is not None:
         return ()
     elsewhere = case.elsewhere is not None and not isinstance(
         case.elsewhere, ConvergenceLaw | RunTable

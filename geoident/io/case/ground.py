@@ -23,10 +23,13 @@ from geoident.io.schema.values import (
     Angle,
     CaseNumber,
     Coefficient,
+    Conductivity,
     Density,
     DirectionVector,
     Expansion,
+    HeatCapacity,
     Ratio,
+    SpecificHeat,
     Stress,
     scalar_of,
 )
@@ -53,6 +56,17 @@ class _MaterialBase(Section):
     expansion: Expansion | None = Field(
         None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
     )
+    conductivity: Conductivity | None = Field(
+        None, description="Of heat, for a structure in service.", examples=["2.5 W/mK", "$k"]
+    )
+    heat_capacity: HeatCapacity | None = Field(
+        None, description="Heat per volume and degree.", examples=["2.2 MJ/m3K"]
+    )
+    specific_heat: SpecificHeat | None = Field(
+        None,
+        description="Heat per mass and degree, in place of `heat_capacity`: times the density.",
+        examples=["900 J/kgK"],
+    )
     yields: YieldSections | None = Field(
         None,
         alias="yield",
@@ -64,6 +78,13 @@ class _MaterialBase(Section):
         """The density is not negative."""
         if self.density and self.density.parameter is None and self.density.factor < 0:
             faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
+        if self.heat_capacity and self.specific_heat:
+            message = "'heat_capacity' and 'specific_heat' say the same"
+            faults.add(("specific_heat",), "wrong-pair", message, "Keep one of them.")
+        if self.specific_heat and not self.density:
+            hint = "Add the density, or write heat_capacity: 2.2 MJ/m3K."
+            message = "heat per mass needs 'density'"
+            faults.add(("specific_heat",), "missing-key", message, hint)
 
     @abstractmethod
     def build_elastic(self, context: Context) -> Elastic:

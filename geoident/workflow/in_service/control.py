@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -14,6 +14,8 @@ from scipy.special import log_ndtr
 
 from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
+from geoident.forward.in_service.structure import ServiceModel
+from geoident.forward.observed import ObservedModel
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
 from geoident.identify.in_time.noise import Noise, whitened
@@ -38,6 +40,7 @@ from geoident.workflow.in_service.fit import (
     unknown_later,
     with_reasons,
 )
+from geoident.workflow.in_service.structure import structure_effects
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, job_provenance, load_inputs
@@ -126,7 +129,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
     fit, origin = read_fit(request.result, CONTROLLED)
     if fit.seasonal is None:
         message = "the fit is of no structure in service"
-        hint = "Fit a case with 'model: {kind: seasonal}'."
+        hint = "Fit a case with 'model: {kind: seasonal}', or with 'service' on a mesh."
         place = Location(request.result)
         raise InputError([Fault("not-seasonal", message, hint, place)])
     if request.readings is not None and not Path(request.readings).is_file():
@@ -152,17 +155,18 @@ def control(task: ControlTask, controlling: Control) -> Finished:
         return before
     task.require_free()
     case, fit = task.job.inputs.case, task.fit.seasonal
-    model = case.elsewhere
     assert fit is not None
-    assert isinstance(model, SeasonalModel)
-    scales = Scales(fit.level_low, fit.level_high, fit.air_mean)
-    table = select_readings(case, build_model(task.job.inputs))
-    effects = effects_at(model, scales, table.time)
-    table = _new_readings(with_reasons(table, model, effects), task.fit)
+    assert case.in_time is not None
+    model = build_model(task.job.inputs)
+    effects_of = _effects_of(case, model, task.fit)
+    table = select_readings(case, model)
+    effects = effects_of(table)
+    table = _new_readings(with_reasons(table, case.in_time, effects.known), task.fit)
+    before = effects_of(task.fit.gauges.readings)
     watched = [
         gauge
         for i in range(len(case.channels))
-        if (gauge := _watched(i, task.fit, model, scales, table, effects)) is not None
+        if (gauge := _watched(i, task.fit, table, effects, before)) is not None
     ]
     if not watched:
         raise InputError([_nothing_new(case, task, table)])
@@ -201,6 +205,22 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             notes=(*case.notes, *unused_notes(table)),
         )
     )
+
+
+EffectsOf = Callable[[ReadingTable], Effects]
+"""The columns of the readings of a table."""
+
+
+def _effects_of(case: Case, model: ObservedModel, fit: Result) -> EffectsOf:
+    """What gives the columns that a fit has coefficients of."""
+    if isinstance(model, ServiceModel):
+        p = fit.parameters.values
+        return lambda table: structure_effects(model, p, table)
+    seasonal, acting = fit.seasonal, case.elsewhere
+    assert seasonal is not None
+    assert isinstance(acting, SeasonalModel)
+    scales = Scales(seasonal.level_low, seasonal.level_high, seasonal.air_mean)
+    return lambda table: effects_at(acting, scales, table.time)
 
 
 def _in_place(fit: Result, path: str) -> str:
@@ -250,12 +270,19 @@ class _Watched:
 def _watched(
     number: int,
     fit: Result,
-    model: SeasonalModel,
-    scales: Scales,
     table: ReadingTable,
     effects: Effects,
+    fitted: Effects,
 ) -> _Watched | None:
-    """A gauge that was fitted and has new readings; None for others."""
+    """A gauge that was fitted and has new readings; None for others.
+
+    Args:
+        number: of its channel.
+        fit: what is known of it.
+        table: the new readings.
+        effects: at these.
+        fitted: at the readings of the fit.
+    """
     assert fit.seasonal is not None
     state, terms = _state_of(fit.seasonal, number)
     name = fit.gauges.channels[number]
@@ -267,7 +294,7 @@ def _watched(
     predicted = filtered.predicted(y)
     before = fit.gauges.readings
     old = rows_in_time(before, name, before.used)
-    columns = effects_at(model, scales, before.time[old]).columns[:, terms]
+    columns = fitted.columns[old][:, terms]
     residual = before.value[old] - columns @ state.mean[:-1]
     # the days of the last two years again: what was read on one day stays on one day
     end = float(np.nanmax(fit.seasonal.last))

@@ -1,0 +1,419 @@
+"""A finite element model in service: what its gauges read under a level and temperatures.
+
+From the last stage on the structure is elastic and stays as it is, so what a gauge sees is a sum of
+what the water and the temperatures do to it (theory 16.6),
+
+    y(t) = h(z(t)) + sum_j w_j q_j(t)
+
+with h the answer to the pressure of the water below a level z, w_j that to a temperature field V_j
+and q_j(t) its amplitude on a day (`heat`). All of these answers are states of one staged analysis:
+load cases that build on the last stage, which share its factorization and carry their derivatives.
+Between levels h is a cubic spline; there are as many levels as keep its error below a hundredth of
+the accuracy of the gauges. So a fit needs one factorization for each parameter vector, and nothing
+elastic is solved for a single day.
+
+All readings are relative to a constant of their gauge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from geoident.errors import Fault, InputError
+from geoident.fem.faces import load_patches
+from geoident.fem.solvers import Solver
+from geoident.forward.analysis.stage import StageEnd
+from geoident.forward.checks import check_on_mesh
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
+from geoident.forward.gauges.kinds import place_gauges
+from geoident.forward.gauges.observation import AnalysisState, PlacedGauges
+from geoident.forward.in_service.heat import HeatModel, heat_capacity
+from geoident.forward.model import StagedModel, with_fields
+from geoident.forward.observed import Query
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.actions import PointTemperature, WaterPressure
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case, Stage
+from geoident.model.dual import ParameterPoint
+from geoident.model.in_service import StructureInService
+from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.parameter import Scalar
+
+_FIRST_LEVELS, _MOST_LEVELS = 17, 129
+
+_FINE = 0.01
+"""Error of the interpolation between levels, in accuracies of a gauge."""
+
+_REMEMBERED = 3
+"""Parameter vectors whose answers are kept: a search asks again where another one ended."""
+
+
+def service_model(mesh: Mesh, case: Case, *, solver: Solver) -> ServiceModel:
+    """The model of a structure in service, after all checks.
+
+    Args:
+        mesh: its mesh.
+        case: the case.
+        solver: factorizes the stiffness matrices.
+
+    Raises:
+        InputError: everything in the case that does not fit the mesh, at once.
+        ModelError: a piece of the ground that no support holds.
+    """
+    on_mesh, gauges = check_on_mesh(case, mesh)
+    if faults := [*_faults(on_mesh)]:
+        raise InputError(faults)
+    model = ServiceModel(with_fields(on_mesh), gauges, solver=solver)
+    if faults := [*_nonlinear(model)]:
+        raise InputError(faults)
+    return model
+
+
+@dataclass(frozen=True)
+class Motions:
+    """What acts makes of some readings (k), SI, without the constants of the gauges.
+
+    Args:
+        level: (k, 1 + n) the part of the water, with derivatives; NaN where it is not known.
+        temperature: (k, 1 + n) that of the temperatures.
+    """
+
+    level: Floats
+    temperature: Floats
+
+    @property
+    def total(self) -> Floats:
+        """(k, 1 + n) both."""
+        return self.level + self.temperature
+
+
+@dataclass(frozen=True)
+class _Answers:
+    """What all channels see at one parameter vector.
+
+    Args:
+        levels: (l, n_channels, 1 + n) of the water at the levels.
+        fields: (r, n_channels, 1 + n) of the temperature fields.
+        days: (d, n_channels, 1 + n) of the temperatures of all days; None for none.
+    """
+
+    levels: Floats
+    fields: Floats
+    days: Floats | None
+
+
+class ServiceModel(StagedModel):
+    """`StagedModel` of a case in service; `service_model` gives one that is checked.
+
+    By itself it answers for the stages; `motions` for readings in service.
+
+    Args:
+        on_mesh: the case and the mesh that it fits.
+        gauges: those of the case, on its mesh.
+        solver: factorizes the stiffness matrices.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, gauges: PlacedGauges, *, solver: Solver) -> None:
+        super().__init__(on_mesh, gauges, solver=solver)
+        service = on_mesh.case.service
+        assert service is not None
+        self.service: StructureInService = service
+        self.last = len(self.bases) - 1
+        self._answers: dict[bytes, _Answers] = {}
+
+    @cached_property
+    def heat(self) -> HeatModel | None:
+        """The temperatures; None where they do not change."""
+        if self.service.air is None:
+            return None
+        return HeatModel(self.on_mesh, self.service, self.last)
+
+    def domain_fault(self, p: Floats) -> str | None:
+        """Why finite p (n,) is outside the domain, or None."""
+        if (fault := super().domain_fault(p)) is not None or self.service.air is None:
+            return fault
+        point = ParameterPoint(self.values(p), ())
+        for name in set(self.sequence.states[self.last].materials.values()):
+            material = self.case.materials[name]
+            assert material.conductivity is not None
+            sizes = point.number(material.conductivity), heat_capacity(material, point)
+            if not all(float(size.value) > 0.0 for size in sizes):
+                return f"conductivity and heat capacity of {name} must be positive"
+        return None
+
+    def motions(self, p: Floats, rows: Ints, times: Floats, *, derivatives: bool = True) -> Motions:
+        """What acts makes of readings.
+
+        Args:
+            p: (n,) parameters, SI.
+            rows: (k,) channels.
+            times: (k,) when they are read, s since 1970.
+            derivatives: whether derivatives by all parameters are wanted.
+
+        Raises:
+            ModelError: there is no solution.
+        """
+        answers = self._answered(p)
+        n = answers.levels.shape[2]
+        level, temperature = np.zeros((len(rows), n)), np.zeros((len(rows), n))
+        if self.service.level is not None:
+            z = np.clip(self.service.level.at(times), *self.levels[[0, -1]])
+            self._interpolated(answers.levels, z, rows, level)
+        if self.heat is not None and answers.days is not None:
+            for row in np.unique(rows):
+                at = np.flatnonzero(rows == row)
+                for c in range(n):
+                    values = answers.days[:, row, c]
+                    temperature[at, c] = np.interp(times[at], self._days, values)
+            temperature[~self.heat.known(times)] = np.nan
+        names = self.names if derivatives else ()
+        columns = 1 + len(names)
+        parts = (
+            self.instrument_errors.scaled(part[:, :columns], self.values(p), names, rows)
+            for part in (level, temperature)
+        )
+        return Motions(*parts)
+
+    def _interpolated(self, table: Floats, z: Floats, rows: Ints, into: Floats) -> None:
+        """Splines of a table (l, n_channels, 1 + n) at levels z (k,) and channels (k,)."""
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - 0.2 s, and only here
+
+        spline = CubicSpline(self.levels, table, axis=0)
+        known = np.isfinite(z)
+        into[~known] = np.nan
+        for row in np.unique(rows):
+            at = np.flatnonzero((rows == row) & known)
+            into[at] = CubicSpline.construct_fast(spline.c[:, :, row], spline.x)(z[at])
+
+    def _answered(self, p: Floats) -> _Answers:
+        key = p.tobytes()
+        if key not in self._answers:
+            while len(self._answers) >= _REMEMBERED:
+                del self._answers[next(iter(self._answers))]
+            self._answers[key] = self._answer(p)
+        return self._answers[key]
+
+    def _answer(self, p: Floats) -> _Answers:
+        loaded = self._loaded
+        states = len(loaded.bases)
+        self.evaluations += 1
+        everywhere = ReadingPlaces(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0))
+        observed = loaded.observe(p, Query(everywhere, states - 1), adjoints=False)
+        seen = observed.seen[self.last + 1 :] - observed.seen[self.last]
+        number = len(self.levels) if self.service.level is not None else 0
+        levels, fields = seen[:number], seen[number:]
+        if self.heat is None:
+            return _Answers(levels, fields, None)
+        q = self.heat.amplitudes(ParameterPoint(self.values(p), self.names), self._theta)
+        days = np.einsum("djn,jc->dcn", q, fields[..., 0], optimize=True)
+        days[..., 1:] += np.einsum("dj,jcn->dcn", q[..., 0], fields[..., 1:], optimize=True)
+        return _Answers(levels, fields, days)
+
+    @cached_property
+    def _days(self) -> Floats:
+        assert self.heat is not None
+        return self.heat.days()
+
+    @cached_property
+    def _theta(self) -> Floats:
+        assert self.heat is not None
+        return self.heat.inputs_at(self._days)
+
+    @cached_property
+    def levels(self) -> Floats:
+        """(l,) levels of the water at which its effect is solved, m, ascending."""
+        return self._with_levels[0]
+
+    @property
+    def _loaded(self) -> StagedModel:
+        """The same case with a state for each level and each temperature field."""
+        return self._with_levels[1]
+
+    @cached_property
+    def _with_levels(self) -> tuple[Floats, StagedModel]:
+        """As many levels as the accuracies of the gauges ask for, at the start values."""
+        low, high = wetted_heights(self.on_mesh, self.service)
+        start = np.array([parameter.start for parameter in self.case.parameters])
+        accuracy = np.array([channel.accuracy for channel in self.case.channels])
+        number = _FIRST_LEVELS
+        while True:
+            levels = np.linspace(low, high, number)
+            model = self._under(levels)
+            if self.service.level is None or number >= _MOST_LEVELS:
+                return levels, model
+            observed = model.observe(
+                start,
+                Query(
+                    ReadingPlaces(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0)),
+                    self.last + number,
+                    derivatives=False,
+                ),
+            )
+            seen = observed.seen[self.last + 1 : self.last + 1 + number, :, 0]
+            if np.all(_spline_error(levels, seen) < _FINE * accuracy):
+                return levels, model
+            number = 2 * number - 1
+
+    def _under(self, levels: Floats) -> StagedModel:
+        """The case with load cases behind the last stage: water at levels, temperature fields."""
+        case, base = self.case, self.case.stage_names[-1]
+        stages = []
+        if self.service.level is not None:
+            for level in levels:
+                loads = {
+                    f"water of the service on {group}": WaterPressure(group, Scalar(float(level)))
+                    for group in self.service.wetted
+                }
+                name = f"water at {level:.9g} m"
+                stages.append(Stage(name, loads=loads, base=base, independent=True))
+        if self.heat is not None:
+            state = self.sequence.states[self.last]
+            groups = [self.sequence.groups[g] for g in state.materials]
+            for number, values in enumerate(self._at_points(self.heat.basis)):
+                field = PointTemperature(values)
+                warmed = dict.fromkeys(groups, field)
+                name = f"temperature field {number + 1}"
+                stages.append(Stage(name, temperature=warmed, base=base, independent=True))
+        with_loads = replace(case, stages=(*case.stages, *stages))
+        on_mesh = replace(self.on_mesh, case=with_loads)
+        gauges, faults = place_gauges(on_mesh)
+        if faults:
+            raise InputError(faults)
+        return StagedModel(on_mesh, gauges, solver=self._solver)
+
+    def _at_points(self, fields: Floats) -> Iterator[Floats]:
+        """Temperatures (n_points,) at the strain points, of those of the nodes (n_nodes, r)."""
+        mesh, geometries = self.mesh, self.discretization.geometries
+        parts = [
+            np.einsum("qa,ear->eqr", geometry.shapes, fields[block.nodes]).reshape(
+                -1, fields.shape[1]
+            )
+            for block, geometry in zip(mesh.blocks, geometries, strict=True)
+        ]
+        yield from np.ascontiguousarray(np.concatenate(parts).T)
+
+
+def _spline_error(levels: Floats, seen: Floats) -> Floats:
+    """(n_channels,) estimated error of the spline through all levels.
+
+    It is a sixteenth of that through every second one at the levels between, as it goes with the
+    fourth power of their distance; a kink at the waterline lets it go with a lower one, so a
+    quarter is taken.
+    """
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - 0.2 s, and only here
+
+    between = CubicSpline(levels[::2], seen[::2], axis=0)(levels[1::2])
+    return np.asarray(0.25 * np.abs(between - seen[1::2]).max(axis=0))
+
+
+def wetted_heights(on_mesh: CaseOnMesh, service: StructureInService) -> tuple[float, float]:
+    """Lowest and highest elevation of the wetted faces, m; 0 and 1 where there are none."""
+    mesh = on_mesh.mesh
+    if not service.wetted:
+        return 0.0, 1.0
+    nodes = np.concatenate([nodes_in(mesh.facets, mesh.facet_groups[g]) for g in service.wetted])
+    up = mesh.points[nodes, -1]
+    return float(up.min()), float(up.max())
+
+
+def known_at(service: StructureInService, heat: HeatModel | None, times: Floats) -> Bools:
+    """(k,) at which times all that acts is known."""
+    known = np.ones(len(times), dtype=np.bool_)
+    if service.level is not None:
+        known &= np.isfinite(service.level.at(times))
+    return known if heat is None else known & heat.known(times)
+
+
+def _faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
+    """What of a structure in service does not fit its mesh, its stages or its materials."""
+    case, mesh = on_mesh.case, on_mesh.mesh
+    service, source = case.service, case.source
+    assert service is not None
+    number = len(on_mesh.sequence.states) - 1
+    state, present = on_mesh.sequence.states[number], on_mesh.sequence.present(number)
+    what = "edges" if mesh.dim == 2 else "surfaces"
+    sound = True
+    places = {"wetted": service.wetted, "air": service.in_air, "foundation": service.constant}
+    for key, groups in places.items():
+        for k, group in enumerate(groups):
+            path = ("service", "faces", key, k)
+            if group not in mesh.facet_groups:
+                named, among = f"group of {what} '{group}'", f"groups of {what}"
+                yield on_mesh.missing_group(path, named, among, mesh.facet_groups)
+                sound = False
+            elif load_patches(mesh, on_mesh.table, group, present) is None:
+                message = f"not all of '{group}' is a free face at the stage '{state.name}'"
+                hint = "Name faces that border the structure on one side only."
+                yield source.fault(path, code="no-free-face", message=message, hint=hint)
+                sound = False
+    if service.level is not None and sound:
+        low, high = wetted_heights(on_mesh, service)
+        yield from _level_faults(case, service, low, high)
+    if service.air is not None:
+        for name in dict.fromkeys(state.materials.values()):
+            if not case.materials[name].conducts:
+                message = f"temperatures act, and how '{name}' conducts heat is not known"
+                hint = "Add conductivity: 2.5 W/mK and heat_capacity: 2.2 MJ/m3K."
+                path = ("materials", name)
+                yield source.fault(path, code="missing-key", message=message, hint=hint)
+        if state.temperature:
+            message = f"temperatures of stages still act at '{state.name}', which is in service"
+            hint = "End them in the last stage: temperature: {GROUP: 0 K}."
+            if any(t != Scalar(0.0) for t in state.temperature.values()):
+                yield source.fault(("stages",), code="temperature", message=message, hint=hint)
+    for channel in case.channels:
+        for key in ("offset", "drift", "drift_per_stage"):
+            if getattr(channel, key) is not None:
+                message = "in service each gauge has a constant of its own, and so a zero"
+                hint = "Remove it; 'service.linear' lets every gauge have a motion that goes on."
+                path = ("gauges", channel.gauge, key)
+                yield source.fault(path, code="own-constant", message=message, hint=hint)
+
+
+def _level_faults(
+    case: Case, service: StructureInService, low: float, high: float
+) -> Iterator[Fault]:
+    """The water stays below the top of the wetted faces, and wets them at times."""
+    series = service.level
+    assert series is not None
+    served = series.times >= service.since
+    values = series.values[served] if served.any() else series.values
+    times = series.times[served] if served.any() else series.times
+    faces = ", ".join(service.wetted)
+    at = int(np.argmax(values))
+    hint = "Check unit and datum of the level, and that the wetted faces reach up to the crest."
+    if values[at] > high + 1e-6 * (high - low):
+        message = (
+            f"the level of {np.datetime64(int(times[at]), 's').item():%Y-%m-%d} is {values[at]:.6g} m, above the top of "
+            f"the wetted faces ({faces}) at {high:.6g} m"
+        )
+        yield case.source.fault(("loads", "level"), code="above-crest", message=message, hint=hint)
+    elif values[at] <= low:
+        message = (
+            f"the level is never above {values[at]:.6g} m, the foot of the wetted faces ({faces}) "
+            f"is at {low:.6g} m"
+        )
+        yield case.source.fault(("loads", "level"), code="below-foot", message=message, hint=hint)
+
+
+def _nonlinear(model: ServiceModel) -> Iterator[Fault]:
+    """Channels that read no sum of the effects: principal stresses."""
+    points = model.discretization.points
+    nothing = StageEnd(
+        0,
+        np.zeros((model.discretization.n_dofs, 1)),
+        np.zeros((points.n_strain, points.n_points, 1)),
+        np.zeros((model.structures.n_rows, 1)),
+        np.zeros(points.n_points, dtype=bool),
+    )
+    state = AnalysisState(nothing, ParameterPoint(model.case.start, ()), model.structures)
+    for row, channel in enumerate(model.case.channels):
+        if model.gauges.linear(state, np.array([row])) is None:
+            message = f"'{channel.name}' reads a principal stress, which is no sum of effects"
+            hint = "In service read components of the stress, or displacements and strains."
+            path = ("gauges", channel.gauge)
+            yield model.case.source.fault(path, code="not-linear", message=message, hint=hint)
