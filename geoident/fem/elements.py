@@ -151,6 +151,25 @@ def raised_rule(kind: str) -> tuple[Floats, Floats]:
     return _gauss(cell.dim, cell.order + 1)
 
 
+def divided_rule(kind: str, parts: int) -> tuple[Floats, Floats]:
+    """`raised_rule` of a face on each of so many parts along each of its edges.
+
+    For what has a kink within the face, such as the pressure of water that reaches a part of it.
+    """
+    cell = CELLS[kind]
+    points, weights = raised_rule(kind)
+    if cell.shape.name == "tri":
+        steps = [(i, j) for i in range(parts) for j in range(parts - i)]
+        upright = [np.array(step) + points for step in steps]
+        turned = [np.array(step) + 1.0 - points for step in steps if sum(step) < parts - 1]
+        divided = np.concatenate(upright + turned) / parts
+    else:
+        centres = (2.0 * np.arange(parts) + 1.0 - parts) / parts
+        steps = product(centres, repeat=cell.dim)
+        divided = np.concatenate([np.array(step) + points / parts for step in steps])
+    return divided, np.tile(weights, parts**cell.dim) / parts**cell.dim
+
+
 def mass_rule(kind: str) -> tuple[Floats, Floats]:
     """Quadrature (points (n_q, dim), weights (n_q,)) for products of two shape functions.
 

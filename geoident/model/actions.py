@@ -56,12 +56,15 @@ class WaterPressure:
         level: of the water, m.
         unit_weight: of the water, N/m3.
         falls: uplift under a dam: how the level falls along the face; None: still water.
+        parts: into which each edge of a face is divided where the pressure is summed: of a level
+            that moves up and down a face the forces then change without steps.
     """
 
     group: str
     level: Scalar
     unit_weight: Scalar = WATER
     falls: HeadLine | None = None
+    parts: int = 1
 
 
 @dataclass(frozen=True)

@@ -391,8 +391,8 @@ def _readings(case: Case, readings: ReadingTable) -> tuple[ReadingSummary, ...]:
     return tuple(
         ReadingSummary(
             stage,
-            tuple(used.get(stage, ())),
-            tuple((why, tuple(names)) for why, names in unused.get(stage, {}).items()),
+            tuple(dict.fromkeys(used.get(stage, ()))),
+            tuple((why, tuple(dict.fromkeys(names))) for why, names in unused.get(stage, {}).items()),
         )
         for stage in case.stage_names
         if stage in used or stage in unused

@@ -43,6 +43,9 @@ from geoident.model.in_service import StructureInService
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Scalar
 
+_APART = (0.5, 2.0)
+"""Factors on parameters of heat at which temperatures are looked at."""
+
 _FIRST_LEVELS, _MOST_LEVELS = 17, 129
 
 _FINE = 0.01
@@ -208,10 +211,44 @@ class ServiceModel(StagedModel):
         levels, fields = seen[:number], seen[number:]
         if self.heat is None:
             return _Answers(levels, fields, None)
-        q = self.heat.amplitudes(ParameterPoint(self.values(p), self.names), self._theta)
+        point = ParameterPoint(self.values(p), self.names)
+        q = np.einsum(
+            "sj,djn->dsn", self._fields[1], self.heat.amplitudes(point, self._theta), optimize=True
+        )
         days = np.einsum("djn,jc->dcn", q, fields[..., 0], optimize=True)
         days[..., 1:] += np.einsum("dj,jcn->dcn", q[..., 0], fields[..., 1:], optimize=True)
         return _Answers(levels, fields, days)
+
+    @cached_property
+    def _fields(self) -> tuple[Floats, Floats]:
+        """Temperature fields (n_nodes, s), and (s, r) what they are made of.
+
+        They are those of the days at the start values, and with each parameter much smaller and
+        larger: fields of any of them.
+        """
+        assert self.heat is not None
+        places = [self.case.start]
+        for parameter in self.case.parameters:
+            for factor in _APART if parameter.name in self._of_heat else ():
+                moved = np.clip(parameter.start * factor, parameter.lower, parameter.upper)
+                places.append({**self.case.start, parameter.name: float(moved)})
+        points = [ParameterPoint(values, ()) for values in places]
+        return self.heat.principal_fields(
+            [self.heat.amplitudes(point, self._theta)[..., 0] for point in points]
+        )
+
+    @cached_property
+    def _of_heat(self) -> frozenset[str]:
+        """Parameters on which temperatures depend."""
+        materials = [
+            self.case.materials[name]
+            for name in self.sequence.states[self.last].materials.values()
+        ]
+        numbers = [self.service.film]
+        for one in materials:
+            numbers += [one.conductivity, one.heat_capacity, one.specific_heat]
+            numbers += [one.density] if one.specific_heat is not None else []
+        return frozenset().union(*(n.parameters for n in numbers if n is not None))
 
     @cached_property
     def _days(self) -> Floats:
@@ -264,8 +301,11 @@ class ServiceModel(StagedModel):
         stages = []
         if self.service.level is not None:
             for level in levels:
+                parts = 16 if self.mesh.dim == 2 else 4
                 loads = {
-                    f"water of the service on {group}": WaterPressure(group, Scalar(float(level)))
+                    f"water of the service on {group}": WaterPressure(
+                        group, Scalar(float(level)), parts=parts
+                    )
                     for group in self.service.wetted
                 }
                 name = f"water at {level:.9g} m"
@@ -273,7 +313,7 @@ class ServiceModel(StagedModel):
         if self.heat is not None:
             state = self.sequence.states[self.last]
             groups = [self.sequence.groups[g] for g in state.materials]
-            for number, values in enumerate(self._at_points(self.heat.basis)):
+            for number, values in enumerate(self._at_points(self._fields[0])):
                 field = PointTemperature(values)
                 warmed = dict.fromkeys(groups, field)
                 name = f"temperature field {number + 1}"
@@ -300,14 +340,14 @@ class ServiceModel(StagedModel):
 def _spline_error(levels: Floats, seen: Floats) -> Floats:
     """(n_channels,) estimated error of the spline through all levels.
 
-    It is a sixteenth of that through every second one at the levels between, as it goes with the
-    fourth power of their distance; a kink at the waterline lets it go with a lower one, so a
-    quarter is taken.
+    It is less than an eighth of that through every second one at the levels between: it goes with
+    the third power of their distance where the slope of the face changes, with the fourth
+    elsewhere.
     """
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - 0.2 s, and only here
 
     between = CubicSpline(levels[::2], seen[::2], axis=0)(levels[1::2])
-    return np.asarray(0.25 * np.abs(between - seen[1::2]).max(axis=0))
+    return np.asarray(0.125 * np.abs(between - seen[1::2]).max(axis=0))
 
 
 def wetted_heights(on_mesh: CaseOnMesh, service: StructureInService) -> tuple[float, float]:
