@@ -24,13 +24,31 @@ FIRST = np.datetime64("2010-01-01")
 TRUTH = {"E_dam": 24e9, "E_rock": 36e9, "alpha": 1.05e-5, "k": 2.6}
 
 
-def section(nx: int = 5, ny: int = 8, kind: str = "quad8") -> Mesh:
-    """Dam and rock; x downstream from the heel, y upwards from the base."""
-    t = np.linspace(0.0, 1.0, nx + 1)
-    heights = HEIGHT * np.linspace(0.0, 1.0, ny + 1)
+def _halved(places: np.ndarray) -> np.ndarray:
+    """With a place more in the middle of any two."""
+    return np.sort(np.concatenate([places, 0.5 * (places[1:] + places[:-1])]))
+
+
+def section(*, fine: bool = False, kind: str = "quad8") -> Mesh:
+    """Dam and rock; x downstream from the heel, y upwards from the base; thin behind the faces.
+
+    Args:
+        fine: with elements of half the size.
+        kind: of the elements.
+    """
+    t = np.array([0.0, 0.05, 0.15, 0.38, 0.66, 0.87, 0.95, 1.0])
+    heights = HEIGHT * np.linspace(0.0, 1.0, 9)
+    ends = np.array([-110.0, -60.0, -25.0, -8.0]), np.array([BASE + 10.0, 80.0, 110.0, 160.0])
+    depths = np.array([-100.0, -55.0, -25.0, -10.0, -4.0, -1.5, 0.0])
+    if fine:
+        t, heights, depths = (_halved(places) for places in (t, heights, depths))
+    nx = len(t) - 1
     width = BASE + (CREST - BASE) * heights / HEIGHT
-    x = np.concatenate([[-110.0, -60.0, -25.0, -8.0], BASE * t, [BASE + 10, 80.0, 110.0, 160.0]])
-    depths = np.array([-100.0, -55.0, -25.0, -9.0, 0.0])
+    x = np.concatenate([ends[0], BASE * t, ends[1]])
+    if fine:
+        sides = _halved(x[: 5]), BASE * t[1:-1], _halved(np.append(BASE, ends[1]))
+        x = np.unique(np.concatenate(sides))
+    first = int(np.flatnonzero(np.abs(x) < 1e-9)[0])
     points = [*((a, y) for y in depths for a in x)]
     cells, n = [], len(x)
     for j in range(len(depths) - 1):
@@ -38,7 +56,7 @@ def section(nx: int = 5, ny: int = 8, kind: str = "quad8") -> Mesh:
             a = j * n + i
             cells.append((a, a + 1, a + n + 1, a + n))
     n_rock = len(cells)
-    below = [(len(depths) - 1) * n + 4 + i for i in range(nx + 1)]
+    below = [(len(depths) - 1) * n + first + i for i in range(nx + 1)]
     for y, w in zip(heights[1:], width[1:], strict=True):
         row = [len(points) + i for i in range(nx + 1)]
         points += [(w * s, y) for s in t]
@@ -158,7 +176,7 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
     path = folder / "dam.yaml"
     path.write_text(case.replace("readings: readings.csv\n", ""))
     read = read_case(str(path)).case
-    mesh = section(10, 16) if fine else read_mesh(str(folder / "dam.msh"), dim=2)
+    mesh = section(fine=True) if fine else read_mesh(str(folder / "dam.msh"), dim=2)
     model = service_model(mesh, read, solver=pick_solver("auto"))
     p = np.array([TRUTH[name] for name in model.names])
     start = FIRST.astype("datetime64[s]").astype(float)
