@@ -159,9 +159,9 @@ def divided_rule(kind: str, parts: int) -> tuple[Floats, Floats]:
     cell = CELLS[kind]
     points, weights = raised_rule(kind)
     if cell.shape.name == "tri":
-        steps = [(i, j) for i in range(parts) for j in range(parts - i)]
-        upright = [np.array(step) + points for step in steps]
-        turned = [np.array(step) + 1.0 - points for step in steps if sum(step) < parts - 1]
+        corners = [(i, j) for i in range(parts) for j in range(parts - i)]
+        upright = [np.array(corner) + points for corner in corners]
+        turned = [np.array(at) + 1.0 - points for at in corners if sum(at) < parts - 1]
         divided = np.concatenate(upright + turned) / parts
     else:
         centres = (2.0 * np.arange(parts) + 1.0 - parts) / parts

@@ -392,7 +392,9 @@ def _readings(case: Case, readings: ReadingTable) -> tuple[ReadingSummary, ...]:
         ReadingSummary(
             stage,
             tuple(dict.fromkeys(used.get(stage, ()))),
-            tuple((why, tuple(dict.fromkeys(names))) for why, names in unused.get(stage, {}).items()),
+            tuple(
+                (why, tuple(dict.fromkeys(names))) for why, names in unused.get(stage, {}).items()
+            ),
         )
         for stage in case.stage_names
         if stage in used or stage in unused

@@ -37,7 +37,7 @@ def section(*, fine: bool = False, kind: str = "quad8") -> Mesh:
         kind: of the elements.
     """
     t = np.array([0.0, 0.05, 0.15, 0.38, 0.66, 0.87, 0.95, 1.0])
-    heights = HEIGHT * np.linspace(0.0, 1.0, 9)
+    heights = HEIGHT * np.append(np.linspace(0.0, 0.875, 8), [0.96, 1.0])
     ends = np.array([-110.0, -60.0, -25.0, -8.0]), np.array([BASE + 10.0, 80.0, 110.0, 160.0])
     depths = np.array([-100.0, -55.0, -25.0, -10.0, -4.0, -1.5, 0.0])
     if fine:
@@ -46,7 +46,7 @@ def section(*, fine: bool = False, kind: str = "quad8") -> Mesh:
     width = BASE + (CREST - BASE) * heights / HEIGHT
     x = np.concatenate([ends[0], BASE * t, ends[1]])
     if fine:
-        sides = _halved(x[: 5]), BASE * t[1:-1], _halved(np.append(BASE, ends[1]))
+        sides = _halved(x[:5]), BASE * t[1:-1], _halved(np.append(BASE, ends[1]))
         x = np.unique(np.concatenate(sides))
     first = int(np.flatnonzero(np.abs(x) < 1e-9)[0])
     points = [*((a, y) for y in depths for a in x)]
@@ -135,10 +135,18 @@ service:
   film: 20 W/m2K
   linear: true
 gauges:
-  P58: {kind: displacement, component: x, point: [2 m, 58 m], relative_to: [2 m, 2 m], accuracy: 0.15 mm}
-  P30: {kind: displacement, component: x, point: [2 m, 30 m], relative_to: [2 m, 2 m], accuracy: 0.15 mm}
-  IP: {kind: displacement, component: x, point: [2 m, 2 m], relative_to: [2 m, -50 m], accuracy: 0.1 mm}
-  L58: {kind: displacement, component: y, point: [3 m, 58 m], relative_to: [3 m, 2 m], accuracy: 0.3 mm}
+  P58:
+    {kind: displacement, component: x,
+     point: [2 m, 58 m], relative_to: [2 m, 2 m], accuracy: 0.15 mm}
+  P30:
+    {kind: displacement, component: x,
+     point: [2 m, 30 m], relative_to: [2 m, 2 m], accuracy: 0.15 mm}
+  IP:
+    {kind: displacement, component: x,
+     point: [2 m, 2 m], relative_to: [2 m, -50 m], accuracy: 0.1 mm}
+  L58:
+    {kind: displacement, component: y,
+     point: [3 m, 58 m], relative_to: [3 m, 2 m], accuracy: 0.3 mm}
   EH: {kind: extensometer, head: [3 m, 1 m], anchors: {a20: [3 m, -20 m]}, accuracy: 0.05 mm}
 readings: readings.csv
 fit: {until: 2016-01-01}

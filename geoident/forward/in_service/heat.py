@@ -8,8 +8,9 @@ whose temperature is not given follow from
 B0 and B1 hold films, and the rows of H and M that tie f to nodes whose temperature is given.
 
 T_f lies in the span of V, the answers (sigma M + H)^-1 (B0 + sigma B1) to some rates sigma from one
-in twenty years to one in a day. It is enlarged until the answers to waves between these periods are
-those of the mesh. In the span
+in twenty years to one in a day, at the start and with each parameter of heat half and twice as
+large. It is enlarged until the answers to waves between these periods are those of the mesh, at all
+these parameters. In the span
 
     T_f = V Phi x ,   x_k' = -mu_k x_k + (b0 theta + b1 theta')_k ,   Phi^T (V^T M V) Phi = I
 
@@ -57,10 +58,13 @@ _SLOWEST, _FASTEST = 1.0 / (20.0 * YEAR), 1.0 / DAY
 
 _FIRST_RATES, _MOST_RATES = 10, 40
 
+_WAVES = 7
+"""Waves that are looked at."""
+
 _TOLERANCE = 1e-3
 """Largest error of the answer to a wave, of the answer to a temperature that stays."""
 
-_SEEN = 3e-5
+_SEEN = 1e-5
 """Part of all temperatures below which a field is left out."""
 
 _QUICKEST = 1e-13
@@ -100,13 +104,20 @@ class HeatModel:
         on_mesh: the case on its mesh.
         service: what acts.
         state: number of the state.
+        places: parameters at which the span holds; the first are those of the start.
 
     Attributes:
         elevations: (m - 1,) at which the temperatures of wetted faces are given, m, ascending.
         basis: (n_nodes, r) temperature fields of which those of all days are sums.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, service: StructureInService, state: int) -> None:
+    def __init__(
+        self,
+        on_mesh: CaseOnMesh,
+        service: StructureInService,
+        state: int,
+        places: Sequence[ParameterPoint],
+    ) -> None:
         case, mesh, kinematics = on_mesh.case, on_mesh.mesh, on_mesh.kinematics
         sequence, up = on_mesh.sequence, on_mesh.mesh.points[:, -1]
         present, materials = sequence.present(state), sequence.states[state].materials
@@ -159,7 +170,7 @@ class HeatModel:
             acting = np.zeros_like(shares)
             acting[:, 0] = 1.0  # on all nodes of these faces, those of wetted ones among them
             self._parts.append(part(partial(_number, service.film), F, acting=acting))
-        V = self._span(ParameterPoint(case.start, ()))
+        V = self._span(places)
         self._reduced = [
             replace(one, matrix=V.T @ (one.matrix @ V), inputs=V.T @ one.inputs)
             for one in self._parts
@@ -168,31 +179,37 @@ class HeatModel:
         self.basis[self._free, : V.shape[1]] = V
         self.basis[:, V.shape[1] :] = given_shares
 
-    def _span(self, start: ParameterPoint) -> Floats:
-        """V (n, r) at the start of the parameters."""
+    def _span(self, places: Sequence[ParameterPoint]) -> Floats:
+        """V (n, r): answers to some rates, at as many places as need them."""
+        M, H, B0, _ = self._equations(places[0])
+        acts = np.abs(B0).max(axis=0) > 0.0
+        steady = _factor(H).solve(B0[:, acts])
+        size = np.sqrt(np.einsum("ij,ij->j", steady, M @ steady))
+        V = np.zeros((len(B0), 0))
+        for place in places:
+            C, H, B0, B1 = self._equations(place)
+            B0, B1, number = B0[:, acts] / size, B1[:, acts] / size, _FIRST_RATES
+            while number <= _MOST_RATES and _error(V, C, H, B0, B1) > _TOLERANCE:
+                rates = np.geomspace(_SLOWEST, _FASTEST, number)
+                answers = [_factor(rate * C + H).solve(B0 + rate * B1) for rate in rates]
+                V = _orthonormal(np.hstack([V, *answers]), M)
+                number = 2 * number - 1
+        return V
+
+    def _equations(
+        self, point: ParameterPoint
+    ) -> tuple[sp.csr_array, sp.csr_array, Floats, Floats]:
+        """M, H (n, n), B0 and B1 (n, m) at some parameters."""
         n, m = self._parts[0].inputs.shape
         M, H = sp.csr_array((n, n)), sp.csr_array((n, n))
         B0, B1 = np.zeros((n, m)), np.zeros((n, m))
         for part in self._parts:
-            size = float(part.size(start).value)
+            size = float(part.size(point).value)
             if part.capacity:
                 M, B1 = M + size * part.matrix, B1 + size * part.inputs
             else:
                 H, B0 = H + size * part.matrix, B0 + size * part.inputs
-        acts = np.abs(B0).max(axis=0) > 0.0
-        steady = _factor(H).solve(B0[:, acts])
-        size = np.sqrt(np.einsum("ij,ij->j", steady, M @ steady))
-        B0, B1 = B0[:, acts] / size, B1[:, acts] / size
-        number, answers, done = _FIRST_RATES, list[Floats](), set[float]()
-        while True:
-            rates = np.geomspace(_SLOWEST, _FASTEST, number)
-            for rate in set(rates.tolist()) - done:
-                done.add(rate)
-                answers.append(_factor(rate * M + H).solve(B0 + rate * B1))
-            V = _orthonormal(np.hstack(answers), M)
-            if number >= _MOST_RATES or _error(V, M, H, B0, B1, rates) < _TOLERANCE:
-                return V
-            number = 2 * number - 1
+        return M, H, B0, B1
 
     def inputs_at(self, times: Floats) -> Floats:
         """Theta (k, m): the air, and the wetted faces at their elevations, at times (k,), s."""
@@ -293,9 +310,9 @@ class HeatModel:
         B0, B1 = np.zeros((2, r, m, point.n_columns))
         for part in self._reduced:
             size = part.size(point).columns
-            for total, one in zip((M, B1) if part.capacity else (H, B0),
-                                  (part.matrix, part.inputs), strict=True):  # fmt: skip
-                total += one[..., None] * size
+            matrix, inputs = (M, B1) if part.capacity else (H, B0)
+            matrix += part.matrix[..., None] * size
+            inputs += part.inputs[..., None] * size
         return M, H, B0, B1
 
 
@@ -345,7 +362,7 @@ def _mean_of_day(series: Series, times: Floats) -> Floats:
     return np.where(high > low, (integral(high) - integral(low)) / width, np.interp(times, t, v))
 
 
-def _factor(matrix: sp.csr_array) -> object:
+def _factor(matrix: sp.csr_array) -> Any:
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
 
@@ -356,16 +373,16 @@ def _orthonormal(columns: Floats, M: sp.csr_array) -> Floats:
     return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
-def _error(
-    V: Floats, M: sp.csr_array, H: sp.csr_array, B0: Floats, B1: Floats, rates: Floats
-) -> float:
-    """Largest error in the span of the answers to waves of rates between some rates.
+def _error(V: Floats, M: sp.csr_array, H: sp.csr_array, B0: Floats, B1: Floats) -> float:
+    """Largest error in the span of the answers to waves.
 
     Of B so that the steady answers are of size one.
     """
+    if not V.shape[1]:
+        return np.inf
     worst = 0.0
     Mr, Hr = V.T @ (M @ V), V.T @ (H @ V)
-    for wave in np.sqrt(rates[:-1:2] * rates[1::2]):
+    for wave in np.geomspace(1.4 * _SLOWEST, 0.7 * _FASTEST, _WAVES):
         B = B0 + 1j * wave * B1
         exact = _factor((1j * wave * M + H).astype(complex)).solve(B)
         gap = exact - V @ np.linalg.solve(1j * wave * Mr + Hr, V.T @ B)

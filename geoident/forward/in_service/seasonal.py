@@ -101,7 +101,7 @@ def effects_at(model: SeasonalModel, scales: Scales, times: Floats) -> Effects:
             (f"air {_days(lag)}", "air", model.air.lagged(times, lag) - scales.air_mean)
             for lag in model.lags
         ]
-    columns += [(*term, "irreversible", v) for *term, v in lasting_motions(model, times)]
+    columns += [(name, "irreversible", v) for name, v in lasting_motions(model, times)]
     names, effects, values = zip(*columns, strict=True)
     return Effects(np.column_stack(values), names, effects)
 

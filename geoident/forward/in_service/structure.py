@@ -23,14 +23,19 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.errors import Fault, InputError
+from geoident.errors import InputError
 from geoident.fem.faces import load_patches
+from geoident.fem.loads import facet_geometry
 from geoident.fem.solvers import Solver
-from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.checks import check_on_mesh
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.kinds import place_gauges
-from geoident.forward.gauges.observation import AnalysisState, PlacedGauges
+from geoident.forward.gauges.observation import PlacedGauges
+from geoident.forward.in_service.checks import (
+    nonlinear_faults,
+    service_faults,
+    wetted_heights,
+)
 from geoident.forward.in_service.heat import HeatModel, heat_capacity
 from geoident.forward.model import StagedModel, with_fields
 from geoident.forward.observed import Query
@@ -38,9 +43,10 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import PointTemperature, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Stage
+from geoident.model.cells import CELLS
 from geoident.model.dual import ParameterPoint
-from geoident.model.in_service import StructureInService
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.in_service import YEAR, StructureInService
+from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
 _APART = (0.5, 2.0)
@@ -68,10 +74,10 @@ def service_model(mesh: Mesh, case: Case, *, solver: Solver) -> ServiceModel:
         ModelError: a piece of the ground that no support holds.
     """
     on_mesh, gauges = check_on_mesh(case, mesh)
-    if faults := [*_faults(on_mesh)]:
+    if faults := [*service_faults(on_mesh)]:
         raise InputError(faults)
     model = ServiceModel(with_fields(on_mesh), gauges, solver=solver)
-    if faults := [*_nonlinear(model)]:
+    if faults := [*nonlinear_faults(model)]:
         raise InputError(faults)
     return model
 
@@ -133,7 +139,41 @@ class ServiceModel(StagedModel):
         """The temperatures; None where they do not change."""
         if self.service.air is None:
             return None
-        return HeatModel(self.on_mesh, self.service, self.last)
+        return HeatModel(self.on_mesh, self.service, self.last, self._places)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of how the case was understood."""
+        return (*super().notes, *self._thick_elements())
+
+    def _thick_elements(self) -> Iterator[str]:
+        """Elements behind faces in air and water that are too thick for the temperature there."""
+        if self.service.air is None:
+            return
+        state, points = self.sequence.states[self.last], self.discretization.points
+        present = self.sequence.present(self.last)
+        volume = np.bincount(points.element, points.volume, minlength=self.mesh.n_elements)
+        point, worst = ParameterPoint(self.case.start, ()), (1.0, 0.0, 0.0)
+        for group in (*self.service.wetted, *self.service.in_air):
+            for patch in load_patches(self.mesh, self.on_mesh.table, group, present) or ():
+                normals = facet_geometry(self.mesh.points, patch, self.on_mesh.kinematics).normals
+                area = np.linalg.norm(normals, axis=2).sum(axis=1)
+                thick = volume[patch.element] / area / CELLS[patch.kind].order
+                for element, spacing in zip(patch.element, thick, strict=True):
+                    material = self.case.materials[
+                        state.materials[int(self.sequence.group_of[element])]
+                    ]
+                    assert material.conductivity is not None
+                    k = float(point.number(material.conductivity).value)
+                    reach = np.sqrt(k / float(heat_capacity(material, point).value) * YEAR / np.pi)
+                    worst = max(worst, (2.0 * spacing / reach, spacing, reach))
+        if worst[0] > 1.0:
+            _, spacing, reach = worst
+            yield (
+                f"behind faces in air and water nodes are up to {spacing:.2g} m apart, and the "
+                f"temperature of a year reaches {reach:.2g} m deep: with more than "
+                f"{0.5 * reach:.2g} m there the mesh shifts conductivity and expansion"
+            )
 
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
@@ -223,26 +263,29 @@ class ServiceModel(StagedModel):
     def _fields(self) -> tuple[Floats, Floats]:
         """Temperature fields (n_nodes, s), and (s, r) what they are made of.
 
-        They are those of the days at the start values, and with each parameter much smaller and
-        larger: fields of any of them.
+        They are those of all days at the start values, and with each parameter of heat half and
+        twice as large.
         """
         assert self.heat is not None
+        return self.heat.principal_fields(
+            [self.heat.amplitudes(point, self._theta)[..., 0] for point in self._places]
+        )
+
+    @cached_property
+    def _places(self) -> tuple[ParameterPoint, ...]:
+        """The start, and with each parameter of heat half and twice as large."""
         places = [self.case.start]
         for parameter in self.case.parameters:
             for factor in _APART if parameter.name in self._of_heat else ():
                 moved = np.clip(parameter.start * factor, parameter.lower, parameter.upper)
                 places.append({**self.case.start, parameter.name: float(moved)})
-        points = [ParameterPoint(values, ()) for values in places]
-        return self.heat.principal_fields(
-            [self.heat.amplitudes(point, self._theta)[..., 0] for point in points]
-        )
+        return tuple(ParameterPoint(values, ()) for values in places)
 
     @cached_property
     def _of_heat(self) -> frozenset[str]:
         """Parameters on which temperatures depend."""
         materials = [
-            self.case.materials[name]
-            for name in self.sequence.states[self.last].materials.values()
+            self.case.materials[name] for name in self.sequence.states[self.last].materials.values()
         ]
         numbers = [self.service.film]
         for one in materials:
@@ -350,110 +393,9 @@ def _spline_error(levels: Floats, seen: Floats) -> Floats:
     return np.asarray(0.125 * np.abs(between - seen[1::2]).max(axis=0))
 
 
-def wetted_heights(on_mesh: CaseOnMesh, service: StructureInService) -> tuple[float, float]:
-    """Lowest and highest elevation of the wetted faces, m; 0 and 1 where there are none."""
-    mesh = on_mesh.mesh
-    if not service.wetted:
-        return 0.0, 1.0
-    nodes = np.concatenate([nodes_in(mesh.facets, mesh.facet_groups[g]) for g in service.wetted])
-    up = mesh.points[nodes, -1]
-    return float(up.min()), float(up.max())
-
-
 def known_at(service: StructureInService, heat: HeatModel | None, times: Floats) -> Bools:
     """(k,) at which times all that acts is known."""
     known = np.ones(len(times), dtype=np.bool_)
     if service.level is not None:
         known &= np.isfinite(service.level.at(times))
     return known if heat is None else known & heat.known(times)
-
-
-def _faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
-    """What of a structure in service does not fit its mesh, its stages or its materials."""
-    case, mesh = on_mesh.case, on_mesh.mesh
-    service, source = case.service, case.source
-    assert service is not None
-    number = len(on_mesh.sequence.states) - 1
-    state, present = on_mesh.sequence.states[number], on_mesh.sequence.present(number)
-    what = "edges" if mesh.dim == 2 else "surfaces"
-    sound = True
-    places = {"wetted": service.wetted, "air": service.in_air, "foundation": service.constant}
-    for key, groups in places.items():
-        for k, group in enumerate(groups):
-            path = ("service", "faces", key, k)
-            if group not in mesh.facet_groups:
-                named, among = f"group of {what} '{group}'", f"groups of {what}"
-                yield on_mesh.missing_group(path, named, among, mesh.facet_groups)
-                sound = False
-            elif load_patches(mesh, on_mesh.table, group, present) is None:
-                message = f"not all of '{group}' is a free face at the stage '{state.name}'"
-                hint = "Name faces that border the structure on one side only."
-                yield source.fault(path, code="no-free-face", message=message, hint=hint)
-                sound = False
-    if service.level is not None and sound:
-        low, high = wetted_heights(on_mesh, service)
-        yield from _level_faults(case, service, low, high)
-    if service.air is not None:
-        for name in dict.fromkeys(state.materials.values()):
-            if not case.materials[name].conducts:
-                message = f"temperatures act, and how '{name}' conducts heat is not known"
-                hint = "Add conductivity: 2.5 W/mK and heat_capacity: 2.2 MJ/m3K."
-                path = ("materials", name)
-                yield source.fault(path, code="missing-key", message=message, hint=hint)
-        if state.temperature:
-            message = f"temperatures of stages still act at '{state.name}', which is in service"
-            hint = "End them in the last stage: temperature: {GROUP: 0 K}."
-            if any(t != Scalar(0.0) for t in state.temperature.values()):
-                yield source.fault(("stages",), code="temperature", message=message, hint=hint)
-    for channel in case.channels:
-        for key in ("offset", "drift", "drift_per_stage"):
-            if getattr(channel, key) is not None:
-                message = "in service each gauge has a constant of its own, and so a zero"
-                hint = "Remove it; 'service.linear' lets every gauge have a motion that goes on."
-                path = ("gauges", channel.gauge, key)
-                yield source.fault(path, code="own-constant", message=message, hint=hint)
-
-
-def _level_faults(
-    case: Case, service: StructureInService, low: float, high: float
-) -> Iterator[Fault]:
-    """The water stays below the top of the wetted faces, and wets them at times."""
-    series = service.level
-    assert series is not None
-    served = series.times >= service.since
-    values = series.values[served] if served.any() else series.values
-    times = series.times[served] if served.any() else series.times
-    faces = ", ".join(service.wetted)
-    at = int(np.argmax(values))
-    hint = "Check unit and datum of the level, and that the wetted faces reach up to the crest."
-    if values[at] > high + 1e-6 * (high - low):
-        message = (
-            f"the level of {np.datetime64(int(times[at]), 's').item():%Y-%m-%d} is {values[at]:.6g} m, above the top of "
-            f"the wetted faces ({faces}) at {high:.6g} m"
-        )
-        yield case.source.fault(("loads", "level"), code="above-crest", message=message, hint=hint)
-    elif values[at] <= low:
-        message = (
-            f"the level is never above {values[at]:.6g} m, the foot of the wetted faces ({faces}) "
-            f"is at {low:.6g} m"
-        )
-        yield case.source.fault(("loads", "level"), code="below-foot", message=message, hint=hint)
-
-
-def _nonlinear(model: ServiceModel) -> Iterator[Fault]:
-    """Channels that read no sum of the effects: principal stresses."""
-    points = model.discretization.points
-    nothing = StageEnd(
-        0,
-        np.zeros((model.discretization.n_dofs, 1)),
-        np.zeros((points.n_strain, points.n_points, 1)),
-        np.zeros((model.structures.n_rows, 1)),
-        np.zeros(points.n_points, dtype=bool),
-    )
-    state = AnalysisState(nothing, ParameterPoint(model.case.start, ()), model.structures)
-    for row, channel in enumerate(model.case.channels):
-        if model.gauges.linear(state, np.array([row])) is None:
-            message = f"'{channel.name}' reads a principal stress, which is no sum of effects"
-            hint = "In service read components of the stress, or displacements and strains."
-            path = ("gauges", channel.gauge)
-            yield model.case.source.fault(path, code="not-linear", message=message, hint=hint)

@@ -205,7 +205,9 @@ def _build(
     if wrong:
         faults.raise_any()
     series = _series(section, folder, faults) if with_mesh else {}
-    elsewhere = _elsewhere(section, built, read.dates, folder, series, faults) if with_mesh else None
+    elsewhere = (
+        _elsewhere(section, built, read.dates, folder, series, faults) if with_mesh else None
+    )
     service = None
     if section.service is not None and with_mesh and not wrong:
         water = section.loads.get(WATER_TEMPERATURE)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
 from geoident.forward.in_service.structure import ServiceModel
 from geoident.forward.observed import ObservedModel
@@ -149,6 +150,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
     return ControlTask(fit=fit, job=job, request=request)
 
 
+@one_thread()
 def control(task: ControlTask, controlling: Control) -> Finished:
     """Judge new readings and write what they show; keep a result that is up to date."""
     if (before := job_at_hand(task.job)) is not None:
@@ -162,11 +164,11 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     table = select_readings(case, model)
     effects = effects_of(table)
     table = _new_readings(with_reasons(table, case.in_time, effects.known), task.fit)
-    before = effects_of(task.fit.gauges.readings)
+    fitted = effects_of(task.fit.gauges.readings)
     watched = [
         gauge
         for i in range(len(case.channels))
-        if (gauge := _watched(i, task.fit, table, effects, before)) is not None
+        if (gauge := _watched(i, task.fit, table, effects, fitted)) is not None
     ]
     if not watched:
         raise InputError([_nothing_new(case, task, table)])

@@ -296,6 +296,7 @@ def too_few(case: Case, table: ReadingTable, number: int) -> Fault:
 
 
 def no_reading(case: Case, table: ReadingTable) -> Fault:
+    """No reading can be used at all."""
     why = sorted({reason for reason in table.reason if reason})
     hint = f"Not used: {'; '.join(why)}." if why else "Add readings with dates."
     hint = " ".join([hint, *unknown_later(case, table), *case.notes])

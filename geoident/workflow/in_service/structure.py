@@ -235,7 +235,9 @@ def _result(job: Job, model: ServiceModel, control: Control) -> Result:
     status = fitted.outcome.status
     if status == "converged" and loose:
         status = "not-determined"
-    values = {q.name: float(v) for q, v, has in zip(case.parameters, p, certain, strict=True) if has}
+    values = {
+        q.name: float(v) for q, v, has in zip(case.parameters, p, certain, strict=True) if has
+    }
     return Result(
         kind="fit",
         status=status,
@@ -306,7 +308,8 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
         return total[:, 0], total[:, 1:]
 
     noises = tuple(Noise(case.channels[gauge.number].accuracy) for gauge in gauges)
-    methods, outcome = job.methods, None
+    methods = job.methods
+    before: Outcome | None = None
     for number in range(_MOST_ROUNDS):
         control.stop.check()
         control.monitor.detail(f"search {number + 1}")
@@ -319,7 +322,6 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
         )
         measured = response.projected(y[:, None])[:, 0]
         problem = Problem(response, measured, np.ones(len(y)), case.parameters)
-        before = outcome
         if before is not None:
             problem = problem.begun_at(before.values)
         outcome = identify(problem, methods, control.on_iteration)
@@ -340,7 +342,7 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
             before is not None and _stays(before.values, outcome.values, assessment)
         ):  # fmt: skip
             break
-        noises = after
+        noises, before = after, outcome
     return _Fitted(outcome, assessment, noises, motions)
 
 

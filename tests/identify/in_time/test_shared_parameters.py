@@ -1,5 +1,7 @@
 """Parameters shared by gauges against generalized least squares of all readings at once, dense."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -53,8 +55,7 @@ def dense(readings):
 
 def fitted(readings):
     times, X, J, y = readings
-    ends = np.cumsum([0, *map(len, times)])
-    rows = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *map(len, times)]))]
     projections = [GaugeProjection(*parts) for parts in zip(NOISES, times, X, strict=True)]
     jacobian = np.concatenate(J)
     response = ProjectedResponse(
@@ -90,7 +91,9 @@ def test_what_is_known_of_a_gauge_is_that_of_all_readings_at_once(readings, dens
         assert state.P[:-1, :-1] == pytest.approx(C[np.ix_(own, own)], rel=1e-3, abs=1e-9)
         # x at the end given all readings: k S^-1 (y - columns b), with what is unknown of b
         S = covariance(noise, times[k])
-        solved = np.linalg.solve(S, noise.lasting**2 * np.exp(-(times[k][-1] - times[k]) / noise.time))
+        solved = np.linalg.solve(
+            S, noise.lasting**2 * np.exp(-(times[k][-1] - times[k]) / noise.time)
+        )
         columns = np.hstack([X[k], J[k]])
         assert state.mean[-1] == pytest.approx(solved @ (y[k] - columns @ b[own]), abs=1e-7)
         pull = solved @ columns

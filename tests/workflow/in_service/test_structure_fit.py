@@ -54,7 +54,7 @@ def test_later_readings_lie_inside_their_bands(fitted):
 
 def test_effects_are_those_of_the_truth(fitted):
     """What the level does to each gauge over the fitted years, within the interval."""
-    folder, said = fitted
+    _, said = fitted
     effects = said["seasonal"]["gauges"]
     for gauge in ("P58", "P30", "IP"):
         own = effects[gauge]
@@ -95,7 +95,9 @@ def test_parameters_that_readings_cannot_tell_are_not_numbers(tmp_path):
 def test_only_gauges_with_enough_readings_are_fitted(tmp_path):
     path = write(tmp_path, years=7.0)
     rows = (tmp_path / "readings.csv").read_text().splitlines()
-    few = [r for r in rows if not r.startswith("L58")] + [r for r in rows if r.startswith("L58")][:4]
+    few = [r for r in rows if not r.startswith("L58")] + [r for r in rows if r.startswith("L58")][
+        :4
+    ]
     (tmp_path / "readings.csv").write_text("\n".join(few) + "\n")
     said = run("fit", path)
     (finding,) = (f for f in said["findings"] if "L58" in f["subject"])

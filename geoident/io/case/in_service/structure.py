@@ -210,5 +210,7 @@ def _refuse_other_units(name: str, series: Series, faults: Faults) -> None:
     if low < _COLDEST or high > _WARMEST:
         word = "air" if name == "air" else "water"
         message = f"the file has temperatures of the {word} from {low:.4g} to {high:.4g}"
-        hint = "Give them in degC. Kelvin less 273.15 are degC; of degrees Fahrenheit (F - 32) / 1.8."
+        hint = (
+            "Give them in degC. Kelvin less 273.15 are degC; of degrees Fahrenheit (F - 32) / 1.8."
+        )
         faults.add(("loads", name), "temperature-unit", message, hint)
