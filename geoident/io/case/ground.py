@@ -81,7 +81,7 @@ class _MaterialBase(Section):
         if self.heat_capacity and self.specific_heat:
             message = "'heat_capacity' and 'specific_heat' say the same"
             faults.add(("specific_heat",), "wrong-pair", message, "Keep one of them.")
-        if self.specific_heat and not self.density:
+        elif self.specific_heat and not self.density:
             hint = "Add the density, or write heat_capacity: 2.2 MJ/m3K."
             message = "heat per mass needs 'density'"
             faults.add(("specific_heat",), "missing-key", message, hint)

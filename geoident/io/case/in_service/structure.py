@@ -36,8 +36,8 @@ def _day_of_year(text: str) -> str:
     try:
         read_date(_A_YEAR + text)
     except DateError:
-        message = f"'{shorten(text)}' is no day of a year; expected month and day, such as 07-15"
-        raise Refusal("bad-date", message) from None
+        message = f"'{shorten(text)}' is no day of a year"
+        raise Refusal("bad-date", message, "Write month and day, such as 07-15.") from None
     return text
 
 
@@ -124,10 +124,6 @@ class ServiceSection(Section):
                 if first.setdefault(group, key) != key:
                     message = f"'{group}' is '{first[group]}' as well"
                     faults.add(("faces", key), "two-places", message, "Keep one of them.")
-
-
-LoadsInTime = Mapping[str, object]
-"""Name of a load that changes in time to its section."""
 
 
 def check_service(section: ServiceSection, given: Collection[str], faults: SectionFaults) -> None:
