@@ -56,7 +56,17 @@ def service_faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
         yield from _level_faults(case, service, low, high)
     if service.air is not None:
         for name in dict.fromkeys(state.materials.values()):
-            if not case.materials[name].conducts:
+            material = case.materials[name]
+            if material.heat_capacity is not None and material.specific_heat is not None:
+                message = f"'{name}' has 'heat_capacity' and 'specific_heat', which say the same"
+                path = ("materials", name, "specific_heat")
+                yield source.fault(path, code="twice", message=message, hint="Keep one of them.")
+            elif material.specific_heat is not None and material.density == Scalar(0.0):
+                message = f"heat per mass of '{name}' needs its density"
+                hint = "Add 'density', or write heat_capacity: 2.2 MJ/m3K."
+                path = ("materials", name, "specific_heat")
+                yield source.fault(path, code="missing-key", message=message, hint=hint)
+            if not material.conducts:
                 message = f"temperatures act, and how '{name}' conducts heat is not known"
                 hint = "Add conductivity: 2.5 W/mK and heat_capacity: 2.2 MJ/m3K."
                 path = ("materials", name)

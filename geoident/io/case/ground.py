@@ -78,13 +78,6 @@ class _MaterialBase(Section):
         """The density is not negative."""
         if self.density and self.density.parameter is None and self.density.factor < 0:
             faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
-        if self.heat_capacity and self.specific_heat:
-            message = "'heat_capacity' and 'specific_heat' say the same"
-            faults.add(("specific_heat",), "wrong-pair", message, "Keep one of them.")
-        elif self.specific_heat and not self.density:
-            hint = "Add the density, or write heat_capacity: 2.2 MJ/m3K."
-            message = "heat per mass needs 'density'"
-            faults.add(("specific_heat",), "missing-key", message, hint)
 
     @abstractmethod
     def build_elastic(self, context: Context) -> Elastic:
