@@ -1,4 +1,4 @@
-"""Heat in a mesh: capacity, conduction and films on faces (theory 16.6).
+"""Heat in a mesh: capacity, conduction and films on faces (theory 16.5).
 
 With T the temperatures of the nodes, the heat balance of a body is
 

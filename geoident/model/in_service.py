@@ -130,7 +130,7 @@ class SeasonalModel:
 
 @dataclass(frozen=True)
 class ReservoirFormula:
-    """Temperature of a reservoir by depth and season (theory 16.6).
+    """Temperature of a reservoir by depth and season (theory 16.5).
 
     Zhu Bofang, Prediction of water temperature in deep reservoirs, Dam Engineering 8 (1997).
 
@@ -169,7 +169,7 @@ _LATEST, _SOONER = 2.15, 1.30
 
 @dataclass(frozen=True)
 class StructureInService:
-    """What acts on a finite element model from its last stage on (theory 16.6).
+    """What acts on a finite element model from its last stage on (theory 16.5).
 
     Args:
         since: when the service begins, s since 1970.

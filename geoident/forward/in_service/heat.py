@@ -1,4 +1,4 @@
-"""Temperatures of a structure day by day, by thermal modes (theory 16.6).
+"""Temperatures of a structure day by day, by thermal modes (theory 16.5).
 
 With theta the temperatures of the air and, at some elevations, of the wetted faces, the nodes f
 whose temperature is not given follow from

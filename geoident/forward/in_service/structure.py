@@ -1,7 +1,7 @@
 """A finite element model in service: what its gauges read under a level and temperatures.
 
 From the last stage on the structure is elastic and stays as it is, so what a gauge sees is a sum of
-what the water and the temperatures do to it (theory 16.6),
+what the water and the temperatures do to it (theory 16.5),
 
     y(t) = h(z(t)) + sum_j w_j q_j(t)
 

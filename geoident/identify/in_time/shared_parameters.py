@@ -1,4 +1,4 @@
-"""Parameters that all gauges share, from readings in time (theory 16.7).
+"""Parameters that all gauges share, from readings in time (theory 16.6).
 
 The readings of gauge i are y_i = v_i(p) + X_i b_i + e_i, with a model v_i, terms X_i of the gauge
 itself (its constant, what does not come back) and errors of a `Noise`, Sigma_i = L_i L_i^T. For

@@ -1,7 +1,7 @@
 """``geoident fit`` of a finite element model in service: parameters that all gauges share.
 
 Every gauge has its constant, its motions that do not come back and its noise; they go out of the
-misfit by projection (theory 16.7). What is left is an ordinary search, made again with the noise
+misfit by projection (theory 16.6). What is left is an ordinary search, made again with the noise
 that the residuals of the one before show, until neither changes.
 """
 
