@@ -427,6 +427,14 @@ def plan_scan(request: Request) -> Job:
     return _plan(request, "scan", "fit.method=scan")
 
 
+def no_stages(case: Case) -> Fault:
+    """What goes stage by stage is not possible for a structure in service on its mesh."""
+    message = "the readings of a structure in service have dates, not stages"
+    hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'. Without 'service' and "
+    hint += "its loads the stages are computed."
+    return case.source.fault(("service",), code="no-stages", message=message, hint=hint)
+
+
 def _plan(request: Request, command: str, *further: str) -> Job:
     """Plan a command on a case with further overrides."""
     overrides = [*request.overrides, *further]
@@ -440,11 +448,7 @@ def _plan(request: Request, command: str, *further: str) -> Job:
                 [case.source.fault(("model",), code="no-parameters", message=message, hint=hint)]
             )
     elif case.service is not None and command != "fit":
-        message = "the readings of a structure in service have dates, not stages"
-        hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'."
-        raise InputError(
-            [case.source.fault(("service",), code="no-stages", message=message, hint=hint)]
-        )
+        raise InputError([no_stages(case)])
     elif not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."

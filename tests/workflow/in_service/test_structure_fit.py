@@ -104,7 +104,7 @@ def test_only_gauges_with_enough_readings_are_fitted(tmp_path):
     assert "cannot be fitted" in finding["sentence"]
 
 
-@pytest.mark.parametrize("command", ["backtest", "scan"])
+@pytest.mark.parametrize("command", ["backtest", "scan", "simulate"])
 def test_commands_of_stages_are_refused(fitted, command):
     folder, _ = fitted
     done = run_command(command, str(folder / "dam.yaml"))
