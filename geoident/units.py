@@ -30,6 +30,10 @@ DIMENSIONS: Mapping[str, str] = {
     "angle": "rad",
     "temperature": "K",
     "expansion": "1/K",
+    "conductivity": "W/mK",
+    "heat capacity": "J/m3K",
+    "specific heat": "J/kgK",
+    "film coefficient": "W/m2K",
     "frequency": "Hz",
     "time": "s",
     DIMENSIONLESS: "",
@@ -219,6 +223,10 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
     "area": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6, "in2": 0.0254**2},
     "temperature": {"K": 1.0, "degC": 1.0},
     "expansion": {"1/K": 1.0, "1/degC": 1.0, "1/degF": 1.8, "microstrain/degC": 1e-6},
+    "conductivity": {"W/mK": 1.0, "W/mdegC": 1.0},
+    "heat capacity": {"J/m3K": 1.0, "kJ/m3K": 1e3, "MJ/m3K": 1e6, "MJ/m3degC": 1e6},
+    "specific heat": {"J/kgK": 1.0, "kJ/kgK": 1e3, "J/kgdegC": 1.0, "kJ/kgdegC": 1e3},
+    "film coefficient": {"W/m2K": 1.0, "W/m2degC": 1.0},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "time": {
         "s": 1.0,
@@ -313,6 +321,9 @@ _SAME = {
     **dict.fromkeys(("msi", "MPSI"), "Mpsi"),
     "°": "deg",
     "°C": "degC",
+    "W/m/K": "W/mK",
+    "W/m2/K": "W/m2K",
+    "J/kg/K": "J/kgK",
     "-": "",
     "10-6": "1e-6",
     "x10-6": "1e-6",
@@ -515,6 +526,8 @@ def normal_unit(text: str, dimension: str = "") -> str:
         UnitError: there is no such unit.
     """
     unit = text.strip().translate(_SPELLINGS)
+    if "/(" in unit:  # W/(m K)
+        unit = unit.replace("/(", "/").removesuffix(")")
     unit = _SAME.get(unit, unit)
     apart = _PREFIX_APART.match(text.strip())
     if unit in UNITS and not (apart and apart[1] in UNITS):

@@ -151,6 +151,44 @@ def raised_rule(kind: str) -> tuple[Floats, Floats]:
     return _gauss(cell.dim, cell.order + 1)
 
 
+def divided_rule(kind: str, parts: int) -> tuple[Floats, Floats]:
+    """`raised_rule` of a face on each of so many parts along each of its edges.
+
+    For what has a kink within the face, such as the pressure of water that reaches a part of it.
+    """
+    cell = CELLS[kind]
+    points, weights = raised_rule(kind)
+    if cell.shape.name == "tri":
+        corners = [(i, j) for i in range(parts) for j in range(parts - i)]
+        upright = [np.array(corner) + points for corner in corners]
+        turned = [np.array(at) + 1.0 - points for at in corners if sum(at) < parts - 1]
+        divided = np.concatenate(upright + turned) / parts
+    else:
+        centres = (2.0 * np.arange(parts) + 1.0 - parts) / parts
+        steps = product(centres, repeat=cell.dim)
+        divided = np.concatenate([np.array(step) + points / parts for step in steps])
+    return divided, np.tile(weights, parts**cell.dim) / parts**cell.dim
+
+
+def mass_rule(kind: str) -> tuple[Floats, Floats]:
+    """Quadrature (points (n_q, dim), weights (n_q,)) for products of two shape functions.
+
+    Exact on affine elements without pyramids; with the factor of a radius nearly so.
+    """
+    cell = CELLS[kind]
+    match cell.shape.name:
+        case "tri":
+            return _TRIANGLE_DEGREE_4
+        case "tet":
+            # a cube that shrinks to the corner: x, y (1 - x), z (1 - x) (1 - y)
+            unit, weights = _gauss(3, cell.order + 2)
+            x, y, z = 0.5 * (1.0 + unit.T)
+            points = np.column_stack([x, y * (1 - x), z * (1 - x) * (1 - y)])
+            return points, weights / 8.0 * (1 - x) ** 2 * (1 - y)
+        case _:
+            return _stiffness_rule(cell)
+
+
 def _space(cell: CellKind) -> list[tuple[int, ...]]:
     """Exponents of the coordinates, and how often it is divided by w, of every function."""
     name, p = cell.shape.name, cell.order

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.elasticity import VOIGT
-from geoident.fem.elements import raised_rule, reference_element
+from geoident.fem.elements import divided_rule, raised_rule, reference_element
 from geoident.fem.faces import FacetPatch
 from geoident.fem.kinematics import BlockGeometry, Kinematics
 from geoident.model.arrays import Floats, Ints
@@ -31,16 +31,19 @@ class FacetGeometry:
     positions: Floats
 
 
-def facet_geometry(points: Floats, patch: FacetPatch, kinematics: Kinematics) -> FacetGeometry:
+def facet_geometry(
+    points: Floats, patch: FacetPatch, kinematics: Kinematics, parts: int = 1
+) -> FacetGeometry:
     """Quadrature points, weights and outward normals of a patch.
 
     Args:
         points: (n_nodes, dim) nodes of the mesh, m.
         patch: faces of one kind.
         kinematics: of the analysis.
+        parts: into which each edge of a face is divided for the quadrature.
     """
     reference = reference_element(patch.kind)
-    xi, weights = raised_rule(patch.kind)
+    xi, weights = raised_rule(patch.kind) if parts == 1 else divided_rule(patch.kind, parts)
     shapes, local = reference.shapes(xi), reference.gradients(xi)
     corners = points[patch.nodes]
     tangents = np.einsum("fai,qaj->fqij", corners, local)
@@ -67,7 +70,7 @@ def pressure_forces(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> Fl
 
 
 def pressure_operator(
-    mesh: Mesh, patch: FacetPatch, kinematics: Kinematics
+    mesh: Mesh, patch: FacetPatch, kinematics: Kinematics, parts: int = 1
 ) -> tuple[Floats, sp.csr_array]:
     """Where pressures on a patch are asked for, and the forces that they make.
 
@@ -75,12 +78,13 @@ def pressure_operator(
         mesh: the mesh.
         patch: faces of one kind.
         kinematics: of the analysis.
+        parts: into which each edge of a face is divided for the quadrature.
 
     Returns:
         (m, dim) quadrature points, m, and the matrix (n_dofs, m) from pressures there, Pa, to
         nodal forces, N.
     """
-    geometry = facet_geometry(mesh.points, patch, kinematics)
+    geometry = facet_geometry(mesh.points, patch, kinematics, parts)
     n_faces, n_q, dim = geometry.normals.shape
     shares = np.einsum("qa,fqi->fqai", geometry.shapes, -geometry.normals)
     rows = patch.nodes[:, None, :, None] * dim + np.arange(dim)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from geoident.model.arrays import Floats
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar
 
@@ -55,12 +56,15 @@ class WaterPressure:
         level: of the water, m.
         unit_weight: of the water, N/m3.
         falls: uplift under a dam: how the level falls along the face; None: still water.
+        parts: into which each edge of a face is divided where the pressure is summed: of a level
+            that moves up and down a face the forces then change without steps.
     """
 
     group: str
     level: Scalar
     unit_weight: Scalar = WATER
     falls: HeadLine | None = None
+    parts: int = 1
 
 
 @dataclass(frozen=True)
@@ -152,7 +156,14 @@ class TemperatureField:
     factor: Scalar = Scalar(1.0)
 
 
-Temperature = Scalar | TemperatureField
+@dataclass(frozen=True, eq=False)
+class PointTemperature:
+    """Temperature changes at all strain points of a mesh, (n_points,), K: computed, not given."""
+
+    values: Floats
+
+
+Temperature = Scalar | TemperatureField | PointTemperature
 """Change of temperature since the initial state or since placing, K."""
 
 

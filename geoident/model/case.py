@@ -23,6 +23,7 @@ from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
+from geoident.model.in_service import SeasonalModel, StructureInService
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -96,6 +97,8 @@ def format_path(path: KeyPath) -> str:
 class Material:
     """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given).
 
+    Of heat: conductivity in W/mK, and capacity in J/m3K, or in J/kgK as specific heat.
+
     Its yield surfaces hold together; none: it does not yield. A constant of which there is a field
     varies from place to place; the constant itself is then the mean. One that grows is the number
     from which it grows.
@@ -108,6 +111,16 @@ class Material:
     yields: tuple[YieldSurface, ...] = ()
     fields: tuple[RandomField, ...] = ()
     growths: tuple[Growth, ...] = ()
+    conductivity: Scalar | None = None
+    heat_capacity: Scalar | None = None
+    specific_heat: Scalar | None = None
+
+    @property
+    def conducts(self) -> bool:
+        """Whether conductivity and heat capacity are given."""
+        return self.conductivity is not None and (
+            self.heat_capacity is not None or self.specific_heat is not None
+        )
 
     @property
     def scalars(self) -> tuple[Scalar, ...]:
@@ -116,6 +129,11 @@ class Material:
             *elastic_scalars(self.elastic).values(),
             self.density,
             self.expansion,
+            *(
+                number
+                for number in (self.conductivity, self.heat_capacity, self.specific_heat)
+                if number is not None
+            ),
             *(number for surface in self.yields for number in surface.numbers),
             *(field.mean for field in self.fields),
             *(number for g in self.growths for number in (g.base, *scalars_of(g.law).values())),
@@ -283,6 +301,7 @@ class Case:
             for a case that geoident computes.
         face: how distances to the tunnel face become released stress, or None.
         decisions: what is to be done if a reading is beyond a value.
+        service: what acts day by day from the last stage on, or None.
     """
 
     title: str
@@ -311,6 +330,14 @@ class Case:
     face: FaceProfile | None = None
     mesh_order: int = 1
     decisions: tuple[Decision, ...] = ()
+    service: StructureInService | None = None
+
+    @property
+    def in_time(self) -> SeasonalModel | StructureInService | None:
+        """What acts on a structure in service day by day; None for a case of stages."""
+        if isinstance(self.elsewhere, SeasonalModel):
+            return self.elsewhere
+        return self.service
 
     @property
     def yields(self) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoident.model.arrays import Floats
+from geoident.model.parameter import Scalar
 
 DAY = 86400.0  # s
 YEAR = 365.25 * DAY
@@ -125,3 +126,81 @@ class SeasonalModel:
     def series(self) -> tuple[Series, ...]:
         """All that acts."""
         return tuple(one for one in (self.level, self.air) if one is not None)
+
+
+@dataclass(frozen=True)
+class ReservoirFormula:
+    """Temperature of a reservoir by depth and season (theory 16.7).
+
+    Zhu Bofang, Prediction of water temperature in deep reservoirs, Dam Engineering 8 (1997).
+
+    Args:
+        depth: of the reservoir, m.
+        surface: mean of a year at its surface, degC.
+        bottom: mean of a year at its bottom, degC.
+        amplitude: of the year at the surface, K.
+        warmest: when the air is warmest, s after the beginning of a year.
+    """
+
+    depth: float
+    surface: float
+    bottom: float
+    amplitude: float
+    warmest: float
+
+    def at(self, times: Floats, depths: Floats) -> Floats:
+        """Temperatures (k, m), degC, at times (k,), s since 1970, and depths (m,) or (k, m), m."""
+        fall = np.exp(-_MEAN_FALLS * self.depth)
+        limit = (self.bottom - self.surface * fall) / (1.0 - fall)
+        mean = limit + (self.surface - limit) * np.exp(-_MEAN_FALLS * depths)
+        late = _MONTH * (_LATEST - _SOONER * np.exp(-_LAG_FALLS * depths))
+        since = times[:, None] - self.warmest - late
+        swing = self.amplitude * np.exp(-_SWING_FALLS * depths)
+        return np.asarray(mean + swing * np.cos(2.0 * np.pi / YEAR * since))
+
+
+_MONTH = YEAR / 12.0
+_MEAN_FALLS, _SWING_FALLS, _LAG_FALLS = 0.040, 0.018, 0.085
+"""Of Zhu's formula, 1/m: of the mean, the amplitude and the lag."""
+
+_LATEST, _SOONER = 2.15, 1.30
+"""Of Zhu's formula, months: lag behind the air at great depth, and by how much less above."""
+
+
+@dataclass(frozen=True)
+class StructureInService:
+    """What acts on a finite element model from its last stage on (theory 16.7).
+
+    Args:
+        since: when the service begins, s since 1970.
+        wetted: groups of faces in front of which the water stands.
+        in_air: groups of faces in the air.
+        constant: groups of faces whose temperature does not change.
+        film: coefficient of the faces in the air, W/m2K; None: they have its temperature.
+        level: series of the level; None for no water.
+        air: series of the air temperature, degC; None: temperatures do not change.
+        water: temperature of the water; None for no water, or no temperatures.
+        linear: whether every gauge may have a motion that goes on.
+        settling: times, s, in which motions of every gauge fade.
+    """
+
+    since: float
+    wetted: tuple[str, ...] = ()
+    in_air: tuple[str, ...] = ()
+    constant: tuple[str, ...] = ()
+    film: Scalar | None = None
+    level: Series | None = None
+    air: Series | None = None
+    water: Series | ReservoirFormula | None = None
+    linear: bool = False
+    settling: tuple[float, ...] = ()
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of the files of all that acts."""
+        return tuple(dict.fromkeys(one.path for one in self.series))
+
+    @property
+    def series(self) -> tuple[Series, ...]:
+        """All that acts by series."""
+        return tuple(one for one in (self.level, self.air, self.water) if isinstance(one, Series))

@@ -211,7 +211,7 @@ def _reading_notes(
     Programs and functions of others are not run.
     """
     case = model.case
-    if not case.parameters or not readings.used.any():
+    if not case.parameters or not readings.used.any() or case.service is not None:
         return ()
     elsewhere = case.elsewhere is not None and not isinstance(
         case.elsewhere, ConvergenceLaw | RunTable
@@ -391,8 +391,10 @@ def _readings(case: Case, readings: ReadingTable) -> tuple[ReadingSummary, ...]:
     return tuple(
         ReadingSummary(
             stage,
-            tuple(used.get(stage, ())),
-            tuple((why, tuple(names)) for why, names in unused.get(stage, {}).items()),
+            tuple(dict.fromkeys(used.get(stage, ()))),
+            tuple(
+                (why, tuple(dict.fromkeys(names))) for why, names in unused.get(stage, {}).items()
+            ),
         )
         for stage in case.stage_names
         if stage in used or stage in unused

@@ -63,6 +63,7 @@ from geoident.workflow.estimating.wrong_readings import (
     gross_readings,
 )
 from geoident.workflow.in_service.fit import fit_seasonal
+from geoident.workflow.in_service.structure import fit_structure
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
@@ -89,6 +90,8 @@ def fit(job: Job, control: Control) -> Finished:
     """
     if isinstance(job.inputs.case.elsewhere, SeasonalModel):
         return fit_seasonal(job, control)
+    if job.inputs.case.service is not None:
+        return fit_structure(job, control)
     if job.inputs.case.fit.ladder:
         return fit_ladder(job, control, _fit)
     return _fit(job, control)

@@ -73,7 +73,8 @@ def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools
         push = np.sum([pressure_forces(mesh, p, kinematics) for p in faces], axis=0)
         pressure = load.value
         return lambda point: np.outer(push, point.number(pressure).columns)
-    places, operators = zip(*(pressure_operator(mesh, p, kinematics) for p in faces), strict=True)
+    pushes = (pressure_operator(mesh, p, kinematics, load.parts) for p in faces)
+    places, operators = zip(*pushes, strict=True)
     water, operator = FacePressure(load, np.concatenate(places)), sp.hstack(operators, "csr")
     return lambda point: np.asarray(operator @ water.at(point).columns)
 

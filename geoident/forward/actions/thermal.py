@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.actions import TemperatureField
+from geoident.model.actions import PointTemperature, TemperatureField
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
@@ -75,6 +75,9 @@ class ThermalStrains:
             return point.constant(np.zeros(1))
         if isinstance(temperature, Scalar):
             return Dual(point.number(temperature).columns[None])
+        if isinstance(temperature, PointTemperature):
+            at = self._discretization.points_of[group]
+            return point.constant(temperature.values[at])
         key = (id(temperature), group)  # of the case, which lasts
         if key not in self._fields:
             positions = self._discretization.points.position[self._discretization.points_of[group]]

@@ -6,12 +6,13 @@ bodies of some response times feel it, and motions that begin with the service.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.model.arrays import Floats, Ints
-from geoident.model.in_service import DAY, YEAR, SeasonalModel
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.in_service import DAY, YEAR, SeasonalModel, StructureInService
 
 
 @dataclass(frozen=True)
@@ -44,22 +45,35 @@ class Effects:
 
     Args:
         columns: (k, q) the columns, a constant first; NaN where something that acts is not known.
+            On a mesh those of the gauges that are read at the k times.
         names: q of the columns.
-        effects: q, to which effect each belongs: ``level``, ``season``, ``air`` or
-            ``irreversible``; empty for the constant.
+        effects: q, to which effect each belongs, see `EFFECTS`; empty for the constant, and for
+            parameters that all gauges share.
+        shared: the last columns are what all gauges share: so many.
     """
 
     columns: Floats
     names: tuple[str, ...]
     effects: tuple[str, ...]
+    shared: int = 0
+
+    @property
+    def own(self) -> Ints:
+        """Numbers of the columns whose coefficients each gauge has of its own."""
+        return np.arange(len(self.names) - self.shared)
+
+    @property
+    def known(self) -> Bools:
+        """(k,) at which times all that acts is known."""
+        return np.asarray(np.isfinite(self.columns).all(axis=1))
 
     def of(self, effect: str) -> Ints:
         """Numbers of the columns of an effect."""
         return np.flatnonzero(np.array(self.effects) == effect)
 
 
-EFFECTS = ("level", "season", "air", "irreversible")
-"""All effects, in the order of the columns."""
+EFFECTS = ("level", "season", "air", "temperature", "irreversible")
+"""All effects, in the order of the columns; ``temperature`` is that of a structure on its mesh."""
 
 
 def effects_at(model: SeasonalModel, scales: Scales, times: Floats) -> Effects:
@@ -87,15 +101,20 @@ def effects_at(model: SeasonalModel, scales: Scales, times: Floats) -> Effects:
             (f"air {_days(lag)}", "air", model.air.lagged(times, lag) - scales.air_mean)
             for lag in model.lags
         ]
-    since = times - model.since
-    if model.linear:
-        columns.append(("linear", "irreversible", since / YEAR))
-    columns += [
-        (f"settling {_days(time)}", "irreversible", 1.0 - np.exp(-since / time))
-        for time in model.settling
-    ]
+    columns += [(name, "irreversible", v) for name, v in lasting_motions(model, times)]
     names, effects, values = zip(*columns, strict=True)
     return Effects(np.column_stack(values), names, effects)
+
+
+def lasting_motions(
+    model: SeasonalModel | StructureInService, times: Floats
+) -> Iterator[tuple[str, Floats]]:
+    """Motions that do not come back: their names, and columns (k,) at times (k,)."""
+    since = times - model.since
+    if model.linear:
+        yield "linear", since / YEAR
+    for time in model.settling:
+        yield f"settling {_days(time)}", 1.0 - np.exp(-since / time)
 
 
 def independent(columns: Floats) -> Ints:

@@ -143,19 +143,37 @@ def regression_in_time(times: Floats, y: Floats, X: Floats) -> TimeRegression:
         y: (m,) readings, SI.
         X: (m, q) of full rank, q < m, a constant among the columns.
     """
+    noise = fitted_noise(times, y, X)
+    likely = likely_noises(times, y, X, noise)
+    return TimeRegression(times, y, X, noise, likely=likely)
+
+
+def fitted_noise(times: Floats, y: Floats, X: Floats) -> Noise:
+    """The noise of `regression_in_time`."""
     search = _NoiseSearch(times, y, X)
     if len(y) < X.shape[1] + 5:
-        only = Noise(search.size)
-        return replace(search.regression(only), likely=(only,))
+        return Noise(search.size)
     lasting = [search.likeliest(start, _COARSE) for start in search.starts]
     best = min(lasting, key=lambda one: one.minus_two_l)
     best = search.likeliest(replace(best.noise, drift=search.drift(best)), _FINE)
-    likely = search.likely(best.noise)
     plain = search.likeliest(Noise(search.size, drift=best.noise.drift), _FINE)
     if best.minus_two_l > plain.minus_two_l - WORTH:
         best = plain
-    fit = search.regression(replace(best.noise, drift=search.drift(best)))
-    return replace(fit, likely=likely)
+    return replace(best.noise, drift=search.drift(best))
+
+
+def likely_noises(times: Floats, y: Floats, X: Floats, noise: Noise) -> tuple[Noise, ...]:
+    """Noises that the residuals leave possible, as often as they are likely.
+
+    Args:
+        times: (m,) s, increasing.
+        y: (m,) readings, SI.
+        X: (m, q) of full rank, q < m, a constant among the columns.
+        noise: the fitted one.
+    """
+    if len(y) < X.shape[1] + 5:
+        return (noise,)
+    return _NoiseSearch(times, y, X).likely(noise)
 
 
 class _NoiseSearch:
@@ -251,6 +269,9 @@ class _NoiseSearch:
                 - 2.0 * float(t[0] + t[1] + t[3])
             )
 
+        if not start.lasting:  # it may have one that was not worth its numbers
+            time = np.exp(bounds[2].mean())
+            start = replace(start, lasting=_HIDDEN * start.white, time=float(time))
         t = np.clip(np.log([start.white, start.lasting, start.time, start.drift]), *bounds.T)
         here = minus_two_log(t)
         draws = []
@@ -287,6 +308,9 @@ _STEP = 0.7
 
 _LIKELY, _THINNED = 30, 5
 """Likely noises that are kept, and steps from one to the next."""
+
+_HIDDEN = 0.3
+"""An error that lasts and hardly shows, in that of a reading by itself."""
 
 _STEPS = np.array([0.2, 0.25, 0.5, 0.8])
 """Standard deviations of a step, of the logarithms of white, lasting, time and drift."""

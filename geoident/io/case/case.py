@@ -36,6 +36,12 @@ from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
+from geoident.io.case.in_service.structure import (
+    WATER_TEMPERATURE,
+    ReservoirSection,
+    ServiceSection,
+    check_service,
+)
 from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder
 from geoident.io.case.parameters import ParameterSection
@@ -85,11 +91,15 @@ Gravity = TextOrList[FixedAcceleration, Accelerations]
 def _load_shape(value: object) -> str:
     if isinstance(value, SeriesSection) or (isinstance(value, Mapping) and "file" in value):
         return "<file>"
+    if isinstance(value, ReservoirSection) or (isinstance(value, Mapping) and "model" in value):
+        return "<model>"
     return "mapping"
 
 
 LoadValue = Annotated[
-    Annotated[LoadSection, Tag("mapping")] | Annotated[SeriesSection, Tag("<file>")],
+    Annotated[LoadSection, Tag("mapping")]
+    | Annotated[SeriesSection, Tag("<file>")]
+    | Annotated[ReservoirSection, Tag("<model>")],
     Discriminator(_load_shape),
 ]
 """A load that stays, or one that changes in time."""
@@ -199,7 +209,8 @@ class CaseSection(Section):
     loads: dict[Name, LoadValue] = Field(
         {},
         description="Loads that act from the beginning; of a structure in service the level of the "
-        "water and the temperature of the air, `level` and `air`, day by day.",
+        "water, the temperature of the air and that of the water, `level`, `air` and "
+        "`water_temperature`, day by day.",
         examples=[{"level": {"file": "level.csv", "unit": "m"}}],
     )
     structures: dict[Name, StructureSection] = Field(
@@ -219,6 +230,12 @@ class CaseSection(Section):
         validate_default=True,
         description="Construction, step by step; without it a model elsewhere has one, named "
         f"{ONE_STAGE}.",
+    )
+    service: ServiceSection | None = Field(
+        None,
+        description="The structure is in service from the last stage on: water level and "
+        "temperatures of `loads` act on it day by day.",
+        examples=[{"since": "2010-04-01", "faces": {"wetted": ["upstream"], "air": ["crest"]}}],
     )
     gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")
     dates: dict[Name, Date] = Field(
@@ -243,20 +260,44 @@ class CaseSection(Section):
     fit: FitSection = Field(default_factory=FitSection)
     report: ReportSection | None = Field(None, description="The head of the report.")
 
+    @property
+    def service_stage(self) -> str | None:
+        """Name of the stage that is in service; None for a case of stages alone."""
+        if isinstance(self.model, SeasonalModelSection):
+            return IN_SERVICE
+        return self.stages[-1].name if self.service is not None and self.stages else None
+
+    @property
+    def service_since(self) -> str | None:
+        """When the service begins."""
+        if isinstance(self.model, SeasonalModelSection):
+            return self.model.since
+        return None if self.service is None else self.service.since
+
     def check(self, faults: SectionFaults) -> None:
         """There is ground, or a model elsewhere, not both."""
         if self.model is None:
             _require_ground(self, faults)
         else:
             _refuse_ground(self, faults)
+        if self.service is not None and self.model is None:
+            _check_in_service(self, self.service, faults)
+        until, since = self.fit.until, self.service_since
+        if until is not None and since is not None and read_date(until) <= read_date(since):
+            key = "service" if self.model is None else "model"
+            message = f"'{until}' is not after {key}.since, '{since}'"
+            faults.add(("fit", "until"), "dates", message, "Correct one of them.")
 
 
 def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
     """What geoident computes has materials, loads that stay, and gauges that are somewhere."""
     for name, load in section.loads.items():
-        if isinstance(load, SeriesSection):
+        if section.service is None and not isinstance(load, LoadSection):
             message = f"'{name}' changes in time, and the model has none"
-            hint = "Loads from files belong to 'model: {kind: seasonal}'. In stages write numbers."
+            hint = (
+                "Loads from files belong to a structure in service: 'service' with its faces, or "
+                "'model: {kind: seasonal}'. In stages write numbers."
+            )
             faults.add(("loads", name), "no-time", message, hint)
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
@@ -267,9 +308,57 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
             faults.add(("gauges", name, "kind"), "no-place", message, hint)
 
 
+def _check_in_service(section: CaseSection, service: ServiceSection, faults: SectionFaults) -> None:
+    """A structure in service has a mesh, stages, and nothing that only fits readings of stages."""
+    for key in ("mesh", "stages"):
+        if not getattr(section, key):
+            message = f"a structure in service needs '{key}'"
+            hint = "Without a mesh: 'model: {kind: seasonal}'." if key == "mesh" else ""
+            hint = hint or "The last stage is the one in service: stages: [{name: in service}]."
+            faults.add(("service",), "missing-key", message, hint)
+    known = list(DIMENSION_OF)
+    for name, load in section.loads.items():
+        if isinstance(load, ReservoirSection) and name != WATER_TEMPERATURE:
+            hint = f"Call it {WATER_TEMPERATURE}."
+            faults.add(("loads", name), "unused-load", "a reservoir's temperature acts there", hint)
+        elif isinstance(load, SeriesSection) and name not in known:
+            message = f"nothing depends on '{name}'"
+            hint = f"What acts day by day is {', '.join(known)}."
+            faults.add(("loads", name), "unused-load", message, hint)
+    in_time = [name for name, one in section.loads.items() if not isinstance(one, LoadSection)]
+    check_service(service, [name for name in in_time if name in known], faults)
+    if section.stages and section.stages[-1].independent:
+        message = "the last stage is the one in service, and it is independent"
+        hint = "Put the stage of the service last."
+        faults.add(("stages", len(section.stages) - 1, "independent"), "no-service", message, hint)
+    for name, material in section.materials.items():
+        if material.yields is not None:
+            message = "a structure in service is elastic"
+            hint = "Remove 'yield', or describe the case by stages, without 'service'."
+            faults.add(("materials", name, "yield"), "yields", message, hint)
+    fit = section.fit
+    for key in ("ladder", "model_error", "keep_reduced"):
+        if key in fit.model_fields_set and getattr(fit, key):
+            message = "it does not fit readings in time: their noise follows from the residuals"
+            faults.add(("fit", key), "no-stages", message, "Remove it.")
+    methods = [fit.method] if isinstance(fit.method, str) else fit.method or []
+    for method in methods:
+        if method not in _IN_TIME:
+            message = f"{method} does not fit readings in time"
+            hint = f"Write one of {', '.join(_IN_TIME)}, or remove it."
+            faults.add(("fit", "method"), "no-method", message, hint)
+    if fit.loss != "squared":
+        message = f"'{fit.loss}' does not fit readings whose errors last"
+        faults.add(("fit", "loss"), "no-loss", message, "Remove it; wrong readings go to 'bad'.")
+
+
+_IN_TIME = ("gauss-newton", "simplex")
+"""Methods that need nothing of a model but its readings."""
+
+
 _OF_THE_GROUND = (
     "mesh", "materials", "groups", "supports", "in_situ", "water", "gravity", "loads", "structures",
-    "face",
+    "face", "service",
 )  # fmt: skip
 
 
@@ -284,7 +373,7 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
             faults.add((key,), "no-ground", why, "Remove it.")
     _check_series(section, faults)
     if isinstance(section.model, SeasonalModelSection):
-        _check_seasonal(section, section.model, faults)
+        _check_seasonal(section, faults)
     for n, stage in enumerate(section.stages):
         fields = type(stage).model_fields
         for key in sorted(stage.model_fields_set - {"name"}):
@@ -300,10 +389,8 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
 
 
-def _check_seasonal(
-    section: CaseSection, model: SeasonalModelSection, faults: SectionFaults
-) -> None:
-    """A seasonal model has no stages, zeros, parameters and methods; it ends after it begins."""
+def _check_seasonal(section: CaseSection, faults: SectionFaults) -> None:
+    """A seasonal model has no stages, zeros, parameters and methods."""
     own = "a seasonal model has a constant of its own for each gauge, so this would change nothing"
     if [stage.name for stage in section.stages] != [IN_SERVICE]:
         message = "a structure in service has no stages: its readings have dates"
@@ -321,10 +408,6 @@ def _check_seasonal(
     if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
         message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
         faults.add(("fit", "method"), "no-method", message, "Remove it.")
-    until = section.fit.until
-    if until is not None and read_date(until) <= read_date(model.since):
-        message = f"'{until}' is not after model.since, '{model.since}'"
-        faults.add(("fit", "until"), "dates", message, "Correct one of them.")
 
 
 def _check_series(section: CaseSection, faults: SectionFaults) -> None:
@@ -390,6 +473,7 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         channels=channels,
         readings=(),
         dates={},
+        service=None,
         fit=replace(
             section.fit.settings(strengths=_seek_strengths(materials)),
             ladder=build_ladder(

@@ -30,6 +30,11 @@ from geoident.io.case.in_service.series import (
     gap_notes,
     read_series,
 )
+from geoident.io.case.in_service.structure import (
+    WATER_TEMPERATURE,
+    ReservoirSection,
+    build_service,
+)
 from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
@@ -199,22 +204,37 @@ def _build(
         read = read_all(section, built.channels, partial(_find, folder, faults=faults), faults)
     if wrong:
         faults.raise_any()
-    elsewhere = _elsewhere(section, built, read.dates, folder, faults) if with_mesh else None
+    series = _series(section, folder, faults) if with_mesh else {}
+    elsewhere = (
+        _elsewhere(section, built, read.dates, folder, series, faults) if with_mesh else None
+    )
+    service = None
+    if section.service is not None and with_mesh and not wrong:
+        water = section.loads.get(WATER_TEMPERATURE)
+        formula = water if isinstance(water, ReservoirSection) else None
+        service = build_service(section.service, series, formula, faults)
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
-    if isinstance(elsewhere, SeasonalModel):
-        read.notes += gap_notes({one.name: one for one in elsewhere.series})
+    in_time = elsewhere if isinstance(elsewhere, SeasonalModel) else service
+    if in_time is not None:
+        read.notes += gap_notes({one.name: one for one in in_time.series})
     case = replace(
         read.given_to(built),
         channels=described_channels(built, section, read.zeros, faults),
         mesh_file=mesh_path,
         elsewhere=elsewhere,
+        service=service,
     )
     return case, tuple(read.paths)
 
 
 def _elsewhere(
-    section: CaseSection, case: Case, dates: Mapping[str, float], folder: Path, faults: Faults
+    section: CaseSection,
+    case: Case,
+    dates: Mapping[str, float],
+    folder: Path,
+    series: Mapping[str, Series],
+    faults: Faults,
 ) -> ExternalSource | None:
     """The program, function, table or law of a case; None for one of ground."""
     if section.model is None:
@@ -228,7 +248,7 @@ def _elsewhere(
         find=partial(_find, folder, faults=faults),
         faults=faults,
         dates=dates,
-        series=_series(section, folder, faults),
+        series=series,
         loads=tuple(section.loads),
     )
     return build_elsewhere(section.model, around)

@@ -23,10 +23,13 @@ from geoident.io.schema.values import (
     Angle,
     CaseNumber,
     Coefficient,
+    Conductivity,
     Density,
     DirectionVector,
     Expansion,
+    HeatCapacity,
     Ratio,
+    SpecificHeat,
     Stress,
     scalar_of,
 )
@@ -52,6 +55,17 @@ class _MaterialBase(Section):
     )
     expansion: Expansion | None = Field(
         None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
+    )
+    conductivity: Conductivity | None = Field(
+        None, description="Of heat, for a structure in service.", examples=["2.5 W/mK", "$k"]
+    )
+    heat_capacity: HeatCapacity | None = Field(
+        None, description="Heat per volume and degree.", examples=["2.2 MJ/m3K"]
+    )
+    specific_heat: SpecificHeat | None = Field(
+        None,
+        description="Heat per mass and degree, in place of `heat_capacity`: times the density.",
+        examples=["900 J/kgK"],
     )
     yields: YieldSections | None = Field(
         None,

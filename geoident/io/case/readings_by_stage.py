@@ -16,7 +16,6 @@ from typing import Any
 
 from geoident.errors import InputError
 from geoident.io.case.case import CaseSection
-from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.calendar import Calendar, calendar_of
 from geoident.io.case.site_files.checks import ReadingChecks
@@ -100,8 +99,7 @@ def read_all(
     read.notes += checks.drifts(read.readings)
     read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
-    in_service = isinstance(section.model, SeasonalModelSection)
-    if read.by_stage and not faults.found and not in_service:
+    if read.by_stage and not faults.found and section.service_stage is None:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
     return read
 
@@ -176,7 +174,7 @@ def _of_file(
         read.notes += [note] if note not in read.notes else []
     if sound:
         read.notes += exchanged(rows, described.date_format, calendar)
-    usual = "all" if isinstance(checks.section.model, SeasonalModelSection) else "last"
+    usual = "last" if checks.section.service_stage is None else "all"
     repeated = described.repeated_readings or described.several or (usual if dated else "")
     read.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))

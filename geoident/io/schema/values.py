@@ -66,6 +66,10 @@ _EXAMPLES: Mapping[str | None, str] = {
     "angle": "30 deg",
     "temperature": "10 degC",
     "expansion": "1e-5 1/K",
+    "conductivity": "2.5 W/mK",
+    "heat capacity": "2.2 MJ/m3K",
+    "specific heat": "900 J/kgK",
+    "film coefficient": "25 W/m2K",
     "strain": "50 microstrain",
     DIMENSIONLESS: "0.25",
     None: "15 GPa",
@@ -576,6 +580,11 @@ Force = Annotated[CaseNumber, QuantityType("force", tied=True)]
 LineForce = Annotated[CaseNumber, QuantityType("line load", tied=True)]
 TemperatureChange = Annotated[CaseNumber, QuantityType("temperature", tied=True)]
 Expansion = Annotated[CaseNumber, QuantityType("expansion", tied=True)]
+Conductivity = Annotated[CaseNumber, QuantityType("conductivity", tied=True, above=0.0)]
+HeatCapacity = Annotated[CaseNumber, QuantityType("heat capacity", tied=True, above=0.0)]
+SpecificHeat = Annotated[CaseNumber, QuantityType("specific heat", tied=True, above=0.0)]
+FilmCoefficient = Annotated[CaseNumber, QuantityType("film coefficient", tied=True, above=0.0)]
+FixedTemperature = Annotated[CaseNumber, QuantityType("temperature")]
 Size = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
 Area = Annotated[CaseNumber, QuantityType("area", tied=True, above=0.0)]
 Multiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=0.0)]

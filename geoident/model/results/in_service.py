@@ -22,7 +22,8 @@ class SeasonalFit:
 
     Args:
         terms: names of the q terms, ``constant`` first.
-        effects: to which effect each belongs: ``level``, ``season``, ``air`` or ``irreversible``.
+        effects: to which effect each belongs: ``level``, ``season``, ``air``, ``temperature`` or
+            ``irreversible``; empty for a constant, and for parameters that all gauges share.
         coefficients: (n_gauges, q) in the unit of the gauge, by K for the air, by year for
             ``linear``.
         covariance: (n_gauges, q + 2, q + 2) of the coefficients and, last, of the lasting error and
@@ -48,6 +49,8 @@ class SeasonalFit:
             back.
         irreversible_sd: (n_gauges,) its standard deviation.
         explained: (n_gauges,) part of the variance of the readings that the effects explain.
+        temperature, temperature_sd: like ``air``, of the temperature of a structure on its mesh;
+            None where there is no mesh.
     """
 
     terms: tuple[str, ...] = field(metadata=column("term", name="term"))
@@ -81,6 +84,12 @@ class SeasonalFit:
     irreversible: Floats = field(metadata=_LIKE_READING)
     irreversible_sd: Floats = field(metadata=_LIKE_READING)
     explained: Floats = field(metadata=column("gauge"))
+    temperature: Floats | None = field(
+        default=None, metadata=column("gauge", dimension="gauge", optional=True)
+    )
+    temperature_sd: Floats | None = field(
+        default=None, metadata=column("gauge", dimension="gauge", optional=True)
+    )
 
     @property
     @derived("gauge", dimension="gauge")

@@ -21,10 +21,11 @@ from geoident.units import size_in
 
 TITLE = "Effects on the gauges"
 
-_EFFECTS = ("level", "season", "air", "irreversible")
+_EFFECTS = ("level", "season", "air", "temperature", "irreversible")
 
 WHAT = (
-    "Level, season, air: range of the readings that they cause, with its 95 % interval; "
+    "Level, season, air, temperature: range of the readings that they cause, with its 95 % "
+    "interval; "
     "irreversible: motion from the first reading to the last. Scatter: standard deviation of a "
     "reading about what is explained; of it 'lasting' fades within the time shown. Drift: a slow "
     "motion that no effect explains, as far as the readings leave it possible; standard deviation "
@@ -79,9 +80,10 @@ def effects_table(result: Result) -> TextTable:
             continue
         size = size_in(gauges.shown_units[i], gauges.dimensions[i]) or 1.0
         digits = max(0, 1 - int(np.floor(np.log10(fit.scatter[i] / size))))
+        sizes = [(getattr(fit, name), getattr(fit, f"{name}_sd")) for name in _EFFECTS]
         effects = [
-            _with_interval(getattr(fit, name)[i], getattr(fit, f"{name}_sd")[i], size, digits)
-            for name in _EFFECTS
+            "" if value is None else _with_interval(value[i], sd[i], size, digits)
+            for value, sd in sizes
         ]
         lasts = bool(fit.lasting[i])
         rows.append(
@@ -94,7 +96,7 @@ def effects_table(result: Result) -> TextTable:
                 f"{100.0 * fit.explained[i]:.0f} %",
             ]
         )  # fmt: skip
-    return TextTable(header, rows, right="lrrrrrlrrrrr").filled
+    return TextTable(header, rows, right="lrrrrrrlrrrrr").filled
 
 
 def _with_interval(value: float, sd: float, size: float, digits: int) -> str:

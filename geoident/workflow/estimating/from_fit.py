@@ -122,7 +122,7 @@ def read_fit(path: str, made: str) -> tuple[Result, Inputs]:
             hint = f"Name the result of the fit: {fit.provenance.fit_file or 'CASE.fit.h5'}."
         raise InputError([Fault("not-a-fit", message, hint, Location(path))])
     if fit.seasonal is not None and made != CONTROLLED:
-        message = "The fit is of a seasonal model, which has no parameters."
+        message = f"The fit is of a structure in service: nothing is {made} stage by stage."
         hint = f"Judge new readings: {Term.CONTROL}."
         raise InputError([Fault("no-parameters", message, hint, Location(path))])
     return fit, inputs_of_result(fit, case_path(path, fit.provenance.case_file))

@@ -13,7 +13,9 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
-from geoident.forward.in_service.seasonal import Effects, Scales, effects_at
+from geoident.fem.solvers.threads import one_thread
+from geoident.forward.in_service.seasonal import Effects
+from geoident.forward.observed import ObservedModel
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
 from geoident.identify.in_time.regression import GaugeState
@@ -22,15 +24,16 @@ from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.in_service import YEAR, SeasonalModel
+from geoident.model.in_service import YEAR
 from geoident.model.results.alarms import AlarmState
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, PowerRow, SeasonalFit
+from geoident.model.results.in_service import ChangeRow, PowerRow
 from geoident.model.results.result import GaugeTable, Result
 from geoident.units import UnitError, read_quantity
 from geoident.workflow.estimating.finished import Finished, job_at_hand
 from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_fit, read_fit
+from geoident.workflow.in_service.effects import channel_rows, effects_of_fit
 from geoident.workflow.in_service.fit import (
     explained,
     judged,
@@ -128,7 +131,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
     fit, origin = read_fit(request.result, CONTROLLED)
     if fit.seasonal is None:
         message = "the fit is of no structure in service"
-        hint = "Fit a case with 'model: {kind: seasonal}'."
+        hint = "Fit a case with 'model: {kind: seasonal}', or with 'service' on a mesh."
         place = Location(request.result)
         raise InputError([Fault("not-seasonal", message, hint, place)])
     if request.readings is not None and not Path(request.readings).is_file():
@@ -155,20 +158,21 @@ def plan_control(request: ControlRequest) -> ControlTask:
     return ControlTask(fit=fit, job=job, request=request, planned=planned)
 
 
+@one_thread()
 def control(task: ControlTask, controlling: Control) -> Finished:
     """Judge new readings and write what they show; keep a result that is up to date."""
     if (before := job_at_hand(task.job)) is not None:
         return before
     task.require_free()
     case, fit = task.job.inputs.case, task.fit.seasonal
-    model = case.elsewhere
     assert fit is not None
-    assert isinstance(model, SeasonalModel)
-    table = select_readings(case, build_model(task.job.inputs))
-    scales = _scales(fit)
-    effects = effects_at(model, scales, table.time)
-    table = _new_readings(with_reasons(table, model, effects), task.fit)
-    fitted = fitted_gauges(task.fit, fit, model, scales)
+    assert case.in_time is not None
+    model = build_model(task.job.inputs)
+    effects_of = effects_of_fit(case, model, task.fit)
+    table = select_readings(case, model)
+    effects = effects_of(channel_rows(case, table), table.time)
+    table = _new_readings(with_reasons(table, case.in_time, effects.known), task.fit)
+    fitted = fitted_gauges(task.fit, effects_of)
     watched = [
         new for gauge in fitted if (new := _watched(gauge, task.fit, table, effects)) is not None
     ]
@@ -192,8 +196,8 @@ def control(task: ControlTask, controlling: Control) -> Finished:
     alarms = with_next_year(
         alarm_states(case, _counting(gauges, watched), None),
         {case.channels[new.gauge.number].name: new.ahead for new in watched},
-        model,
-        scales,
+        case.in_time,
+        effects_of,
         rng,
     )
     state = _state(changes, alarms) if watched else NOT_JUDGED
@@ -248,26 +252,21 @@ def _in_place(fit: Result, path: str) -> str:
     return f"readings={{file: {given}, {layout}}}" if layout else f"readings={given}"
 
 
-def watched_gauges(fit: Result, case: Case, table: ReadingTable) -> list[WatchedGauge]:
+def watched_gauges(
+    fit: Result, case: Case, model: ObservedModel, table: ReadingTable
+) -> list[WatchedGauge]:
     """The gauges that have new readings.
 
     Args:
-        fit: of a seasonal model.
+        fit: of a structure in service.
         case: with the new readings.
+        model: of the case.
         table: of these, used.
     """
-    model, seasonal = case.elsewhere, fit.seasonal
-    assert isinstance(model, SeasonalModel)
-    assert seasonal is not None
-    scales = _scales(seasonal)
-    effects = effects_at(model, scales, table.time)
-    fitted = fitted_gauges(fit, seasonal, model, scales)
-    held = (_watched(gauge, fit, table, effects) for gauge in fitted)
+    effects_of = effects_of_fit(case, model, fit)
+    effects = effects_of(channel_rows(case, table), table.time)
+    held = (_watched(gauge, fit, table, effects) for gauge in fitted_gauges(fit, effects_of))
     return [new for new in held if new is not None]
-
-
-def _scales(fit: SeasonalFit) -> Scales:
-    return Scales(fit.level_low, fit.level_high, fit.air_mean)
 
 
 @dataclass(frozen=True)
@@ -299,7 +298,7 @@ class WatchedGauge:
     def ahead(self) -> Ahead:
         """What the next year follows from."""
         gauge = self.gauge
-        return Ahead(self.end, gauge.terms, gauge.likely, gauge.read_in_a_year)
+        return Ahead(gauge.number, self.end, gauge.terms, gauge.likely, gauge.read_in_a_year)
 
 
 def _watched(

@@ -12,12 +12,16 @@ from geoident.errors import ExitCode, Fault, InputError
 from geoident.forward.in_service.seasonal import EFFECTS, Effects, Scales, effects_at, independent
 from geoident.identify.in_time.innovations import Filter
 from geoident.identify.in_time.noise import PROCESSES
-from geoident.identify.in_time.regression import TimeRegression, regression_in_time
+from geoident.identify.in_time.regression import (
+    GaugeState,
+    TimeRegression,
+    regression_in_time,
+)
 from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable, named_channels
-from geoident.model.in_service import SeasonalModel
+from geoident.model.in_service import SeasonalModel, StructureInService
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
@@ -60,9 +64,9 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
     scales = Scales.of(model)
     selected = select_readings(case, build_model(job.inputs))
     effects = effects_at(model, scales, selected.time)
-    table = with_reasons(selected, model, effects)
+    table = with_reasons(selected, model, effects.known)
     if not table.used.any():
-        raise InputError([_no_reading(case, table)])
+        raise InputError([no_reading(case, table)])
     fits: list[GaugeFit | None] = []
     for number, channel in enumerate(case.channels):
         control.stop.check()
@@ -70,8 +74,8 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
         fits.append(fitted(table, effects, channel.name))
     control.finish()
     if not any(fits):
-        raise InputError([_too_few(case, table, effects)])
-    seasonal, later = seasonal_fit(fits, effects, scales), _judged_later(fits, table, effects)
+        raise InputError([too_few(case, table, len(effects.names))])
+    seasonal, later = seasonal_fit(fits, effects, scales), judged_later(fits, table, effects)
     channels = [channel.name for channel in case.channels]
     table = replace(table, computed=explained(seasonal, channels, table, effects))
     stage = np.full((len(case.channels), len(case.stages)), np.nan)
@@ -82,7 +86,7 @@ def _result(job: Job, case: Case, model: SeasonalModel, control: Control) -> Res
         method="restricted likelihood",
         reason="Each gauge has its own coefficients and noise.",
         objective=float("nan"),
-        findings=tuple(_findings(case, fits, effects, later, table)),
+        findings=tuple(gauge_findings(case, fits, effects, later, table)),
         case_text=job.inputs.loaded.text,
         case_resolved=job.inputs.loaded.resolved,
         provenance=job_provenance(job),
@@ -109,8 +113,37 @@ class GaugeFit:
     terms: Ints
     regression: TimeRegression
 
+    @property
+    def end(self) -> GaugeState:
+        """What is known of the gauge after its last reading: of the terms, and of its errors."""
+        return self.regression.end
 
-def with_reasons(table: ReadingTable, model: SeasonalModel, effects: Effects) -> ReadingTable:
+    @property
+    def read(self) -> Floats:
+        """(m,) the readings, SI."""
+        return self.regression.y
+
+    def size(self, effects: Effects, effect: str) -> tuple[float, float] | None:
+        """The range of the readings that an effect causes, or its motion if it does not come back.
+
+        With its standard deviation; None where the effect has no term that the readings can tell.
+        """
+        own = np.flatnonzero(np.isin(self.terms, effects.of(effect)))
+        if not own.size:
+            return None
+        X = self.regression.X[:, own]
+        motion = X @ self.regression.b[own]
+        low, high = int(np.argmin(motion)), int(np.argmax(motion))
+        if effect == "irreversible":
+            low, high = 0, len(motion) - 1
+        step = X[high] - X[low]
+        C = self.regression.covariance[np.ix_(own, own)]
+        return float(motion[high] - motion[low]), float(np.sqrt(step @ C @ step))
+
+
+def with_reasons(
+    table: ReadingTable, model: SeasonalModel | StructureInService, known: Bools
+) -> ReadingTable:
     """Readings of which those are not used, and say why, whose time or loads are not known.
 
     Of several of a gauge at one time the last is used.
@@ -118,9 +151,8 @@ def with_reasons(table: ReadingTable, model: SeasonalModel, effects: Effects) ->
     Args:
         table: all k readings.
         model: what acts.
-        effects: at their times.
+        known: (k,) whether all that acts is known at their times.
     """
-    known = np.asarray(np.isfinite(effects.columns).all(axis=1))
     acting = " or ".join(f"the {series.name}" for series in model.series)
     reasons = list(table.reason)
     latest: dict[tuple[str, float], int] = {}
@@ -174,14 +206,13 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
             "fades",
             "drift",
             "explained",
-            *EFFECTS,
         )
     }
-    columns |= {f"{effect}_sd": unknown.copy() for effect in EFFECTS}
-    coefficients, covariance = (
-        np.full((n, q), np.nan),
-        np.full((n, q + PROCESSES, q + PROCESSES), np.nan),
-    )
+    # only a structure on its mesh has a temperature
+    named = [name for name in EFFECTS if name != "temperature" or name in effects.effects]
+    columns |= {name: unknown.copy() for effect in named for name in (effect, f"{effect}_sd")}
+    states = q + PROCESSES
+    coefficients, covariance = np.full((n, q), np.nan), np.full((n, states, states), np.nan)
     number = np.zeros(n, dtype=np.int64)
     most = max((len(fit.regression.likely) for fit in fits if fit is not None), default=0)
     likely = np.full((n, most, 4), np.nan)
@@ -189,7 +220,7 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
         if fit is None:
             continue
         regression, noise = fit.regression, fit.regression.noise
-        end = regression.end
+        end = fit.end
         at = np.append(fit.terms, q + np.arange(PROCESSES))
         coefficients[i, fit.terms] = end.mean[:-PROCESSES]
         covariance[i][np.ix_(at, at)] = end.P
@@ -200,10 +231,10 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
         columns["last"][i], columns["drift"][i] = end.time, noise.drift
         columns["white"][i], columns["lasting"][i] = noise.white, noise.lasting
         columns["fades"][i] = noise.time if noise.lasting else np.nan
-        left, spread = regression.residual.var(), regression.y.var()
+        left, spread = regression.residual.var(), fit.read.var()
         columns["explained"][i] = max(1.0 - left / spread, 0.0) if spread else np.nan
-        for effect in EFFECTS:
-            size = _size(fit, effects, effect)
+        for effect in named:
+            size = fit.size(effects, effect)
             if size is not None:
                 columns[effect][i], columns[f"{effect}_sd"][i] = size
     return SeasonalFit(
@@ -213,25 +244,7 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
     )  # fmt: skip
 
 
-def _size(fit: GaugeFit, effects: Effects, effect: str) -> tuple[float, float] | None:
-    """The range of the readings that an effect causes, or its motion if it does not come back.
-
-    With its standard deviation; None where the effect has no term that the readings can tell.
-    """
-    own = np.flatnonzero(np.isin(fit.terms, effects.of(effect)))
-    if not own.size:
-        return None
-    X = fit.regression.X[:, own]
-    motion = X @ fit.regression.b[own]
-    low, high = int(np.argmin(motion)), int(np.argmax(motion))
-    if effect == "irreversible":
-        low, high = 0, len(motion) - 1
-    step = X[high] - X[low]
-    C = fit.regression.covariance[np.ix_(own, own)]
-    return float(motion[high] - motion[low]), float(np.sqrt(step @ C @ step))
-
-
-def _judged_later(fits: Sequence[GaugeFit | None], table: ReadingTable, effects: Effects) -> Judged:
+def judged_later(fits: Sequence[GaugeFit | None], table: ReadingTable, effects: Effects) -> Judged:
     """The readings after `fit.until`."""
     later = np.array([reason == LATER for reason in table.reason], dtype=np.bool_)
     filters = []
@@ -240,7 +253,7 @@ def _judged_later(fits: Sequence[GaugeFit | None], table: ReadingTable, effects:
             rows = rows_in_time(table, table.channel[fit.rows[0]], later)
             rows = rows[table.time[rows] > fit.regression.times[-1]]
             X = effects.columns[rows][:, fit.terms]
-            filters.append((rows, Filter(fit.regression.end, table.time[rows], X)))
+            filters.append((rows, Filter(fit.end, table.time[rows], X)))
     return judged(table, filters)
 
 
@@ -277,19 +290,19 @@ def explained(
 
 def unknown_later(case: Case, table: ReadingTable) -> Iterator[str]:
     """Loads that end before the last reading, and which file is to go on."""
-    assert isinstance(case.elsewhere, SeasonalModel)
-    for series in case.elsewhere.series:
+    assert case.in_time is not None
+    for series in case.in_time.series:
         end = float(series.times[-1])
         if (table.time > end).any():
             yield f"The {series.name} is known to {date_text(end)}: extend '{series.path}'."
 
 
-def _too_few(case: Case, table: ReadingTable, effects: Effects) -> Fault:
-    """No gauge has as many readings as its coefficients need."""
-    need = len(effects.names) + FURTHER
+def too_few(case: Case, table: ReadingTable, number: int) -> Fault:
+    """No gauge has as many readings as a number of coefficients needs."""
+    need = number + FURTHER
     most = max(int(table.used[np.array(table.channel) == c.name].sum()) for c in case.channels)
     message = (
-        f"no gauge has enough readings: {len(effects.names)} coefficients need {need} of a gauge, "
+        f"no gauge has enough readings: {number} coefficients need {need} of a gauge, "
         f"and there are {most} at most"
     )
     why = sorted({reason for reason in table.reason if reason})
@@ -298,7 +311,8 @@ def _too_few(case: Case, table: ReadingTable, effects: Effects) -> Fault:
     return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
 
 
-def _no_reading(case: Case, table: ReadingTable) -> Fault:
+def no_reading(case: Case, table: ReadingTable) -> Fault:
+    """No reading can be used at all."""
     why = sorted({reason for reason in table.reason if reason})
     hint = f"Not used: {'; '.join(why)}." if why else "Add readings with dates."
     hint = " ".join([hint, *unknown_later(case, table), *case.notes])
@@ -306,7 +320,7 @@ def _no_reading(case: Case, table: ReadingTable) -> Fault:
     return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
 
 
-def _findings(
+def gauge_findings(
     case: Case,
     fits: Sequence[GaugeFit | None],
     effects: Effects,
@@ -317,11 +331,12 @@ def _findings(
     names = [channel.name for channel in case.channels]
     few = [name for name, fit in zip(names, fits, strict=True) if fit is None]
     if few:
-        need = len(effects.names) + FURTHER
+        number = len(effects.own)
+        need = number + FURTHER
         yield Finding(
             "not-determined",
             ", ".join(few),
-            f"{named_channels(few)} cannot be fitted: for {len(effects.names)} coefficients a "
+            f"{named_channels(few)} cannot be fitted: for {number} coefficients a "
             f"gauge needs {need} readings with known loads.",
         )
     known = [(name, fit) for name, fit in zip(names, fits, strict=True) if fit is not None]
@@ -359,7 +374,7 @@ def _not_told(known: Sequence[tuple[str, GaugeFit]], effects: Effects) -> dict[s
     """Terms that were left out, in words, to the gauges of which they were."""
     together: dict[str, list[str]] = {}
     for name, fit in known:
-        left_out = np.setdiff1d(np.arange(len(effects.names)), fit.terms)
+        left_out = np.setdiff1d(effects.own, fit.terms)
         if left_out.size:
             words = ", ".join(f"'{effects.names[j]}'" for j in left_out)
             together.setdefault(words, []).append(name)

@@ -8,16 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.forward.in_service.seasonal import Scales, effects_at
 from geoident.identify.in_time.detection import Detector
 from geoident.identify.in_time.innovations import Filter
 from geoident.identify.in_time.noise import PROCESSES, Noise
 from geoident.identify.in_time.regression import GaugeState
 from geoident.identify.in_time.simulation import Correlations, FittedErrors, sound_innovations
 from geoident.model.arrays import Floats, Ints
-from geoident.model.in_service import DAY, YEAR, SeasonalModel
+from geoident.model.in_service import DAY, YEAR
 from geoident.model.results.in_service import SeasonalFit
 from geoident.model.results.result import Result
+from geoident.workflow.in_service.effects import EffectsOf
 from geoident.workflow.in_service.fit import rows_in_time
 
 STANDARD = 731.0 * DAY
@@ -54,18 +54,22 @@ class FittedGauge:
         return np.asarray(usual[usual > usual[-1] - YEAR] - usual[-1] + YEAR)
 
 
-def fitted_gauges(
-    fit: Result, seasonal: SeasonalFit, model: SeasonalModel, scales: Scales
-) -> list[FittedGauge]:
-    """All gauges that have a fit."""
-    table = fit.gauges.readings
+def fitted_gauges(fit: Result, effects_of: EffectsOf) -> list[FittedGauge]:
+    """All gauges that have a fit.
+
+    Args:
+        fit: of a structure in service.
+        effects_of: gives the effects that it has coefficients of.
+    """
+    seasonal, table = fit.seasonal, fit.gauges.readings
+    assert seasonal is not None
     latest = float(np.nanmax(seasonal.last))
     gauges = []
     for number in np.flatnonzero(np.isfinite(seasonal.white)).tolist():
         state, terms = _state_of(seasonal, number)
         rows = rows_in_time(table, fit.gauges.channels[number], table.used)
         times = table.time[rows]
-        columns = effects_at(model, scales, times).columns[:, terms]
+        columns = effects_of(np.full(len(times), number), times).columns[:, terms]
         residual = table.value[rows] - columns @ state.mean[:-PROCESSES]
         # the days of the last two years again: what was read on one day stays on one day; or of a
         # gauge that has not been read for so long

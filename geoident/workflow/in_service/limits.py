@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.in_service.seasonal import Scales, effects_at
 from geoident.identify.in_time.extremes import simulated_readings
 from geoident.identify.in_time.noise import Noise
 from geoident.identify.in_time.regression import GaugeState
 from geoident.model.arrays import Floats, Ints
-from geoident.model.in_service import YEAR, SeasonalModel
+from geoident.model.in_service import YEAR, SeasonalModel, StructureInService
 from geoident.model.results.alarms import LIKELY, AlarmState
+from geoident.workflow.in_service.effects import EffectsOf
 
 NEXT_YEAR = "next year"
 
@@ -29,12 +29,14 @@ class Ahead:
     """What is known of a gauge after its last reading.
 
     Args:
+        number: of its channel.
         state: of its coefficients and errors.
         terms: numbers of the terms of its coefficients.
         likely: noises that it may have.
         since: (m,) times after the last reading at which it is read in a year, s.
     """
 
+    number: int
     state: GaugeState
     terms: Ints
     likely: Sequence[Noise]
@@ -44,8 +46,8 @@ class Ahead:
 def with_next_year(
     alarms: Sequence[AlarmState],
     gauges: Mapping[str, Ahead],
-    model: SeasonalModel,
-    scales: Scales,
+    acting: SeasonalModel | StructureInService,
+    effects_of: EffectsOf,
     rng: np.random.Generator,
 ) -> tuple[AlarmState, ...]:
     """Alarm values with the probability that a reading of the next year reaches them.
@@ -53,14 +55,14 @@ def with_next_year(
     Args:
         alarms: what is known of them from readings.
         gauges: what is known of gauges; of others nothing is said.
-        model: what acts.
-        scales: what level and air count from.
+        acting: what acts.
+        effects_of: gives the effects of it.
         rng: random numbers.
     """
     extremes: dict[str, tuple[Floats, Floats]] = {}
     for name in dict.fromkeys(alarm.gauge for alarm in alarms if alarm.gauge in gauges):
         gauge = gauges[name]
-        times, columns = _next_years(gauge, model, scales)
+        times, columns = _next_years(gauge, acting, effects_of)
         if len(columns) and len(times):
             state, likely = gauge.state, gauge.likely
             readings = simulated_readings(state, likely, times, columns, _SIMULATED, rng)
@@ -80,22 +82,26 @@ def _expected(alarm: AlarmState, extremes: tuple[Floats, Floats]) -> AlarmState:
     return replace(alarm, expected=expected, likeliest=NEXT_YEAR, probability=probability)
 
 
-def _next_years(gauge: Ahead, model: SeasonalModel, scales: Scales) -> tuple[Floats, Floats]:
+def _next_years(
+    gauge: Ahead, acting: SeasonalModel | StructureInService, effects_of: EffectsOf
+) -> tuple[Floats, Floats]:
     """Times (m,) of the year to come, and (c, m, q) the effects if loads are as in a past year.
 
-    Level and air are those of the same days of the year, both of one year; season and time are
-    those to come. Times at which a load was not known in one of the years are left out.
+    Level and temperatures are those of the same days of the year, all of one year; season and time
+    are those to come. Times at which a load was not known in one of the years are left out.
     """
     now = gauge.state.time
     times = now + gauge.since
-    first = max((series.times[0] for series in model.series), default=now - YEAR)
+    first = max((series.times[0] for series in acting.series), default=now - YEAR)
     years = range(1, 1 + max(1, int((now - first) // YEAR)))
-    coming = effects_at(model, scales, times)
-    loads = np.concatenate([coming.of("level"), coming.of("air")])
+    rows = np.full(len(times), gauge.number)
+    coming = effects_of(rows, times)
+    shared = np.setdiff1d(np.arange(len(coming.names)), coming.own)
+    loads = np.union1d(np.concatenate([coming.of("level"), coming.of("air")]), shared)
     possible = []
     for back in years:
         columns = coming.columns.copy()
-        columns[:, loads] = effects_at(model, scales, times - back * YEAR).columns[:, loads]
+        columns[:, loads] = effects_of(rows, times - back * YEAR).columns[:, loads]
         if np.isfinite(columns).all(axis=1).mean() >= _KNOWN:
             possible.append(columns[:, gauge.terms])
         if not loads.size:

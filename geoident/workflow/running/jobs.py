@@ -23,6 +23,7 @@ from geoident.forward.external.program import ProgramModel
 from geoident.forward.external.table import TableModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.in_service.model import SeasonalReadings
+from geoident.forward.in_service.structure import service_model
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -72,7 +73,8 @@ class Inputs:
         case_sha256: of the case after overrides, without the head of its report.
         mesh_sha256: of the bytes of the mesh, or of the files of a model elsewhere; empty if there
             is none.
-        readings_sha256: of the bytes of the readings; empty if there is no file of them.
+        readings_sha256: of the bytes of the readings, and of what acts day by day; empty if there
+            is no file of them.
         program_sha256: of the program that is run, of which another machine may have another
             build; empty if there is none, or it lies beside the case.
     """
@@ -96,6 +98,7 @@ class Inputs:
         parts = () if mesh is None else mesh_files(mesh)
         elsewhere = self.case.elsewhere
         parts = (*parts, *(() if elsewhere is None else elsewhere.inputs))
+        parts = (*parts, *(() if self.case.service is None else self.case.service.inputs))
         named = (*self.loaded.files, *self.loaded.readings_paths, *parts)
         return named if self.path == STDIN else (self.path, *named)
 
@@ -218,7 +221,8 @@ def _hashed(path: str, loaded: LoadedCase) -> Inputs:
         program = digest_of((), run) if run else ""
     elif loaded.mesh_path is not None:
         mesh = _hash_file(loaded.mesh_path, "mesh")
-    each = [_hash_file(file, "readings") for file in loaded.readings_paths]
+    day_by_day = () if loaded.case.service is None else loaded.case.service.inputs
+    each = [_hash_file(file, "readings") for file in (*loaded.readings_paths, *day_by_day)]
     readings = sha256("".join(each).encode()) if len(each) > 1 else "".join(each)
     return Inputs(
         path,
@@ -307,7 +311,8 @@ def build_model(
             return ProgramModel(case, calls)
     if path is None:
         return opening_model(case)
-    model = staged_model(load_mesh(inputs, path), case, solver=pick_solver(solver))
+    make = staged_model if case.service is None else service_model
+    model = make(load_mesh(inputs, path), case, solver=pick_solver(solver))
     if faults := model.contradictions():
         raise InputError(faults)
     return model
@@ -444,6 +449,14 @@ def plan_scan(request: Request) -> Job:
     return _plan(request, "scan", "fit.method=scan")
 
 
+def no_stages(case: Case) -> Fault:
+    """What goes stage by stage is not possible for a structure in service on its mesh."""
+    message = "the readings of a structure in service have dates, not stages"
+    hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'. Without 'service' and "
+    hint += "its loads the stages are computed."
+    return case.source.fault(("service",), code="no-stages", message=message, hint=hint)
+
+
 def _plan(request: Request, command: str, *further: str) -> Job:
     """Plan a command on a case with further overrides."""
     overrides = [*request.overrides, *further]
@@ -462,6 +475,8 @@ def _plan(request: Request, command: str, *further: str) -> Job:
             raise InputError(
                 [case.source.fault(("model",), code="no-parameters", message=message, hint=hint)]
             )
+    elif case.service is not None and command != "fit":
+        raise InputError([no_stages(case)])
     elif not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."

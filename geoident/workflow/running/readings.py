@@ -71,6 +71,8 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
             return useless
         if case.fit.stages is not None and reading.stage not in case.fit.stages:
             return "the stage is not in fit.stages"
+        if case.service is not None and reading.stage != case.stages[-1].name:
+            return "it was read before the service"
         if case.fit.until is not None and (reading.time or -math.inf) > case.fit.until:
             return LATER
         channel = channels[reading.channel]

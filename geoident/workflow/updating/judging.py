@@ -293,7 +293,7 @@ def _judged_readings(
 
 
 def judged_in_service(
-    fit: Result, case: Case, table: ReadingTable, rows: Sequence[int]
+    fit: Result, case: Case, model: ObservedModel, table: ReadingTable, rows: Sequence[int]
 ) -> Judgement:
     """New readings of a structure in service held against its fit, one after the other.
 
@@ -301,8 +301,9 @@ def judged_in_service(
     that are wrong alone take no part in p-values, and are said by the next fit.
 
     Args:
-        fit: of a seasonal model.
+        fit: of a structure in service.
         case: with the new readings.
+        model: of the case.
         table: of the case.
         rows: of the new ones; those that are no later than the last of their gauge are not judged.
     """
@@ -310,7 +311,7 @@ def judged_in_service(
     last = dict(zip(fit.gauges.channels, fit.seasonal.last.tolist(), strict=True))
     ends = np.array([last.get(name, np.nan) for name in table.channel])
     later = np.isin(np.arange(len(table)), rows) & (table.time > ends)
-    watched = watched_gauges(fit, case, replace(table, used=later))
+    watched = watched_gauges(fit, case, model, replace(table, used=later))
     if not watched:
         return Judgement()
     at = np.concatenate([gauge.rows for gauge in watched])

@@ -15,18 +15,17 @@ from typing import Any
 
 from geoident.errors import Fault, InputError, Location, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.in_service.seasonal import Scales, effects_at
 from geoident.forward.observed import ObservedModel
 from geoident.io.result.file import read_identity, read_result
 from geoident.io.text.lock import locked_meanwhile
 from geoident.io.text.text_file import STDIN
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.gauges import ReadingTable
-from geoident.model.in_service import SeasonalModel
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.fit import fit
+from geoident.workflow.in_service.effects import all_is_known
 from geoident.workflow.in_service.fit import with_reasons
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
@@ -193,10 +192,9 @@ def update(task: UpdateTask, control: Control) -> Updated:
     _require_same_parameters(before, inputs)
     model = build_model(inputs, solver=job.request.solver)
     table = select_readings(model.case, model)
-    if isinstance(inputs.case.elsewhere, SeasonalModel):
-        scales = Scales.of(inputs.case.elsewhere)
-        effects = effects_at(inputs.case.elsewhere, scales, table.time)
-        table = with_reasons(table, inputs.case.elsewhere, effects)
+    acting = inputs.case.in_time
+    if acting is not None:
+        table = with_reasons(table, acting, all_is_known(inputs.case, model, table.time))
     changes = compared_readings(before.gauges.readings, table)
     case_changed = _without_readings(origin) != _without_readings(inputs)
     case_changed |= inputs.mesh_sha256 != before.provenance.mesh_sha256
@@ -278,7 +276,7 @@ def _judged(
 ) -> Judgement:
     """New readings held against the last fit."""
     if before.seasonal is not None:
-        return judged_in_service(before, inputs.case, table, changes.new)
+        return judged_in_service(before, inputs.case, model, table, changes.new)
     inputs = replace(inputs, loaded=replace(inputs.loaded, case=model.case))
     return judged_by_fit(before, origin, inputs, model, table, changes.new, same_case=same_case)
 

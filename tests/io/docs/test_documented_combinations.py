@@ -25,8 +25,8 @@ from geoident.io.case.file import parse_case
 PAGE = Path(__file__).parents[3] / "geoident" / "docs" / "keys.md"
 PLACES = ("materials", "in_situ", "loads", "structures", "gauges", "supports", "water", "face")
 """Keys of a case whose sections are tried. Others name files, or say how a case is computed."""
-OF_FILES = ("Series",)
-"""Parts of the page that name a file."""
+OF_FILES = ("Series", "Reservoir")
+"""Parts of the page that name a file, or belong to a structure in service."""
 OF_OPENINGS = ("ring", "ribs", "bolting", "support-line")
 """Kinds of structures of a case without mesh."""
 KEY = r"`([\w-]+)`"
@@ -51,7 +51,8 @@ WORDS = {
     "pressure rate": "2 kPa/month", "angle rate": "1 mrad/month",
     "strain rate": "2 microstrain/month", "strain": "5 microstrain", "temperature": "10 K",
     "quantity": "2 mm", "whole number": "48", "flag": "true", "estimate": "estimate",
-    "text": "heading", "time": "3 day",
+    "text": "heading", "time": "3 day", "conductivity": "2.5 W/mK", "heat capacity": "2 MJ/m3K",
+    "specific heat": "900 J/kgK",
 }  # fmt: skip
 """A value of each kind."""
 POINTS: dict[str, Callable[[int], Any]] = {
@@ -74,6 +75,8 @@ PARAMETERS = {
     "strain rate": ("0 microstrain/day", "[-1, 1 microstrain/day]"),
     "velocity": ("0 mm/day", "[-1, 1 mm/day]"), "strain": ("0 microstrain", "[-9, 9 microstrain]"),
     "quantity": ("0 mm", "[-9, 9 mm]"), "time": ("3 day", "[1 day, 9 day]"),
+    "conductivity": ("2 W/mK", "[1, 3 W/mK]"), "heat capacity": ("2 MJ/m3K", "[1, 3 MJ/m3K]"),
+    "specific heat": ("900 J/kgK", "[500, 1500 J/kgK]"),
 }  # fmt: skip
 """Start and bounds of a parameter of each kind."""
 OF_GAUGES: dict[str, dict[str, str]] = {

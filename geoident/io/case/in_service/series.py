@@ -24,7 +24,7 @@ from geoident.model.gauges import Reading
 from geoident.model.in_service import DAY, Series
 from geoident.units import size_in, units_of
 
-DIMENSION_OF = {"level": "length", "air": "temperature"}
+DIMENSION_OF = {"level": "length", "air": "temperature", "water_temperature": "temperature"}
 """Name of a load that changes in time to the dimension of its values."""
 
 _FEWEST = 2

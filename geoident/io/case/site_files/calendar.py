@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from geoident.io.case.case import CaseSection
-from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN
@@ -70,8 +69,8 @@ def calendar_of(section: CaseSection, channels: Sequence[Channel], faults: Fault
             dates[name] = read_date(text)
         else:
             faults.add_unknown(("dates", name), "stage", name, stages, key=True)
-    if isinstance(section.model, SeasonalModelSection):
-        dates.setdefault(IN_SERVICE, read_date(section.model.since))
+    if section.service_stage is not None and section.service_since is not None:
+        dates.setdefault(section.service_stage, read_date(section.service_since))
     before: str | None = None
     for name in (stage for stage in stages if stage in dates):
         if before is not None and dates[name] < dates[before]:

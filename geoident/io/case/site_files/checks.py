@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 
 from geoident.errors import Fault, Location
 from geoident.io.case.case import CaseSection
-from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.schema.values import CaseNumber
@@ -188,7 +187,7 @@ class ReadingChecks:
             hint = self.hints.get(("stage", name), "")
             if not hint:
                 hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
-                if isinstance(self.section.model, SeasonalModelSection):
+                if self.section.service_stage is not None:
                     hint = "Readings of a structure in service have dates: name the column 'date'."
                 self.hints["stage", name] = hint
         elif self.order[name] < self.order.get(zero, 0):
@@ -202,7 +201,7 @@ class ReadingChecks:
         """No channel is read twice at a stage, unless one file says what that means."""
         first = self.seen.setdefault((placed.channel, placed.stage), placed)
         same_file = first.location.file == placed.location.file
-        in_time = isinstance(self.section.model, SeasonalModelSection)
+        in_time = placed.stage == self.section.service_stage
         if first is placed or in_time or (same_file and not alone):
             return
         message = f"a second reading of '{placed.channel}' at '{placed.stage}', "
