@@ -48,8 +48,10 @@ class GaugeState:
     @property
     def root(self) -> Floats:
         """(q + 2, q + 2) a factor of P, which may be singular."""
-        values, vectors = np.linalg.eigh(self.P)
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        size = np.sqrt(np.diag(self.P))  # a modulus and a motion are too far apart for one matrix
+        scale = np.where(size > 0.0, size, 1.0)
+        values, vectors = np.linalg.eigh(self.P / np.outer(scale, scale))
+        return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True)
