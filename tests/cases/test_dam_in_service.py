@@ -75,6 +75,7 @@ def test_control_finds_what_softens_where_and_when(made, tmp_path):
     sizes = {one["gauge"]: 1e3 * one["size"] for one in change}
     assert len(sizes) > 2
     assert "2018-09-01" <= change[0]["shown"] <= "2018-12-01"
+    assert "2018-09-01" <= change[0]["earliest"] < change[0]["latest"] <= "2018-12-01"
     dates, _, level, *_ = made.service(4)
     soft = np.where(dates < np.datetime64("2018-12-01"), 0.0, made.SOFTENED)
     moved, sound = (made.rock(level, part) for part in (soft, 0.0 * soft))

@@ -166,18 +166,19 @@ class Detector:
         last = [surprise[..., 0, 0] for surprise in self._surprises(columns[:, -1:])]
         z = columns[..., 0]
         alone = [
-            self._change(z[i : i + 1], z[i] ** 2, single[i], float(last[0][i]), threshold, [i])
+            self._change(e, z[i : i + 1], z[i] ** 2, single[i], float(last[0][i]), threshold, [i])
             for i in range(len(z))
             if (single[i] > threshold).any()
         ]
         if len(z) < 2 or not (together > threshold).any():
             return alone
         squares = (self._white(z) ** 2).sum(axis=0)
-        several = self._change(z, squares, together, float(last[1]), threshold, range(len(z)))
+        several = self._change(e, z, squares, together, float(last[1]), threshold, range(len(z)))
         return [several, *(one for one in alone if not several.explains(one))]
 
     def _change(
         self,
+        e: Sequence[Floats],
         z: Floats,
         squares: Floats,
         surprise: Floats,
@@ -187,7 +188,11 @@ class Detector:
     ) -> Change:
         """The change of some gauges that the last date shows, or else the date that shows it most.
 
+        A change that is neither a step nor a drift leaves innovations too large: what tells its
+        date and size then counts as much less.
+
         Args:
+            e: (m,) innovations of every gauge.
             z: (n, k, 2 c) of these gauges.
             squares: (k, 2 c) in favour of each change, of these gauges together.
             surprise: (k,) of them, at each date, of what began in the window.
@@ -200,30 +205,54 @@ class Detector:
         best = int(np.argmax(squares[at]))
         kind, first = divmod(best, len(self.begun))
         same = slice(kind * len(self.begun), (kind + 1) * len(self.begun))
-        likelihood = np.exp(0.5 * (squares[at] - squares[at, best]))
+        showing = [i for i in range(len(gauges)) if len(gauges) == 1 or abs(z[i, at, best]) > _PART]
+        own = [gauges[i] for i in showing]
+        excess = self._excess([e[i] for i in own], z[showing, at, best], own, at, best)
+        likelihood = np.exp(0.5 * (squares[at] - squares[at, best]) / excess)
         odds = likelihood[same] / likelihood[same].sum()
         low, high = np.searchsorted(np.cumsum(odds), [0.025, 0.975])
-        showing = [i for i in range(len(gauges)) if len(gauges) == 1 or abs(z[i, at, best]) > _PART]
         sizes = []
         for i in showing:  # over all that may be its beginning
             weight = self._weight[gauges[i]][at, same]
             a = z[i, at, same] / np.sqrt(np.where(weight > 0.0, weight, 1.0))
             mean = float(odds @ a)
-            own = np.divide(odds, weight, out=np.zeros_like(odds), where=weight > 0.0)
-            sizes.append((mean, float(np.sqrt(own.sum() + odds @ (a - mean) ** 2))))
+            each = np.divide(odds, weight, out=np.zeros_like(odds), where=weight > 0.0)
+            variance = excess * each.sum() + odds @ (a - mean) ** 2
+            sizes.append((mean, float(np.sqrt(variance))))
+        apart = 0.5 * WINDOW / _MOST_BEGINNINGS  # beginnings between those that are tried
         return Change(
             kind=KINDS[kind],
             gauges=tuple(gauges[i] for i in showing),
             shown=float(self.dates[self._shown(surprise > threshold, float(self.begun[low]))]),
             since=float(self.begun[first]),
-            earliest=float(self.begun[low]),
-            latest=float(self.begun[min(high, len(odds) - 1)]),
+            earliest=float(self.begun[low]) - apart,
+            latest=float(self.begun[min(high, len(odds) - 1)]) + apart,
             size=tuple(size for size, _ in sizes),
             sd=tuple(sd for _, sd in sizes),
             odds=float(likelihood[same].sum() / likelihood.sum()),
             surprise=float(last if lasts else surprise[at]),
             lasts=lasts,
         )
+
+    def _excess(
+        self, e: Sequence[Floats], z: Floats, gauges: Sequence[int], at: int, change: int
+    ) -> float:
+        """Mean square of the innovations that a change leaves since it began; at least one.
+
+        Args:
+            e: (m,) innovations of some gauges.
+            z: (n,) in favour of the change, of these.
+            gauges: their numbers.
+            at: number of the date.
+            change: its number.
+        """
+        left = []
+        for innovations, own, gauge in zip(e, z.tolist(), gauges, strict=True):
+            rows = slice(0, self._until[gauge][at])
+            g = self._patterns[gauge][rows, change]
+            size = own / np.sqrt(max(self._weight[gauge][at, change], np.finfo(float).tiny))
+            left.append((innovations[rows] - size * g)[g != 0.0] ** 2)
+        return max(1.0, float(np.mean(np.concatenate(left))))
 
     def _shown(self, seen: Bools, earliest: float) -> int:
         """Number of the first date that shows a change which began at the earliest then."""

@@ -87,7 +87,7 @@ def test_size_and_beginning_of_a_change_are_within_their_intervals(kind):
             odds.append(c.odds if c.kind == kind else 1.0 - c.odds)
             if c.kind == kind:
                 begun = f.times[0] + 0.6 * YEAR
-                inside = c.earliest - 20 * DAY <= begun <= c.latest + 20 * DAY
+                inside = c.earliest - 10 * DAY <= begun <= c.latest + 10 * DAY
                 held.append(abs(c.size[0] - size) < 2.5 * c.sd[0] and inside)
     assert len(right) >= 22
     assert np.mean(held) >= 0.85
