@@ -24,7 +24,9 @@ MISSING = (
     *("posterior", "draws", "fields", "yielded", "alarms", "troughs", "convergence"),
     *("opening", "ground-reaction", "opening-stresses", "opening-supports"),
     *("face", "face-profile"),
-    *("seasonal", "judged", "changes", "decisions", "telling-readings", "plan", "plan-targets"),
+    *("seasonal", "judged", "changes", "power", "decisions", "telling-readings", "plan"),
+    *("plan-targets", "updates", "update-gauges", "update-readings", "update-parameters"),
+    "update-predictions",
 )
 """Tables of which a plain fit has nothing to say."""
 

@@ -154,6 +154,7 @@ def test_two_watchers_make_one_update(tunnel):
         assert any("another geoident updates it now" in text for text in said)
 
 
+@pytest.mark.slow  # half a minute; other looks: the tests above
 def test_hundreds_of_looks_take_no_more_memory_and_a_signal_ends_them(tunnel):
     watch = subprocess.Popen(
         [*WATCH, ".", "--every", "0.01s"],

@@ -27,7 +27,7 @@ from manual.transcript import small
 ROOT = DOCS.parents[1]
 FOLDER = DOCS / "gallery"
 OF_README = "cavern-overview.png"
-WANTED = ("model", "overview")
+WANTED = ("model", "overview", "in-service-1")
 WIDTH = 900  # px
 MOST = 60_000  # bytes of a picture
 
@@ -133,7 +133,13 @@ def write_one(one: Shown) -> None:
     page = DOCS / "gallery.md"
     head, *parts = re.split(r"(?m)^(?=## )", page.read_text(encoding="utf-8"))
     start = f"## {one.title}\n\n*{one.where}*\n"
-    (number,) = [k for k, part in enumerate(parts) if part.startswith(start)]
+    there = [k for k, part in enumerate(parts) if part.startswith(start)]
+    if not there:  # a new case: before the one that comes after it
+        after = [other.title for other in shown()]
+        after = after[after.index(one.title) + 1 :]
+        there = [k for k, part in enumerate(parts) if part[3:].split("\n")[0] in after][:1]
+        parts.insert(there[0], "")
+    number = there[0]
     last = number == len(parts) - 1
     parts[number] = renewed(one) + ("" if last else "\n")
     page.write_text("".join([head, *parts]), encoding="utf-8")

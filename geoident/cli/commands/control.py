@@ -10,7 +10,7 @@ EPILOG = """\b
 Examples:
   geoident control dam.fit.h5 --readings new.csv
   geoident control dam.fit.h5 --false-alarms "1 per 5 years" --json
-  geoident control dam.fit.h5 --power "P2 drifts 1 mm/year" --power "all soften 20 %"
+  geoident control dam.fit.h5 --power "P2 drifts 1 mm/year"
   geoident control dam.fit.h5 -q || echo alarm | mail -s dam me@example.org
 """
 

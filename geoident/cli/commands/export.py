@@ -54,6 +54,11 @@ TABLES = (
     "power",
     "backtest",
     "backtest-parameters",
+    "updates",
+    "update-gauges",
+    "update-readings",
+    "update-parameters",
+    "update-predictions",
 )
 OF_PROJECTS = (
     "common",

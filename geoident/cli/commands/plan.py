@@ -9,9 +9,8 @@ from geoident.cli.options import Arguments, Options, Steps, on_result, result_of
 
 EPILOG = """\b
 Examples:
-  geoident plan case.yaml --candidates gauges.yaml --budget 10 --for "CV1 at bench 5"
-  geoident plan case.fit.h5 --candidates gauges.yaml --budget 3 --for "CV1 > 40 mm at bench 5"
-  geoident plan case.yaml --candidates gauges.yaml --budget 5 --for E_rock --for K0
+  geoident plan case.yaml --candidates new.yaml --budget 5 --for E_rock
+  geoident plan a.fit.h5 --candidates new.yaml --budget 9 --for "CV1 at dig 5"
 """
 
 

@@ -23,7 +23,7 @@ from geoident.report.text.errors.mesh_error import mesh_error_table
 from geoident.report.text.json import (
     dumps,
     failure_object,
-    plan_object,
+    identifiability_object,
     result_object,
     simulation_object,
 )
@@ -158,7 +158,7 @@ def test_plans_and_simulations_are_in_si_units(result):
     plan = Identifiability(
         result.parameters, (Finding("not-determined", "", "So."),), np.array([3.0, 0.5]), 42
     )
-    found = json.loads(dumps(plan_object("case.yaml", plan)))
+    found = json.loads(dumps(identifiability_object("case.yaml", plan)))
     assert (found["readings"], found["singular_values"]) == (42, [3.0, 0.5])
     assert found["parameters"]["K0"]["value"] == 3.0
     readings = [Reading("CV", "end", 0.0125), Reading("EX", "end", None)]
