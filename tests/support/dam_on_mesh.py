@@ -192,7 +192,7 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
     for row, channel in enumerate(read.channels):
         days = np.round(np.arange(rng.uniform(0, every), weather.days[-1] - 1, every))
         times = start + days * 86400.0
-        motion = 1e3 * model.motions(p, np.full(len(days), row), times, derivatives=False).total
+        motion = 1e3 * model.motions(p, np.full(len(days), row), times).total[:, :1]
         size = 1e3 * channel.accuracy * noise
         y = motion[:, 0] + 0.15 * days / YEAR + rng.uniform(-3, 3)
         y += 0.8 * size * rng.standard_normal(len(days)) + lasting(days, 0.6 * size, 25.0, rng)

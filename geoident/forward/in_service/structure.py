@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -49,6 +50,9 @@ from geoident.model.in_service import YEAR, StructureInService
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
 _APART = (0.5, 2.0)
 """Factors on parameters of heat at which temperatures are looked at."""
 
@@ -56,6 +60,9 @@ _FIRST_LEVELS, _MOST_LEVELS = 17, 129
 
 _FINE = 0.01
 """Error of the interpolation between levels, in accuracies of a gauge."""
+
+_NO_READINGS = ReadingPlaces(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+"""What all channels see is asked for, and no reading."""
 
 _REMEMBERED = 3
 """Parameter vectors whose answers are kept: a search asks again where another one ended."""
@@ -188,14 +195,13 @@ class ServiceModel(StagedModel):
                 return f"conductivity and heat capacity of {name} must be positive"
         return None
 
-    def motions(self, p: Floats, rows: Ints, times: Floats, *, derivatives: bool = True) -> Motions:
+    def motions(self, p: Floats, rows: Ints, times: Floats) -> Motions:
         """What acts makes of readings.
 
         Args:
             p: (n,) parameters, SI.
             rows: (k,) channels.
             times: (k,) when they are read, s since 1970.
-            derivatives: whether derivatives by all parameters are wanted.
 
         Raises:
             ModelError: there is no solution.
@@ -213,24 +219,20 @@ class ServiceModel(StagedModel):
                     values = answers.days[:, row, c]
                     temperature[at, c] = np.interp(times[at], self._days, values)
             temperature[~self.heat.known(times)] = np.nan
-        names = self.names if derivatives else ()
-        columns = 1 + len(names)
         parts = (
-            self.instrument_errors.scaled(part[:, :columns], self.values(p), names, rows)
+            self.instrument_errors.scaled(part, self.values(p), self.names, rows)
             for part in (level, temperature)
         )
         return Motions(*parts)
 
     def _interpolated(self, table: Floats, z: Floats, rows: Ints, into: Floats) -> None:
         """Splines of a table (l, n_channels, 1 + n) at levels z (k,) and channels (k,)."""
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - 0.2 s, and only here
-
-        spline = CubicSpline(self.levels, table, axis=0)
+        spline = _spline(self.levels, table)
         known = np.isfinite(z)
         into[~known] = np.nan
         for row in np.unique(rows):
             at = np.flatnonzero((rows == row) & known)
-            into[at] = CubicSpline.construct_fast(spline.c[:, :, row], spline.x)(z[at])
+            into[at] = spline.construct_fast(spline.c[:, :, row], spline.x)(z[at])
 
     def _answered(self, p: Floats) -> _Answers:
         key = p.tobytes()
@@ -244,8 +246,7 @@ class ServiceModel(StagedModel):
         loaded = self._loaded
         states = len(loaded.bases)
         self.evaluations += 1
-        everywhere = ReadingPlaces(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0))
-        observed = loaded.observe(p, Query(everywhere, states - 1), adjoints=False)
+        observed = loaded.observe(p, Query(_NO_READINGS, states - 1), adjoints=False)
         seen = observed.seen[self.last + 1 :] - observed.seen[self.last]
         number = len(self.levels) if self.service.level is not None else 0
         levels, fields = seen[:number], seen[number:]
@@ -325,14 +326,8 @@ class ServiceModel(StagedModel):
             model = self._under(levels)
             if self.service.level is None or number >= _MOST_LEVELS:
                 return levels, model
-            observed = model.observe(
-                start,
-                Query(
-                    ReadingPlaces(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0)),
-                    self.last + number,
-                    derivatives=False,
-                ),
-            )
+            query = Query(_NO_READINGS, self.last + number, derivatives=False)
+            observed = model.observe(start, query)
             seen = observed.seen[self.last + 1 : self.last + 1 + number, :, 0]
             if np.all(_spline_error(levels, seen) < _FINE * accuracy):
                 return levels, model
@@ -380,6 +375,13 @@ class ServiceModel(StagedModel):
         yield from np.ascontiguousarray(np.concatenate(parts).T)
 
 
+def _spline(levels: Floats, table: Floats) -> CubicSpline:
+    """Of values (l, ...) at levels (l,), m."""
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - 0.2 s, and only here
+
+    return CubicSpline(levels, table, axis=0)
+
+
 def _spline_error(levels: Floats, seen: Floats) -> Floats:
     """(n_channels,) estimated error of the spline through all levels.
 
@@ -387,9 +389,7 @@ def _spline_error(levels: Floats, seen: Floats) -> Floats:
     the third power of their distance where the slope of the face changes, with the fourth
     elsewhere.
     """
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - 0.2 s, and only here
-
-    between = CubicSpline(levels[::2], seen[::2], axis=0)(levels[1::2])
+    between = _spline(levels[::2], seen[::2])(levels[1::2])
     return np.asarray(0.125 * np.abs(between - seen[1::2]).max(axis=0))
 
 

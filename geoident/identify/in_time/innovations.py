@@ -89,17 +89,15 @@ class Filter:
         return left, state
 
 
-def whitened(noise: Noise, times: Floats, e: Floats) -> Floats:
-    """L^-1 e (m,) of errors e (m,), with Sigma = L L^T: independent, of variance one.
+def whitening(noise: Noise, times: Floats) -> Filter:
+    """The filter whose `effects` of errors (m, c), SI, are L^-1 of them, with Sigma = L L^T.
 
     Args:
         noise: of the gauge.
         times: (m,) s, increasing.
-        e: (m,) SI.
     """
     start = GaugeState(noise, float(times[0]), np.zeros(PROCESSES), np.diag(noise.at_first))
-    filtered = Filter(start, times, np.zeros((len(times), 0)))
-    return (e - filtered.predicted(e)) / filtered.sd
+    return Filter(start, times, np.zeros((len(times), 0)))
 
 
 def single_wrong(state: GaugeState, times: Floats, X: Floats, y: Floats, far: float) -> Bools:

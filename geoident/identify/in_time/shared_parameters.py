@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
 
+from geoident.identify.in_time.innovations import whitening
 from geoident.identify.in_time.noise import PROCESSES, Noise
 from geoident.identify.in_time.regression import GaugeState, TimeRegression
 from geoident.model.arrays import Floats
@@ -35,41 +35,12 @@ class GaugeProjection:
     """
 
     def __init__(self, noise: Noise, times: Floats, X: Floats) -> None:
-        m, elapsed = len(times), np.diff(times, prepend=times[0])
-        phi, added = noise.remaining(elapsed), noise.added(elapsed)
-        gain, size = np.empty((m, PROCESSES)), np.empty(m)
-        a, c = noise.at_first.tolist()  # variances of the error that lasts and of the drift
-        b, white = 0.0, noise.white**2
-        for k, (f, g, p, q) in enumerate(np.column_stack([phi, added]).tolist()):
-            a, b, c = f * f * a + p, f * g * b, g * g * c + q
-            total = a + 2.0 * b + c + white
-            of_a, of_c = (a + b) / total, (b + c) / total
-            a, b, c = a - of_a**2 * total, b - of_a * of_c * total, c - of_c**2 * total
-            gain[k], size[k] = (of_a, of_c), np.sqrt(total)
-        # what those before let expect of the processes of e_k, with the sum s_j of both:
-        # x_k = phi_k (x_k-1 + gain_k-1 (e_k-1 - s_k-1))
-        d = PROCESSES
-        self._bands = np.zeros((2 * d, m, d))
-        self._bands[0] = 1.0
-        for i in range(d):
-            for j in range(d):
-                self._bands[d + i - j, :-1, j] = -phi[1:, i] * (float(i == j) - gain[:-1, i])
-        self._taken, self._size = phi[1:] * gain[:-1], size
-        self._Q = np.linalg.qr(self._whitened(X))[0]
-
-    def _whitened(self, columns: Floats) -> Floats:
-        """L^-1 of columns (m, c)."""
-        m, c = columns.shape
-        pull = np.zeros((m, PROCESSES, c))
-        pull[1:] = self._taken[:, :, None] * columns[:-1, None]
-        bands = self._bands.reshape(2 * PROCESSES, -1)
-        expected = solve_banded((2 * PROCESSES - 1, 0), bands, pull.reshape(-1, c))
-        expected = expected.reshape(m, PROCESSES, c).sum(axis=1)
-        return np.asarray((columns - expected) / self._size[:, None])
+        self._filter = whitening(noise, times)
+        self._Q = np.linalg.qr(self._filter.effects(X))[0]
 
     def __call__(self, columns: Floats) -> Floats:
         """(I - Q Q^T) L^-1 of columns (m, c)."""
-        white = self._whitened(columns)
+        white = self._filter.effects(columns)
         return np.asarray(white - self._Q @ (self._Q.T @ white))
 
 

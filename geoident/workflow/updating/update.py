@@ -246,7 +246,8 @@ def _require_same_parameters(before: Result, inputs: Inputs) -> None:
 def _without_readings(inputs: Inputs) -> Any:
     """A case as data, without its readings and the head of its report."""
     data = parse_yaml(inputs.loaded.computed or inputs.loaded.resolved, inputs.path).data
-    return {key: value for key, value in data.items() if key != "readings"}  # type: ignore[union-attr]
+    assert isinstance(data, dict)  # a case that was read
+    return {key: value for key, value in data.items() if key != "readings"}
 
 
 def _why_nothing_new(before: Result, table: ReadingTable) -> str:

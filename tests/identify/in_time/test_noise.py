@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.in_time import DAY, covariance
 
-from geoident.identify.in_time.innovations import whitened
+from geoident.identify.in_time.innovations import whitening
 from geoident.identify.in_time.noise import Noise, TimeCovariance
 
 TIMES = np.array([0.0, 1.0, 2.5, 2.6, 30.0, 31.0, 400.0]) * DAY
@@ -34,4 +34,5 @@ def test_whitened_errors_are_those_of_the_cholesky_factor():
     noise = Noise(0.3, 0.5, 20.0 * DAY, drift=0.7)
     e = np.random.default_rng(1).normal(size=len(TIMES))
     root = np.linalg.cholesky(covariance(noise, TIMES))
-    np.testing.assert_allclose(whitened(noise, TIMES, e), np.linalg.solve(root, e), rtol=1e-12)
+    white = whitening(noise, TIMES).effects(e[:, None])[:, 0]
+    np.testing.assert_allclose(white, np.linalg.solve(root, e), rtol=1e-12)
