@@ -285,7 +285,13 @@ def _result(
             *(setup.mesh.notes if setup.mesh is not None else ()),
         ),
     )
-    hang_together = partial(correlations, survey, estimate.assessment, known=estimate.errors)
+    hang_together = partial(
+        correlations,
+        survey,
+        estimate.assessment,
+        known=estimate.errors,
+        nonlinearity=estimate.nonlinearity,
+    )
     return with_decisions(result, case, prediction, hang_together)
 
 

@@ -25,6 +25,7 @@ from geoident.workflow.running.jobs import (
     Inputs,
     build_model,
     load_inputs,
+    require_stages,
     start_values,
 )
 from geoident.workflow.running.readings import error_structure
@@ -48,6 +49,7 @@ def identifiability(
         ModelError: the model has no solution at the start values.
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
+    require_stages(inputs.case)
     model = build_model(inputs, solver=solver)
     case = model.case
     p = start_values(case, model)

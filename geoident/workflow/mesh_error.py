@@ -13,7 +13,13 @@ from geoident.forward.model import StagedModel
 from geoident.io.result.file import read_result
 from geoident.model.results.mesh_error import MeshError
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
-from geoident.workflow.running.jobs import build_model, inputs_of_result, load_inputs, start_values
+from geoident.workflow.running.jobs import (
+    build_model,
+    inputs_of_result,
+    load_inputs,
+    require_stages,
+    start_values,
+)
 from geoident.workflow.running.result_files import case_path
 
 RESULT = ".h5"
@@ -55,6 +61,7 @@ def check_mesh_error(
         known = dict(zip(result.parameters.names, result.parameters.values, strict=True))
     else:
         inputs, known = load_inputs(path, overrides=overrides), {}
+    require_stages(inputs.case)
     model = build_model(inputs, solver=solver)
     if not isinstance(model, StagedModel):
         fault = inputs.case.source.fault(

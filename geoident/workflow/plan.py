@@ -48,6 +48,7 @@ from geoident.workflow.running.jobs import (
     job_provenance,
     load_inputs,
     of_fit,
+    require_stages,
     sha256,
     start_values,
 )
@@ -143,6 +144,7 @@ def plan_gauges(asked: PlanRequest) -> PlanTask:
         overrides = [*request.overrides, NO_READINGS]
         inputs = load_inputs(source, overrides=overrides, text=request.text)
     case = inputs.case
+    require_stages(case)
     if isinstance(case.elsewhere, SeasonalModel) or not (case.parameters or case.fields):
         message = "there are no parameters, so no reading tells of another one"
         hint = "Write what is unknown under 'parameters'."

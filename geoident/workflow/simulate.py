@@ -31,7 +31,7 @@ from geoident.workflow.running.jobs import (
     Inputs,
     build_model,
     load_inputs,
-    no_stages,
+    require_stages,
     start_values,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_for
@@ -152,8 +152,7 @@ def simulate(
     _refuse_names(to, by)
     written = () if by.values is None else read_values(by.values)
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS], text=text)
-    if inputs.case.service is not None:
-        raise InputError([no_stages(inputs.case)])
+    require_stages(inputs.case)
     files = inputs.files if by.values is None else (*inputs.files, by.values)
     if to.readings is not None:
         refuse_inputs(to.readings, files)

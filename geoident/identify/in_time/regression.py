@@ -29,6 +29,10 @@ _LEAST_WHITE = 1e-3
 """Least error of a reading by itself, in standard deviations of the plain residuals."""
 
 
+_ROUNDING = 1e-9
+"""What is added to the diagonal of a correlation that may be singular."""
+
+
 @dataclass(frozen=True)
 class GaugeState:
     """What is known of a gauge after its last reading.
@@ -47,11 +51,15 @@ class GaugeState:
 
     @property
     def root(self) -> Floats:
-        """(q + 2, q + 2) a factor of P, which may be singular."""
+        """(q + 2, q + 2) lower factor of P, which may be singular.
+
+        The triangular one: its columns mean the same for every gauge with these terms, so that
+        draws of several gauges may be correlated column by column.
+        """
         size = np.sqrt(np.diag(self.P))  # a modulus and a motion are too far apart for one matrix
         scale = np.where(size > 0.0, size, 1.0)
-        values, vectors = np.linalg.eigh(self.P / np.outer(scale, scale))
-        return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        R = self.P / np.outer(scale, scale) + _ROUNDING * np.eye(len(size))
+        return np.asarray(size[:, None] * cholesky(R, lower=True))
 
 
 @dataclass(frozen=True)

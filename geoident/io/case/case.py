@@ -347,6 +347,7 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             message = f"{method} does not fit readings in time"
             hint = f"Write one of {', '.join(_IN_TIME)}, or remove it."
             faults.add(("fit", "method"), "no-method", message, hint)
+    _refuse_decision(section, faults)
     if fit.loss != "squared":
         message = f"'{fit.loss}' does not fit readings whose errors last"
         faults.add(("fit", "loss"), "no-loss", message, "Remove it; wrong readings go to 'bad'.")
@@ -401,13 +402,17 @@ def _check_seasonal(section: CaseSection, faults: SectionFaults) -> None:
     if section.parameters:
         message = "a seasonal model has coefficients of each gauge, and no parameters"
         faults.add(("parameters",), "no-parameters", message, "Remove them.")
+    _refuse_decision(section, faults)
+    if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
+        message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
+        faults.add(("fit", "method"), "no-method", message, "Remove it.")
+
+
+def _refuse_decision(section: CaseSection, faults: SectionFaults) -> None:
     if section.decision is not None:
         message = "a decision is on the reading of a stage, and a structure in service has none"
         hint = f"Remove it. 'limits' of gauges are judged by {Term.CONTROL}."
         faults.add(("decision",), "no-stages", message, hint)
-    if section.fit.method not in (None, "gauss-newton", ["gauss-newton"]):  # the default
-        message = "a seasonal model is fitted by restricted likelihood, gauge by gauge"
-        faults.add(("fit", "method"), "no-method", message, "Remove it.")
 
 
 def _check_series(section: CaseSection, faults: SectionFaults) -> None:

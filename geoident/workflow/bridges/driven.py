@@ -18,7 +18,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.workflow.export import ListedFiles, Writer
-from geoident.workflow.running.jobs import Inputs, build_model, load_inputs
+from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, require_stages
 from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import simulated_pairs
 
@@ -109,6 +109,7 @@ def driven_case(
         message = f"{program} runs the case again and again: save it as a file and name that"
         raise UsageError(message)
     inputs = load_inputs(path)
+    require_stages(inputs.case)
     model = build_model(inputs)
     beside = Path(path).with_name(f"{Path(path).stem}.{program.lower()}")
     folder = beside if output is None else Path(output)

@@ -82,7 +82,7 @@ def fit_structure(job: Job, control: Control) -> Finished:
         return before
     model = build_model(job.inputs, solver=job.request.solver)
     assert isinstance(model, ServiceModel)
-    result = _result(job, model, control)
+    result = job.joined(_result(job, model, control))
     force = job.request.force
     return write(result, job.place, job.existing, inputs=job.inputs.files, force=force)
 
@@ -291,6 +291,10 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
         problem = Problem(response, measured, np.ones(len(y)), case.parameters)
         if before is not None:
             problem = problem.begun_at(before.values)
+        elif job.earlier is not None:
+            problem = problem.begun_at(
+                np.array([job.earlier.values[parameter.name] for parameter in case.parameters])
+            )
         outcome = identify(problem, methods, control.on_iteration)
         if before is not None:
             history = (*before.iterations, *outcome.iterations)

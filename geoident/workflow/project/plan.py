@@ -19,7 +19,14 @@ from geoident.model.methods import SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw, Project, ProjectSection
 from geoident.units import DIMENSIONLESS, shown_unit, with_article
-from geoident.workflow.running.jobs import Inputs, Planned, Request, load_inputs, sha256
+from geoident.workflow.running.jobs import (
+    Inputs,
+    Planned,
+    Request,
+    load_inputs,
+    require_stages,
+    sha256,
+)
 from geoident.workflow.running.outputs import existing, require_free, stamp, target
 from geoident.workflow.running.run_table import in_order, read_each
 
@@ -102,9 +109,13 @@ def read_sections(path: str) -> tuple[Project, tuple[Inputs, ...]]:
             they have in common.
     """
     project = read_project(path)
-    inputs, faults = read_each(
-        project.sections, lambda section: load_inputs(section.case, overrides=section.overrides)
-    )
+
+    def read(section: ProjectSection) -> Inputs:
+        inputs = load_inputs(section.case, overrides=section.overrides)
+        require_stages(inputs.case)
+        return inputs
+
+    inputs, faults = read_each(project.sections, read)
     faults += _common_faults(project, inputs)
     if faults:
         raise InputError(in_order(faults))

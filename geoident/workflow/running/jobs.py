@@ -449,12 +449,19 @@ def plan_scan(request: Request) -> Job:
     return _plan(request, "scan", "fit.method=scan")
 
 
-def no_stages(case: Case) -> Fault:
-    """What goes stage by stage is not possible for a structure in service on its mesh."""
+def require_stages(case: Case) -> None:
+    """Refuse to go stage by stage where a structure is in service on its mesh.
+
+    Raises:
+        InputError: it is.
+    """
+    if case.service is None:
+        return
     message = "the readings of a structure in service have dates, not stages"
     hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'. Without 'service' and "
     hint += "its loads the stages are computed."
-    return case.source.fault(("service",), code="no-stages", message=message, hint=hint)
+    fault = case.source.fault(("service",), code="no-stages", message=message, hint=hint)
+    raise InputError([fault])
 
 
 def _plan(request: Request, command: str, *further: str) -> Job:
@@ -468,6 +475,8 @@ def _plan(request: Request, command: str, *further: str) -> Job:
         if not isinstance(inputs.case.elsewhere, SeasonalModel):
             raise
     case = inputs.case
+    if command != "fit":
+        require_stages(case)
     if isinstance(case.elsewhere, SeasonalModel):
         if command != "fit":
             message = "a seasonal model has coefficients of each gauge, and no parameters"
@@ -475,8 +484,6 @@ def _plan(request: Request, command: str, *further: str) -> Job:
             raise InputError(
                 [case.source.fault(("model",), code="no-parameters", message=message, hint=hint)]
             )
-    elif case.service is not None and command != "fit":
-        raise InputError([no_stages(case)])
     elif not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from geoident.errors import UsageError
+from geoident.forward.in_service.seasonal import EFFECTS
 from geoident.io.text.dates import DateError, read_date, utc_offset
 from geoident.model.gauges import DAY
 from geoident.model.results.bands import NORMAL_95, Prediction
@@ -23,8 +24,6 @@ from geoident.model.results.updates import (
 )
 from geoident.workflow.updating.judging import Judgement
 from geoident.workflow.updating.readings import ReadingChanges
-
-_EFFECTS = ("level", "season", "air", "irreversible")
 
 
 def history_of(before: Result) -> UpdateHistory:
@@ -159,9 +158,10 @@ def _effects(number: int, result: Result) -> Iterator[PastParameter]:
     if fit is None:
         return
     for i, gauge in enumerate(gauges.channels):
-        for effect in _EFFECTS:
-            size, sd = (float(getattr(fit, name)[i]) for name in (effect, f"{effect}_sd"))
-            if np.isfinite(size):
+        for effect in EFFECTS:
+            sizes = getattr(fit, effect)
+            if sizes is not None and np.isfinite(sizes[i]):
+                size, sd = float(sizes[i]), float(getattr(fit, f"{effect}_sd")[i])
                 yield PastParameter(
                     update=number,
                     parameter=f"{gauge}: {effect}",

@@ -81,6 +81,26 @@ def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
     assert abs(began - 7.2 * YEAR) < 120
 
 
+def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path):
+    """As in a fit of all of them; the history has the parameters before and after."""
+    path = write(tmp_path, seed=4)
+    whole = path.read_text()
+    path.write_text(whole.replace("fit: {until: 2016-01-01}", "fit: {until: 2014-01-01}"))
+    before = run("fit", path)
+    path.write_text(whole)
+    said = run("update", path)
+    first, last = said["updates"]["steps"]
+    assert (first["judged"], last["new"] > 100, last["judged"]) == (0, True, last["new"])
+    assert last["belong"]
+    past = [row for row in said["updates"]["parameters"] if row["parameter"] == "E_dam"]
+    assert [row["value"] for row in past] == pytest.approx(
+        [answer["parameters"]["E_dam"]["value"] for answer in (before, said)]
+    )
+    alone = run("fit", path, "--fresh", "--force")
+    for name, one in alone["parameters"].items():
+        assert said["parameters"][name]["value"] == pytest.approx(one["value"], abs=0.2 * one["sd"])
+
+
 def test_parameters_that_readings_cannot_tell_are_not_numbers(tmp_path):
     """Without temperatures nothing depends on expansion and conductivity."""
     case = CASE.replace("  air: {file: loads.csv}\n", "").replace("  film: 20 W/m2K\n", "")
@@ -104,11 +124,15 @@ def test_only_gauges_with_enough_readings_are_fitted(tmp_path):
     assert "cannot be fitted" in finding["sentence"]
 
 
-@pytest.mark.parametrize("command", ["backtest", "scan", "simulate"])
-def test_commands_of_stages_are_refused(fitted, command):
+@pytest.mark.parametrize(
+    "words",
+    ["backtest {}", "scan {}", "simulate {}", "check {} --identifiability", "check {} --mesh-error",
+     "export {} --format pest", "plan {} --candidates c.yaml --budget 1 --for E_dam"],
+)  # fmt: skip
+def test_commands_of_stages_are_refused(fitted, words):
     folder, _ = fitted
-    done = run_command(command, str(folder / "dam.yaml"))
-    assert done.exit_code == 3
+    done = run_command(*words.format(folder / "dam.yaml").split())
+    assert done.exit_code == 3, done.output
     assert "structure in service have dates" in done.output or "readings in time" in done.output
 
 
