@@ -85,12 +85,14 @@ def test_control_finds_what_softens_where_and_when(made, tmp_path):
     assert sizes["P70"] == pytest.approx(1e3 * turn * 67.0, rel=0.6)
 
 
-@pytest.mark.slow  # makes four dams: a minute
-def test_the_same_dam_without_it_is_left_alone(made, tmp_path):
+@pytest.mark.slow  # makes ten dams: two minutes
+def test_the_same_dam_without_it_raises_alarms_as_seldom_as_stated(made, tmp_path):
+    """Four years each, one alarm in ten years by chance: a third of them."""
     alarms = 0
-    for seed in range(4):
+    for seed in range(10, 20):
         folder = tmp_path / str(seed)
         folder.mkdir()
         made.write(folder, seed=seed, softens=None)
-        alarms += run_command("control", fitted(folder)).exit_code == 8
-    assert alarms <= 3  # four years each, one in ten years by chance
+        said = json.loads(run_command("control", fitted(folder), "--json").stdout)
+        alarms += any(one["kind"] != "reading" for one in said.get("changes", ()))
+    assert alarms <= 6  # more come in one of fifty such tests; it was four
