@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from geoident.fem.solvers.coarser import Coarser, aggregates, corners, node_graph
+from geoident.fem.solvers.coarser import Coarser, aggregates, corners
 from geoident.fem.solvers.direct import (
     LowerPattern,
     NotPositiveDefinite,
@@ -30,8 +30,8 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
     UnknownPlaces,
 )
-from geoident.fem.solvers.ordering import nested_dissection
-from geoident.model.arrays import Floats, Ints
+from geoident.fem.solvers.ordered import OrderedFactorization
+from geoident.model.arrays import Ints
 
 SMOOTHING_STEPS = 3
 """Steps of the smoother before and after: of 1 to 4 those with which cubes are solved soonest."""
@@ -71,7 +71,7 @@ class Hierarchy:
     def __init__(self, places: UnknownPlaces, direct: Analyse) -> None:
         self._places, self._direct = places, direct
         self._corners = corners(places)
-        self._coarsest: _Coarsest | None = None
+        self._coarsest: OrderedFactorization | None = None
         self._below: Hierarchy | None = None
         if self._corners is not None and len(self._corners.point) > MOST_CORNERS:
             assert self._corners.places is not None
@@ -109,8 +109,12 @@ class Hierarchy:
             if self._below is not None:
                 return self._below.level(coarse)
             if self._coarsest is None or not self._coarsest.serves(coarse):
-                self._coarsest = _Coarsest(coarse, coarser.point, self._direct)
-            return self._coarsest.level(coarse)
+                counts = SolverCounts()  # nobody asked for its factors
+                self._coarsest = OrderedFactorization(
+                    coarse, coarser.point, lambda pattern: self._direct(pattern, counts)
+                )
+            solve = self._coarsest.factorize(coarse)
+            return lambda rhs: solve(rhs.astype(np.float64)).astype(np.float32)
         except NotPositiveDefinite as error:
             unknown = error.unknown
             if unknown is not None:  # the one that the coarser one stands for most
@@ -128,59 +132,6 @@ def projected(matrix: sp.csr_array, interpolation: sp.csr_array) -> sp.csr_array
         total = total + interpolation[a:b].T @ product
     total.sort_indices()
     return sp.csr_array(total)
-
-
-class _Coarsest:
-    """The pattern of the coarsest level in the order of its elimination."""
-
-    def __init__(self, matrix: sp.csr_array, point: Floats, direct: Analyse) -> None:
-        self._indptr, self._indices = matrix.indptr, matrix.indices
-        self._order = _elimination_order(matrix, point)
-        lower = self._lower(matrix)
-        pattern = LowerPattern(lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
-        self._analysis = direct(pattern, SolverCounts())  # nobody asked for its factors
-
-    def serves(self, matrix: sp.csr_array) -> bool:
-        """Whether a matrix has this pattern."""
-        same_starts = np.array_equal(matrix.indptr, self._indptr)
-        return same_starts and np.array_equal(matrix.indices, self._indices)
-
-    def level(self, matrix: sp.csr_array) -> Approximation:
-        """Factorize a matrix of this pattern."""
-        try:
-            factor = self._analysis.factorize(self._lower(matrix).data)
-        except NotPositiveDefinite as error:
-            unknown = None if error.unknown is None else int(self._order[error.unknown])
-            raise NotPositiveDefinite(unknown) from error
-
-        def solve(rhs: Singles) -> Singles:
-            x = np.empty_like(rhs)
-            x[self._order] = factor.solve(rhs[self._order].astype(np.float64))
-            return x
-
-        return solve
-
-    def _lower(self, matrix: sp.csr_array) -> sp.csc_array:
-        """The lower triangle in the order of elimination, by columns."""
-        lower = sp.csc_array(sp.tril(sp.csr_array(matrix[self._order][:, self._order])))
-        lower.sort_indices()
-        return lower
-
-
-def _elimination_order(matrix: sp.csr_array, point: Floats) -> Ints:
-    """Order (n,) of elimination of the unknowns of a matrix (n, n), which stand at points (n, dim).
-
-    Unknowns at one point stay together: apart they would make the graph several times as large,
-    and the separators of so many equal vertices take tens of minutes to find.
-    """
-    places, at = np.unique(point, axis=0, return_inverse=True)
-    graph = node_graph(matrix, at.ravel(), len(places))
-    dissected = nested_dissection(
-        places, graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-    )
-    rank = np.empty_like(dissected)
-    rank[dissected] = np.arange(len(dissected))
-    return np.asarray(np.argsort(rank[at.ravel()], kind="stable"))
 
 
 def _smooth(matrix: sp.csr_array, scaled: sp.csr_array, x: Singles, rest: Singles) -> Singles:

@@ -35,10 +35,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
-from scipy.sparse.linalg import splu
 
 from geoident.fem.faces import FacetPatch, load_patches
 from geoident.fem.heat import capacity_and_conduction, film
+from geoident.fem.solvers import Solver
+from geoident.fem.solvers.ordered import OrderedFactorization
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Material
@@ -56,7 +57,7 @@ _MOST_ELEVATIONS = 24
 _SLOWEST, _FASTEST = 1.0 / (20.0 * YEAR), 1.0 / DAY
 """Rates that the span of temperatures has to answer, 1/s."""
 
-_FIRST_RATES, _MOST_RATES = 10, 40
+_FIRST_RATES, _MOST_RATES = 10, 37
 
 _WAVES = 7
 """Waves that are looked at."""
@@ -70,8 +71,8 @@ _SEEN = 1e-5
 _QUICKEST = 1e-13
 """Part of the longest time of a mode below which a shorter one is rounding."""
 
-_KEPT = 1e-14
-"""Part of the square of the largest direction below which a direction of the span is rounding."""
+_KEPT = 1e-6
+"""Size of a direction of the span, of a temperature that stays, below which it is left out."""
 
 _WARM_UP = 3
 """Times that the first year acts before the beginning."""
@@ -105,6 +106,7 @@ class HeatModel:
         service: what acts.
         state: number of the state.
         places: parameters at which the span holds; the first are those of the start.
+        solver: factorizes.
 
     Attributes:
         elevations: (m - 1,) at which the temperatures of wetted faces are given, m, ascending.
@@ -117,6 +119,7 @@ class HeatModel:
         service: StructureInService,
         state: int,
         places: Sequence[ParameterPoint],
+        solver: Solver,
     ) -> None:
         case, mesh, kinematics = on_mesh.case, on_mesh.mesh, on_mesh.kinematics
         sequence, up = on_mesh.sequence, on_mesh.mesh.points[:, -1]
@@ -170,7 +173,12 @@ class HeatModel:
             acting = np.zeros_like(shares)
             acting[:, 0] = 1.0  # on all nodes of these faces, those of wetted ones among them
             self._parts.append(part(partial(_number, service.film), F, acting=acting))
-        V = self._span(places)
+        matrices = _on_one_pattern([one.matrix for one in self._parts])
+        self._parts = [
+            replace(one, matrix=matrix) for one, matrix in zip(self._parts, matrices, strict=True)
+        ]
+        self._pattern, self._points = matrices[0], mesh.points[self._free]
+        V = self._span(places, solver)
         self._reduced = [
             replace(one, matrix=V.T @ (one.matrix @ V), inputs=V.T @ one.inputs)
             for one in self._parts
@@ -179,36 +187,36 @@ class HeatModel:
         self.basis[self._free, : V.shape[1]] = V
         self.basis[:, V.shape[1] :] = given_shares
 
-    def _span(self, places: Sequence[ParameterPoint]) -> Floats:
+    def _span(self, places: Sequence[ParameterPoint], solver: Solver) -> Floats:
         """V (n, r): answers to some rates, at as many places as need them."""
         M, H, B0, _ = self._equations(places[0])
+        factors = OrderedFactorization(M, self._points, solver.analyse)
         acts = np.abs(B0).max(axis=0) > 0.0
-        steady = _factor(H).solve(B0[:, acts])
+        steady = factors.factorize(H)(B0[:, acts])
         size = np.sqrt(np.einsum("ij,ij->j", steady, M @ steady))
-        V = np.zeros((len(B0), 0))
+        V, metric = np.zeros((len(B0), 0)), M
         for place in places:
-            C, H, B0, B1 = self._equations(place)
+            M, H, B0, B1 = self._equations(place)
             B0, B1, number = B0[:, acts] / size, B1[:, acts] / size, _FIRST_RATES
-            while number <= _MOST_RATES and _error(V, C, H, B0, B1) > _TOLERANCE:
+            while number <= _MOST_RATES and _error(V, factors, M, H, B0, B1) > _TOLERANCE:
                 rates = np.geomspace(_SLOWEST, _FASTEST, number)
-                answers = [_factor(rate * C + H).solve(B0 + rate * B1) for rate in rates]
-                V = _orthonormal(np.hstack([V, *answers]), M)
+                for rate in rates if number == _FIRST_RATES else rates[1::2]:  # between those
+                    answers = factors.factorize(rate * M + H)(B0 + rate * B1)
+                    V = np.hstack([V, _further(V, answers, metric)])
                 number = 2 * number - 1
         return V
 
     def _equations(
         self, point: ParameterPoint
     ) -> tuple[sp.csr_array, sp.csr_array, Floats, Floats]:
-        """M, H (n, n), B0 and B1 (n, m) at some parameters."""
-        n, m = self._parts[0].inputs.shape
-        M, H = sp.csr_array((n, n)), sp.csr_array((n, n))
-        B0, B1 = np.zeros((n, m)), np.zeros((n, m))
+        """M, H (n, n), B0 and B1 (n, m) at some parameters; M and H have one pattern."""
+        M, H = (self._pattern * 0.0 for _ in range(2))
+        B0, B1 = np.zeros((2, *self._parts[0].inputs.shape))
         for part in self._parts:
             size = float(part.size(point).value)
-            if part.capacity:
-                M, B1 = M + size * part.matrix, B1 + size * part.inputs
-            else:
-                H, B0 = H + size * part.matrix, B0 + size * part.inputs
+            matrix, inputs = (M, B1) if part.capacity else (H, B0)
+            matrix.data += size * part.matrix.data
+            inputs += size * part.inputs
         return M, H, B0, B1
 
     def inputs_at(self, times: Floats) -> Floats:
@@ -362,32 +370,66 @@ def _mean_of_day(series: Series, times: Floats) -> Floats:
     return np.where(high > low, (integral(high) - integral(low)) / width, np.interp(times, t, v))
 
 
-def _factor(matrix: sp.csr_array) -> Any:
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+def _on_one_pattern(matrices: Sequence[sp.csr_array]) -> list[sp.csr_array]:
+    """Matrices (n, n) with the entries that any of them has, zeros stored."""
+
+    def with_data(matrix: sp.csr_array, data: Any) -> sp.csr_array:
+        return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+    ones = []
+    for matrix in matrices:
+        matrix.sum_duplicates()
+        ones.append(with_data(matrix, np.ones(matrix.nnz)))
+    pattern = sp.csr_array(sum(ones[1:], ones[0]))
+    number = with_data(pattern, np.arange(1.0, pattern.nnz + 1.0))
+    whole = []
+    for matrix, one in zip(matrices, ones, strict=True):
+        data = np.zeros(pattern.nnz)
+        data[sp.csr_array(one * number).data.astype(np.int64) - 1] = matrix.data
+        whole.append(with_data(pattern, data))
+    return whole
 
 
-def _orthonormal(columns: Floats, M: sp.csr_array) -> Floats:
-    """Directions (n, r), orthonormal with M, that span some columns (n, k)."""
+def _further(V: Floats, columns: Floats, M: sp.csr_array) -> Floats:
+    """Directions (n, r), orthonormal with M and to V, that with V span columns (n, k) nearly."""
+    for _ in range(2):  # once leaves rounding
+        columns = columns - V @ (V.T @ (M @ columns))
     values, vectors = np.linalg.eigh(columns.T @ (M @ columns))
-    kept = values > _KEPT * values[-1]
+    kept = values > _KEPT**2
     return np.asarray(columns @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
-def _error(V: Floats, M: sp.csr_array, H: sp.csr_array, B0: Floats, B1: Floats) -> float:
+def _error(
+    V: Floats,
+    factors: OrderedFactorization,
+    M: sp.csr_array,
+    H: sp.csr_array,
+    B0: Floats,
+    B1: Floats,
+) -> float:
     """Largest error in the span of the answers to waves.
 
-    Of B so that the steady answers are of size one.
+    Of B so that the steady answers are of size one. A residual r at the frequency w stands for the
+    error (i w M + H)^-1 r. With w M in place of i w M it is no larger, and at least 0.7 of it.
     """
     if not V.shape[1]:
         return np.inf
+    MV, HV = M @ V, H @ V
+    times, modes = eigh(V.T @ MV, V.T @ HV)
     worst = 0.0
-    Mr, Hr = V.T @ (M @ V), V.T @ (H @ V)
     for wave in np.geomspace(1.4 * _SLOWEST, 0.7 * _FASTEST, _WAVES):
-        B = B0 + 1j * wave * B1
-        exact = _factor((1j * wave * M + H).astype(complex)).solve(B)
-        gap = exact - V @ np.linalg.solve(1j * wave * Mr + Hr, V.T @ B)
-        off = np.einsum("ij,ij->j", gap.conj(), M @ gap).real
-        worst = max(worst, float(np.sqrt(off.max())))
+        y = modes.T @ (V.T @ B0) + 1j * wave * (modes.T @ (V.T @ B1))
+        y /= 1.0 + 1j * wave * times[:, None]
+        real, imaginary = modes @ y.real, modes @ y.imag
+        residual = np.hstack(
+            [
+                B0 - HV @ real + wave * (MV @ imaginary),
+                wave * (B1 - MV @ real) - HV @ imaginary,
+            ]
+        )
+        error = factors.factorize(wave * M + H)(residual)
+        squares = np.einsum("ij,ij->j", error, M @ error)
+        worst = max(worst, float(np.sqrt(2.0 * squares.reshape(2, -1).sum(axis=0).max())))
     return worst
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.fem.faces import load_patches
 from geoident.fem.loads import facet_geometry
-from geoident.fem.solvers import Solver
+from geoident.fem.solvers import Solver, pick_solver
 from geoident.forward.checks import check_on_mesh
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.kinds import place_gauges
@@ -146,7 +146,8 @@ class ServiceModel(StagedModel):
         """The temperatures; None where they do not change."""
         if self.service.air is None:
             return None
-        return HeatModel(self.on_mesh, self.service, self.last, self._places)
+        solver = pick_solver(self._solver.name)  # its factors are not those of the stiffness
+        return HeatModel(self.on_mesh, self.service, self.last, self._places, solver)
 
     @property
     def notes(self) -> tuple[str, ...]:
