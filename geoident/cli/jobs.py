@@ -91,7 +91,10 @@ def run_case(
     with failures_as_json(case, options), mechanism_drawn(case, options):
         job = plan(replace(request_of(case, options), begun=begun))
         if options.dry_run:
-            return _say_plan_of_case(job, options)
+            # the model is built, nothing is solved
+            setup = prepare(job)
+            summary = summarize(job.inputs, setup.model, setup.readings)
+            return say_plan(job, case_text(summary), summary_object(summary), options)
         terminal = Terminal(options, job.inputs.case.parameters)
         return run_and_say(
             partial(run, job), terminal, options, title=case, case=case, stop=stop, cluster=cluster
@@ -306,10 +309,3 @@ def say_plan(job: Planned, text: str, as_object: dict[str, Any], options: Option
     if job.existing is Existing.OTHER and not options.force:
         click.echo("and keep what stands there beside it")
     return ExitCode.DONE
-
-
-def _say_plan_of_case(job: Job, options: Options) -> int:
-    """What would be done; the model is built, nothing is solved."""
-    setup = prepare(job)
-    summary = summarize(job.inputs, setup.model, setup.readings)
-    return say_plan(job, case_text(summary), summary_object(summary), options)
