@@ -49,13 +49,7 @@ from geoident.workflow.estimating.rivals import mixed_prediction
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import (
-    Inputs,
-    Request,
-    build_model,
-    job_provenance,
-    load_inputs,
-)
+from geoident.workflow.running.jobs import Inputs, Request, build_model, job_provenance, load_inputs
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.readings import bad_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
@@ -206,11 +200,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
         left_out=scored,
     )
     together = partial(
-        correlations,
-        survey,
-        known.assessment,
-        known=known.errors,
-        nonlinearity=known.nonlinearity,
+        correlations, survey, known.assessment, known=known.errors, nonlinearity=known.nonlinearity
     )
     return task.write(with_decisions(result, case, prediction, together))
 

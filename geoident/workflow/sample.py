@@ -31,17 +31,8 @@ from geoident.workflow.drawn import DrawnPosterior
 from geoident.workflow.estimating.estimate import possible_problems
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand
-from geoident.workflow.estimating.from_fit import (
-    FitTask,
-    plan_on_fit,
-    read_fit,
-    require_same_mesh,
-)
-from geoident.workflow.estimating.setup import (
-    problem_of,
-    problem_of_result,
-    setup_of_result,
-)
+from geoident.workflow.estimating.from_fit import FitTask, plan_on_fit, read_fit, require_same_mesh
+from geoident.workflow.estimating.setup import problem_of, problem_of_result, setup_of_result
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.answers import (
     Asked,

@@ -45,11 +45,7 @@ fit: {method: gauss-newton, model_error: none, mesh_error: false}
 SAME = ("parameters.E.start=5 GPa", "parameters.K0.start=1.5")
 """A truth that is of the model."""
 
-TWO_ROCKS = (
-    *SAME,
-    "materials.hard={elastic: isotropic, E: 15 GPa, nu: 0.25}",
-    "groups.right=hard",
-)
+TWO_ROCKS = (*SAME, "materials.hard={elastic: isotropic, E: 15 GPa, nu: 0.25}", "groups.right=hard")
 """A truth that the model has no parameters for: one side of the pit is three times as stiff."""
 
 Row = tuple[str, str, float]

@@ -42,10 +42,7 @@ LAW = (
     )
     + "readings: readings.csv\nfit: {backtest: false}\n"
 )
-SITES = {
-    "trench": (TRENCH, (5e9, 1.5), 1e-5),
-    "law": (LAW, (40e-3, 12.0, 1.2, 4 * 86400.0), 1e-4),
-}
+SITES = {"trench": (TRENCH, (5e9, 1.5), 1e-5), "law": (LAW, (40e-3, 12.0, 1.2, 4 * 86400.0), 1e-4)}
 
 
 @dataclass(frozen=True)
