@@ -27,7 +27,7 @@ def with_accuracies_too_good(problem):
 
 
 def test_ranks_are_uniform():
-    ranks = ranks_of_truth(25, density_of=PosteriorDensity)
+    ranks = ranks_of_truth(16, density_of=PosteriorDensity)
     assert chance_of(ranks, 10).min() > LEAST_CHANCE
 
 
