@@ -18,13 +18,7 @@ from geoident.io.result.project import is_project_result
 from geoident.model.results.head import ReportHead
 from geoident.report.text.csv_tables import csv_tables, csv_text
 from geoident.workflow.compare import compare as run_comparison
-from geoident.workflow.export import (
-    Export,
-    export_folder,
-    export_texts,
-    export_vtkhdf,
-    export_vtu,
-)
+from geoident.workflow.export import Export, export_folder, export_texts, export_vtkhdf, export_vtu
 from geoident.workflow.page_of_many import kind_of_many, write_page_of_many
 from geoident.workflow.report import (
     cases_of,

@@ -236,19 +236,15 @@ def predict(
         OutputError: the result cannot be written, or would replace one of other input.
         UsageError: there is no such stage or solver.
     """
-    new = None if case is None else origin_of(case)
-    request = PredictRequest(
-        result=path_of(fitted),
-        stages=(stages,) if isinstance(stages, str) else tuple(stages),
-        case=None if new is None else new.path,
-        overrides=() if new is None else new.overrides,
-        output=_place(output),
-        solver=solver,
-        force=force,
-        fresh=fresh,
-        text=None if new is None else new.text,
+    request = Request(
+        path_of(fitted), output=_place(output), solver=solver, force=force, fresh=fresh
     )
-    return PredictionResult(*_parts(run_prediction(plan_prediction(request), control())))
+    chosen, of = (stages,) if isinstance(stages, str) else tuple(stages), None
+    if case is not None:
+        new = origin_of(case)
+        request, of = replace(request, overrides=new.overrides, text=new.text), new.path
+    asked = PredictRequest(request, chosen, of)
+    return PredictionResult(*_parts(run_prediction(plan_prediction(asked), control())))
 
 
 @spoken
@@ -291,16 +287,9 @@ def sample(
         UsageError: a package that samples is not installed.
     """
     obeyed = control(max_time=max_time, jobs=jobs, cluster=cluster)
-    request = SampleRequest(
-        result=path_of(fitted),
-        draws=draws,
-        effective=effective,
-        output=_place(output),
-        seed=seed,
-        force=force,
-        fresh=fresh,
-    )
-    return SampleResult(*_parts(run_sample(plan_sample(request), obeyed)))
+    request = Request(path_of(fitted), output=_place(output), seed=seed, force=force, fresh=fresh)
+    asked = SampleRequest(request, draws, effective)
+    return SampleResult(*_parts(run_sample(plan_sample(asked), obeyed)))
 
 
 @spoken

@@ -160,10 +160,7 @@ def failures_as_json(case: str, options: Options) -> Iterator[None]:
         yield
     except GeoidentError as error:
         if options.as_json:
-            from geoident.report.text.json import (  # noqa: PLC0415 - help must not wait for it
-                dumps,
-                failure_object,
-            )
+            from geoident.report.text.json import dumps, failure_object  # noqa: PLC0415 - help must not wait for it
 
             click.echo(dumps(failure_object(error, case=case)))
         raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -44,6 +45,25 @@ PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
 
 
+def request_of(case: str, options: Options) -> Request:
+    """What is to be done with a case, or with a result.
+
+    Args:
+        case: its path.
+        options: of the command.
+    """
+    return Request(
+        case=case,
+        overrides=options.overrides,
+        output=options.output,
+        seed=options.seed,
+        solver=options.solver,
+        force=options.force,
+        fresh=options.fresh,
+        reduced=options.reduced,
+    )
+
+
 def run_case(
     case: str,
     options: Options,
@@ -69,32 +89,24 @@ def run_case(
         The exit code.
     """
     with failures_as_json(case, options), mechanism_drawn(case, options):
-        request = Request(
-            case=case,
-            overrides=options.overrides,
-            output=options.output,
-            seed=options.seed,
-            solver=options.solver,
-            force=options.force,
-            fresh=options.fresh,
-            begun=begun,
-            reduced=options.reduced,
-        )
-        job = plan(request)
+        job = plan(replace(request_of(case, options), begun=begun))
         if options.dry_run:
-            return _say_plan_of_case(job, options)
+            # the model is built, nothing is solved
+            setup = prepare(job)
+            summary = summarize(job.inputs, setup.model, setup.readings)
+            return say_plan(job, case_text(summary), summary_object(summary), options)
         terminal = Terminal(options, job.inputs.case.parameters)
         return run_and_say(
             partial(run, job), terminal, options, title=case, case=case, stop=stop, cluster=cluster
         )
 
 
-def run_prediction(request: PredictRequest, options: Options) -> int:
+def run_prediction(asked: PredictRequest, options: Options) -> int:
     """Make a prediction, and say what came out."""
-    task = plan_prediction(request)
+    task = plan_prediction(asked)
     case, work = task.job.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
-        return run_and_say(work, Terminal(options), options, title=request.result, case=case)
+        return run_and_say(work, Terminal(options), options, title=asked.request.case, case=case)
 
 
 def run_control(request: ControlRequest, options: Options, *, on_alarm: str | None = None) -> int:
@@ -198,22 +210,22 @@ def run_plan(request: PlanRequest, options: Options) -> int:
         return run_and_say(work, Terminal(options), options, title=case, case=case)
 
 
-def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
+def run_sample(asked: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
     """Draw from a posterior, and say what came out.
 
     Args:
-        request: what to draw.
+        asked: what to draw.
         options: of the command.
         cluster: address, ``local`` or file of a cluster; None for processes of this machine.
 
     Returns:
         The exit code.
     """
-    task = plan_sample(request)
+    task = plan_sample(asked)
     case, work = task.job.inputs.path, partial(sample, task)
     with mechanism_drawn(case, options):
         return run_and_say(
-            work, Terminal(options), options, title=request.result, case=case, cluster=cluster
+            work, Terminal(options), options, title=asked.request.case, case=case, cluster=cluster
         )
 
 
@@ -297,10 +309,3 @@ def say_plan(job: Planned, text: str, as_object: dict[str, Any], options: Option
     if job.existing is Existing.OTHER and not options.force:
         click.echo("and keep what stands there beside it")
     return ExitCode.DONE
-
-
-def _say_plan_of_case(job: Job, options: Options) -> int:
-    """What would be done; the model is built, nothing is solved."""
-    setup = prepare(job)
-    summary = summarize(job.inputs, setup.model, setup.readings)
-    return say_plan(job, case_text(summary), summary_object(summary), options)

@@ -140,11 +140,7 @@ def _compute(
 
 @contextmanager
 def _executor(
-    command: str,
-    cases: Sequence[str],
-    options: Options,
-    terminal: Terminal,
-    cluster: str | None,
+    command: str, cases: Sequence[str], options: Options, terminal: Terminal, cluster: str | None
 ) -> Iterator[Executor[str, CaseEnd]]:
     """What computes the cases: processes of this machine, or a cluster."""
     if cluster is None:

@@ -38,13 +38,9 @@ class GaussNewtonOptions:
     """Weighted least squares by a trust region with bounds."""
 
     tolerance: float = _option(
-        1e-8,
-        "Relative size of a step, or of the reduction it predicts, that ends the search.",
+        1e-8, "Relative size of a step, or of the reduction it predicts, that ends the search."
     )
-    max_iterations: int = _option(
-        50,
-        "Most steps.",
-    )
+    max_iterations: int = _option(50, "Most steps.")
     starts: int | Literal["automatic"] = _option(
         "automatic",
         "Number of starts (the first is given, the others are spread over the bounds); "
@@ -61,52 +57,25 @@ class CondensationOptions:
         "output",
         "`output` measures the error in readings, `equation` in forces, as the paper does.",
     )
-    tolerance: float = _option(
-        1e-8,
-        "Relative change of the parameters that ends the iteration.",
-    )
-    max_iterations: int = _option(
-        50,
-        "Most iterations.",
-    )
+    tolerance: float = _option(1e-8, "Relative change of the parameters that ends the iteration.")
+    max_iterations: int = _option(50, "Most iterations.")
 
 
 @dataclass(frozen=True)
 class SimplexOptions:
     """Simplex search (Maier & Gioda, section 5, figure 7; Nelder & Mead)."""
 
-    alpha: float = _option(
-        1.0,
-        "Factor of reflection.",
-    )
-    beta: float = _option(
-        0.5,
-        "Factor of contraction.",
-        above=0.0,
-        below=1.0,
-    )
-    gamma: float = _option(
-        2.0,
-        "Factor of expansion.",
-        above=1.0,
-    )
+    alpha: float = _option(1.0, "Factor of reflection.")
+    beta: float = _option(0.5, "Factor of contraction.", above=0.0, below=1.0)
+    gamma: float = _option(2.0, "Factor of expansion.", above=1.0)
     delta: float = _option(
-        1e-10,
-        "Relative spread of the misfit over the vertices that ends the search.",
+        1e-10, "Relative spread of the misfit over the vertices that ends the search."
     )
-    max_evaluations: int = _option(
-        2000,
-        "Most evaluations of the misfit.",
-    )
+    max_evaluations: int = _option(2000, "Most evaluations of the misfit.")
     restarts: int = _option(
-        1,
-        "Number of new simplexes that are built around the best vertex.",
-        least=0,
+        1, "Number of new simplexes that are built around the best vertex.", least=0
     )
-    size: float = _option(
-        0.1,
-        "Edge of the first simplex, in scaled parameters.",
-    )
+    size: float = _option(0.1, "Edge of the first simplex, in scaled parameters.")
 
 
 @dataclass(frozen=True)
@@ -126,11 +95,7 @@ class ScanOptions:
         dict,
         "Parameter to its axis; the first one or two parameters between their bounds if missing.",
     )
-    points: int = _option(
-        21,
-        "Number of points of axes that `grid` does not give.",
-        least=2,
-    )
+    points: int = _option(21, "Number of points of axes that `grid` does not give.", least=2)
 
 
 @dataclass(frozen=True)
@@ -138,26 +103,18 @@ class ClosedFormOptions:
     """Circular opening in elastic or Mohr-Coulomb ground, by formulas (Lame, Kirsch, Salencon)."""
 
     centre: tuple[float, float] | None = _option(
-        None,
-        "Centre of the opening, which the method needs.",
+        None, "Centre of the opening, which the method needs."
     )
     radius: float | None = _option(
-        None,
-        "Radius of the opening, which the method needs.",
-        dimension="length",
+        None, "Radius of the opening, which the method needs.", dimension="length"
     )
     starts: int = _option(
-        10,
-        "Number of starts: the first is given, the others are spread over the bounds.",
+        10, "Number of starts: the first is given, the others are spread over the bounds."
     )
     tolerance: float = _option(
-        1e-8,
-        "Relative size of a step, or of the reduction it predicts, that ends the search.",
+        1e-8, "Relative size of a step, or of the reduction it predicts, that ends the search."
     )
-    max_iterations: int = _option(
-        100,
-        "Most steps of a start.",
-    )
+    max_iterations: int = _option(100, "Most steps of a start.")
 
 
 @dataclass(frozen=True)
@@ -175,45 +132,26 @@ class ComplementarityOptions:
         "Most descents that start anew around the best point, in search of a better one.",
         least=0,
     )
-    max_evaluations: int = _option(
-        1000,
-        "Most analyses of all stages.",
-    )
+    max_evaluations: int = _option(1000, "Most analyses of all stages.")
     tolerance: float = _option(
-        1e-8,
-        "Relative size of a step, or of the reduction it predicts, that ends a descent.",
+        1e-8, "Relative size of a step, or of the reduction it predicts, that ends a descent."
     )
-    seed: int = _option(
-        1,
-        "Seed of the random directions of the restarts.",
-    )
+    seed: int = _option(1, "Seed of the random directions of the restarts.")
     gap: float = _option(
         1e-4,
         "For `global`: difference between the misfit and the proven bound that ends the search,"
         " relative to the misfit (to 1 where that is less).",
     )
-    max_regions: int = _option(
-        2000,
-        "For `global`: most boxes of parameters that are examined.",
-    )
+    max_regions: int = _option(2000, "For `global`: most boxes of parameters that are examined.")
 
 
 @dataclass(frozen=True)
 class EnsembleSmootherOptions:
     """Ensemble smoother with multiple data assimilation: no derivatives (extra ensemble)."""
 
-    ensemble: int = _option(
-        200,
-        "Number of members; the sampling error falls with the root of it.",
-    )
-    assimilations: int = _option(
-        4,
-        "Number of steps in which the readings are taken in.",
-    )
-    seed: int = _option(
-        1,
-        "Seed of the ensemble and of the perturbed readings.",
-    )
+    ensemble: int = _option(200, "Number of members; the sampling error falls with the root of it.")
+    assimilations: int = _option(4, "Number of steps in which the readings are taken in.")
+    seed: int = _option(1, "Seed of the ensemble and of the perturbed readings.")
 
 
 MethodOptions = (
@@ -263,8 +201,7 @@ class StudentOptions:
     """The loss of Student's t distribution: the influence of a reading that is far off vanishes."""
 
     nu: float = _option(
-        4.0,
-        "Degrees of freedom: few for many wrong readings, many for nearly least squares.",
+        4.0, "Degrees of freedom: few for many wrong readings, many for nearly least squares."
     )
 
 

@@ -82,11 +82,7 @@ class Checked:
 
 @one_thread()
 def check(
-    path: str,
-    *,
-    overrides: Sequence[str] = (),
-    solver: str = "auto",
-    text: str | None = None,
+    path: str, *, overrides: Sequence[str] = (), solver: str = "auto", text: str | None = None
 ) -> Checked:
     """Read a case and build its model.
 

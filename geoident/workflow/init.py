@@ -69,12 +69,7 @@ def init_from_mesh(
 
 
 def _write(
-    contents: Mapping[str, bytes],
-    folder: str,
-    *,
-    force: bool,
-    schema: bool,
-    inputs: Sequence[str],
+    contents: Mapping[str, bytes], folder: str, *, force: bool, schema: bool, inputs: Sequence[str]
 ) -> tuple[str, ...]:
     """Write files into a folder, made if it is missing; none if one of them is there already."""
     if schema:

@@ -49,13 +49,7 @@ from geoident.workflow.estimating.rivals import mixed_prediction
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import (
-    Inputs,
-    Request,
-    build_model,
-    job_provenance,
-    load_inputs,
-)
+from geoident.workflow.running.jobs import Inputs, Request, build_model, job_provenance, load_inputs
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.readings import bad_notes
 from geoident.workflow.scoring.alarms import alarm_findings, alarm_states
@@ -80,26 +74,14 @@ class PredictRequest:
     """What to predict.
 
     Args:
-        result: path of a fit.
+        request: with the path of a fit as its case; overrides and text are those of another case.
         stages: names of the stages to predict; all that took no part in the fit if empty.
-        case: path of a case to predict in place of that of the fit, or None.
-        overrides: of that case.
-        output: a file or an existing folder; None for beside the result.
-        solver: name of the sparse solver, or ``auto``.
-        force: overwrite a prediction of other input.
-        fresh: compute again what is up to date.
-        text: of that case where it stands in no file.
+        case: path of another case to predict in place of that of the fit, or None.
     """
 
-    result: str
+    request: Request
     stages: tuple[str, ...] = ()
     case: str | None = None
-    overrides: tuple[str, ...] = ()
-    output: str | None = None
-    solver: str = "auto"
-    force: bool = False
-    fresh: bool = False
-    text: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,17 +89,17 @@ class PredictTask(FitTask):
     """A prediction that can be made.
 
     Args:
-        request: what was asked for.
+        asked: what was asked for.
         origin: the case of the fit, with its mesh as it is now.
         others: why the gauges of another case are not those of the fit; empty where they are.
     """
 
-    request: PredictRequest
+    asked: PredictRequest
     origin: Inputs
     others: str = ""
 
 
-def plan_prediction(request: PredictRequest) -> PredictTask:
+def plan_prediction(asked: PredictRequest) -> PredictTask:
     """Read a fit and the case to predict, and look at what stands where the result goes.
 
     Raises:
@@ -125,33 +107,27 @@ def plan_prediction(request: PredictRequest) -> PredictTask:
         OutputError: the result could not be written, or another one would be lost.
         UsageError: there is no such stage.
     """
-    fit, origin = read_fit(request.result, "predicted")
-    if request.case is None:
+    request = asked.request
+    fit, origin = read_fit(request.case, "predicted")
+    if asked.case is None:
         hint = f"Run the fit again, or give the case to predict with {Term.OTHER_CASE}."
         require_same_mesh(fit, origin, hint)
         inputs = origin
     else:
-        inputs = load_inputs(request.case, overrides=request.overrides, text=request.text)
+        inputs = load_inputs(asked.case, overrides=request.overrides, text=request.text)
     names = [stage.name for stage in inputs.case.stages]
-    if unknown := [stage for stage in request.stages if stage not in names]:
+    if unknown := [stage for stage in asked.stages if stage not in names]:
         raise UsageError(f"There is no stage {unknown[0]!r}; the stages are: {', '.join(names)}.")
     require_identified(fit, inputs)
     require_same_fields(fit, origin.case, inputs)
     others = ""
-    if request.case is not None:
+    if asked.case is not None:
         others = why_other_gauges(fit, origin, inputs)
         if not others:
             inputs = with_gauges_of_fit(inputs, origin, fit)
-    asked = Request(
-        case=request.result,
-        output=request.output,
-        seed=fit.provenance.seed,
-        solver=request.solver,
-        force=request.force,
-        fresh=request.fresh,
-    )
-    job = plan_on_fit("predict", str(request.stages), asked, fit, inputs)
-    return PredictTask(fit=fit, job=job, request=request, origin=origin, others=others)
+    seeded = replace(request, seed=fit.provenance.seed)
+    job = plan_on_fit("predict", str(asked.stages), seeded, fit, inputs)
+    return PredictTask(fit=fit, job=job, asked=asked, origin=origin, others=others)
 
 
 @one_thread()
@@ -160,7 +136,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
     if (before := job_at_hand(task.job)) is not None:
         return before
     task.require_free()
-    fit, same_case = task.fit, task.request.case is None
+    fit, same_case = task.fit, task.asked.case is None
     model, case = _model(task)
     order = [fit.parameters.names.index(name) for name in model.names]
     parameters = fit.parameters.picked(np.array(order, dtype=np.int64))
@@ -175,7 +151,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
         table = readings_as_used(case, table, others=bool(task.others))
     readings = with_computed(table, case, model, survey, p)
     gauges = gauge_table(case, readings, survey.computed)
-    chosen = task.request.stages
+    chosen = task.asked.stages
     rows = left_out_rows(case)
     places = chosen_stages(gauges, chosen) if chosen else predicted_places(gauges, rows)
     prediction, known, left_out = _prediction(task, model, case, survey, places)
@@ -186,14 +162,14 @@ def predict(task: PredictTask, control: Control) -> Finished:
     alarms = alarm_states(case, gauges, prediction)
     by_reduced: tuple[str, ...] = ()
     if isinstance(model, ReducedCaseModel):
-        by_reduced = (answer_note(model, task.request.result),)
+        by_reduced = (answer_note(model, task.job.request.case),)
     poor = fit.status == "poor-fit"
     result = Result(
         kind="predict",
         status="poor-fit" if poor else "done",
         exit_code=ExitCode.NOT_CONVERGED if poor else ExitCode.DONE,
         method=fit.method,
-        reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
+        reason=f"Predicted from {task.job.request.case} ({fit.status})." + (POOR if poor else ""),
         objective=fit.objective,
         findings=(
             *_whose_gauges(task),
@@ -224,11 +200,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
         left_out=scored,
     )
     together = partial(
-        correlations,
-        survey,
-        known.assessment,
-        known=known.errors,
-        nonlinearity=known.nonlinearity,
+        correlations, survey, known.assessment, known=known.errors, nonlinearity=known.nonlinearity
     )
     return task.write(with_decisions(result, case, prediction, together))
 
@@ -242,9 +214,9 @@ def _model(task: PredictTask) -> tuple[ObservedModel, Case]:
     case, inputs = task.job.inputs.case, task.job.inputs
 
     def build() -> ObservedModel:
-        return build_model(inputs, solver=task.request.solver)
+        return build_model(inputs, solver=task.job.request.solver)
 
-    if task.request.case is None:
+    if task.asked.case is None:
         restored = restored_of(task.fit, case) if case.fit.reduced else None
         return (build() if restored is None else answered(restored, case, build)), case
     model = build()
@@ -270,13 +242,13 @@ def _prediction(
         survey: of the model at the answer of the fit.
         places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
-    fit, origin, same_case = task.fit, task.origin, task.request.case is None
+    fit, origin, same_case = task.fit, task.origin, task.asked.case is None
     (first, known), rivals = _of_one_minimum(task, fit, model, case, survey, places), fit.rivals
     if rivals is None:
         return first, known, ()
     if not same_case and origin.mesh_sha256 != fit.provenance.mesh_sha256:
         return first, known, (LEFT_OUT.format(len(rivals) - 1, "the mesh of the fit has changed"),)
-    fitted = model if same_case else build_model(origin, solver=task.request.solver)
+    fitted = model if same_case else build_model(origin, solver=task.job.request.solver)
     order = [fit.parameters.names.index(name) for name in model.names]
     others = []
     try:
@@ -311,7 +283,7 @@ def _of_one_minimum(
         survey: of the model there.
         places: (n_channels, n_stages) which to predict, or (n_stages,) of all channels.
     """
-    same_case, others = task.request.case is None, bool(task.others)
+    same_case, others = task.asked.case is None, bool(task.others)
     known = known_by_fit(
         fit, task.origin.case, model, case, survey, same_case=same_case, others=others
     )
@@ -323,7 +295,7 @@ def _of_one_minimum(
 
 def _whose_gauges(task: PredictTask) -> Iterator[Finding]:
     """Whether what the fit knows of its gauges holds in another case."""
-    name, fit = task.request.case, task.fit
+    name, fit = task.asked.case, task.fit
     if name is None:
         return
     if not task.others:

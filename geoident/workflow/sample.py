@@ -31,17 +31,8 @@ from geoident.workflow.drawn import DrawnPosterior
 from geoident.workflow.estimating.estimate import possible_problems
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand
-from geoident.workflow.estimating.from_fit import (
-    FitTask,
-    plan_on_fit,
-    read_fit,
-    require_same_mesh,
-)
-from geoident.workflow.estimating.setup import (
-    problem_of,
-    problem_of_result,
-    setup_of_result,
-)
+from geoident.workflow.estimating.from_fit import FitTask, plan_on_fit, read_fit, require_same_mesh
+from geoident.workflow.estimating.setup import problem_of, problem_of_result, setup_of_result
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.answers import (
     Asked,
@@ -76,26 +67,16 @@ class SampleRequest:
     """What to draw.
 
     Args:
-        result: path of a fit.
+        request: with the path of a fit as its case.
         draws: how many to write.
         effective: target effective sample size; at most ``draws``.
         evaluations: of the model at most.
-        output: a file or an existing folder; None for beside the result.
-        seed: of random numbers.
-        solver: name of the sparse solver, or ``auto``.
-        force: overwrite a sample of other input.
-        fresh: compute again what is up to date, and forget the checkpoint.
     """
 
-    result: str
+    request: Request
     draws: int = 10_000
     effective: int = EFFECTIVE
     evaluations: int = EVALUATIONS
-    output: str | None = None
-    seed: int = 0
-    solver: str = "auto"
-    force: bool = False
-    fresh: bool = False
 
     @property
     def of_sampler(self) -> SamplingRequest:
@@ -114,7 +95,7 @@ class SampleTask(FitTask):
     request: SampleRequest
 
 
-def plan_sample(request: SampleRequest) -> SampleTask:
+def plan_sample(asked: SampleRequest) -> SampleTask:
     """Read a fit, and look at what stands where the sample goes.
 
     Raises:
@@ -124,20 +105,12 @@ def plan_sample(request: SampleRequest) -> SampleTask:
     """
     for name in ("emcee", "arviz"):
         library(name)
-    fit, inputs = read_fit(request.result, "sampled")
+    fit, inputs = read_fit(asked.request.case, "sampled")
     require_same_mesh(fit, inputs, "Run the fit again.")
-    asked = Request(
-        case=request.result,
-        output=request.output,
-        seed=request.seed,
-        solver=request.solver,
-        force=request.force,
-        fresh=request.fresh,
-    )
-    of = request.of_sampler
+    of = asked.of_sampler
     purpose = f"{of.draws} {of.effective} {of.evaluations}"
-    job = plan_on_fit("sample", purpose, asked, fit, inputs)
-    return SampleTask(fit=fit, job=job, request=request)
+    job = plan_on_fit("sample", purpose, asked.request, fit, inputs)
+    return SampleTask(fit=fit, job=job, request=asked)
 
 
 @one_thread()
@@ -154,7 +127,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
     control.require_cluster()
     task.require_free()
     case = job.inputs.case
-    model = build_model(job.inputs, solver=request.solver)
+    model = build_model(job.inputs, solver=job.request.solver)
     setup = setup_of_result(fit, case, model)
     asked = Asked(model, case, setup.readings)
     require_same_modes(fit, model, case, fit.parameters.values)
@@ -174,7 +147,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
                 _draws(task, density, control),
                 answers,
                 asked.places,
-                request.seed,
+                job.request.seed,
                 request.of_sampler.effective,
                 led,
             )
@@ -255,7 +228,7 @@ def _draws(task: SampleTask, density: PosteriorDensity, control: Control) -> Dra
             density,
             [fit.parameters.values] if fit.rivals is None else list(fit.rivals.values),
             request.of_sampler,
-            rng=np.random.default_rng(request.seed),
+            rng=np.random.default_rng(task.job.request.seed),
             watch=watch,
         )
     except Stopped as stop:
@@ -286,7 +259,7 @@ def _answers(
     """
     fit, table, case = task.fit, task.fit.parameters, asked.model.case
     kept = None if isinstance(asked.model, OpeningModel) else log
-    with _computed(task.request, asked, fit.gauges.readings, control) as compute:
+    with _computed(task, asked, control) as compute:
         led = None
         staged = isinstance(asked.model, StagedModel) and case.fit.reduced
         if staged and np.all(np.isfinite(table.covariance)):
@@ -305,21 +278,18 @@ def _answers(
 
 
 @contextmanager
-def _computed(
-    request: SampleRequest, asked: Asked, readings: ReadingTable, control: Control
-) -> Iterator[Compute]:
+def _computed(task: SampleTask, asked: Asked, control: Control) -> Iterator[Compute]:
     """The model's own answers.
 
     Args:
-        request: what to draw.
+        task: the sample.
         asked: the model, in this process.
-        readings: of which some are used.
         control: says how many processes there may be, or on which cluster they are.
     """
-    jobs, cluster = control.jobs, control.cluster
-    parts = ModelParts.of(asked.model, asked.case, request.solver)
+    jobs, cluster, solver = control.jobs, control.cluster, task.job.request.solver
+    parts = ModelParts.of(asked.model, asked.case, solver)
     if jobs is None:
-        jobs = worthwhile_processes(asked.model, request.solver, request.draws)
+        jobs = worthwhile_processes(asked.model, solver, task.request.draws)
     if parts is None:
         with runs_on_cluster(asked.model, control):
             yield here(asked)
@@ -328,6 +298,6 @@ def _computed(
         yield here(asked)
         return
     begin: BeginWorkers = partial(LocalProcesses, jobs) if cluster is None else cluster.begin
-    build = partial(build_elsewhere, parts, readings)
+    build = partial(build_elsewhere, parts, task.fit.gauges.readings)
     with in_processes(begin, build, asked.beside) as compute:
         yield compute

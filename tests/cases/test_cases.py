@@ -23,14 +23,7 @@ from geoident.workflow.estimating.setup import prepare, used_response
 from geoident.workflow.running.jobs import Request, plan_fit
 
 CASES = Path(__file__).parents[2] / "cases"
-QUICK = (
-    "braced-pit",
-    "cavern",
-    "dam",
-    "gravity-dam",
-    "shaft",
-    "stratified-tunnel",
-)
+QUICK = ("braced-pit", "cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel")
 SLOW = ("cavern-plastic", "pressure-tunnel", "tunnel-3d")
 NAMES = (*QUICK, "cavern-field", *SLOW)
 LEAN = ("fit.backtest=false", "fit.mesh_error=false", "fit.model_error=none")

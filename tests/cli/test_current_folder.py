@@ -97,8 +97,9 @@ variations: {product: {parameters.E.start: [3 GPa, 4 GPa]}}
 )
 def test_neither_do_those_of_a_campaign_or_of_a_cluster(hostile, cluster):
     Path("campaign.yaml").write_text(CAMPAIGN)
-    hostile("batch", "campaign.yaml", "-j", "2", *cluster)
-    hostile("report", "campaign.batch")
+    hostile("batch", "campaign.yaml", "-j", "1", *cluster)
+    if not cluster:
+        hostile("report", "campaign.batch")
 
 
 @pytest.mark.slow

@@ -96,11 +96,7 @@ def test_each_run_takes_the_place_of_the_one_before(trench, run, monkeypatch):
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("CV:", '"C, ""V""~@#":'),
-        ("{name: first", "{name: 'Phase 1, Süd'"),
-        ("CV:", '"Köln 7":'),
-    ],
+    [("CV:", '"C, ""V""~@#":'), ("{name: first", "{name: 'Phase 1, Süd'"), ("CV:", '"Köln 7":')],
 )
 def test_names_of_all_kinds_are_found(trench, run, monkeypatch, old, new):
     new = new.replace('""', '\\"')

@@ -19,6 +19,7 @@ from geoident.io.result.file import read_result, write_result
 from geoident.workflow.running import control
 from geoident.workflow.running.answers import Asked
 from geoident.workflow.running.control import Control, Monitor
+from geoident.workflow.running.jobs import Request
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
 with warnings.catch_warnings():
@@ -173,7 +174,7 @@ class Stopping(Monitor):
 
 
 def test_a_run_that_was_interrupted_goes_on_from_its_checkpoint(fitted, monkeypatch):
-    request = SampleRequest("case.fit.h5", draws=1000, effective=400)
+    request = SampleRequest(Request("case.fit.h5"), draws=1000, effective=400)
     first = Control()
     first.monitor = Stopping(lambda: first, 200)
     with pytest.raises(Interrupted, match="continues from there"):
@@ -185,7 +186,7 @@ def test_a_run_that_was_interrupted_goes_on_from_its_checkpoint(fitted, monkeypa
         found = sample(plan_sample(request), Control()).result.posterior
     assert len(asked) <= found.evaluations - 190
     assert not (fitted / "case.sample.checkpoint").exists()
-    fresh = SampleRequest("case.fit.h5", draws=1000, effective=400, fresh=True)
+    fresh = SampleRequest(Request("case.fit.h5", fresh=True), draws=1000, effective=400)
     whole = sample(plan_sample(fresh), Control()).result.posterior
     np.testing.assert_array_equal(whole.values, found.values)
     np.testing.assert_array_equal(whole.predicted, found.predicted)

@@ -31,8 +31,7 @@ def yielding(trench, run):
     )
     text = text.replace("K0: $K0", "K0: 1.5")
     text = text.replace(
-        "fit: {method: gauss-newton, stages: [first], mesh_error: false}\n",
-        f"fit: {{{LEAN}}}\n",
+        "fit: {method: gauss-newton, stages: [first], mesh_error: false}\n", f"fit: {{{LEAN}}}\n"
     )
     case.write_text(text)
     assert run("simulate", "case.yaml", *TRUTH, "-o", "exact.csv").exit_code == 0

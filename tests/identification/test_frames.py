@@ -93,8 +93,7 @@ def test_the_implicit_method_reaches_the_published_optimum(name: str, verificati
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["c", "b10s", *(pytest.param(name, marks=pytest.mark.slow) for name in ("a", "b", "d"))],
+    "name", ["c", "b10s", *(pytest.param(name, marks=pytest.mark.slow) for name in ("a", "b", "d"))]
 )
 def test_full_space_reaches_the_published_optimum(name: str) -> None:
     met(full_space(problem(name), FULL, silent))

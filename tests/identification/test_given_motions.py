@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import run_command
-from support.shield import CASE, ring, write_mesh
+from support.dam_on_mesh import write_mesh
+from support.shield import CASE, ring
 
 from geoident.io.result.file import read_result
 

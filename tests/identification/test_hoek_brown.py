@@ -44,10 +44,7 @@ RADIUS, FAR = 3.0, 12e6
 PARTS = (0.5, 0.8, 0.95)
 DEPTHS = (0.0, 1.0, 3.0, 6.0)
 ACCURACY = 0.3e-3
-PARAMETERS = (
-    Parameter("GSI", 45.0, 15.0, 80.0),
-    Parameter("sigci", 60e6, 10e6, 150e6, "log"),
-)
+PARAMETERS = (Parameter("GSI", 45.0, 15.0, 80.0), Parameter("sigci", 60e6, 10e6, 150e6, "log"))
 TRUTH = np.array([33.0, 38e6])
 METHODS = pytest.mark.parametrize(
     "method",
@@ -64,11 +61,7 @@ METHODS = pytest.mark.parametrize(
 
 PAIRS = [(f"d{depth:g}", f"s{k}") for depth in DEPTHS for k in range(len(PARTS))]
 GIVEN = {"GSI": 33.0, "sigci": 38e6, "mi": 9.0}
-KNOWN = {
-    "GSI": PARAMETERS[0],
-    "sigci": PARAMETERS[1],
-    "mi": Parameter("mi", 12.0, 4.0, 33.0),
-}
+KNOWN = {"GSI": PARAMETERS[0], "sigci": PARAMETERS[1], "mi": Parameter("mi", 12.0, 4.0, 33.0)}
 
 
 def ground(sought: Sequence[str]) -> Material:

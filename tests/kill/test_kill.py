@@ -199,10 +199,7 @@ def scanned(words, *, at=None):
     return code, [done.count(bytes([number])) for number in range(len(WORK))]
 
 
-WORK = [
-    (ReducibleResponse, "evaluation"),
-    (ReducedResponse, "estimated"),
-]
+WORK = [(ReducibleResponse, "evaluation"), (ReducedResponse, "estimated")]
 
 
 def counting(number, function, writer, at):

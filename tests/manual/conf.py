@@ -31,7 +31,7 @@ html_theme_options = {
         "font-stack": "system-ui, sans-serif",
         "color-brand-primary": "#1f4e79",
         "color-brand-content": "#1f4e79",
-    },
+    }
 }
 html_static_path = ["static"]
 html_css_files = ["manual.css"]

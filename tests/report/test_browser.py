@@ -75,8 +75,7 @@ def chromium(folder, *flags):
 
 
 @pytest.fixture(
-    scope="module",
-    params=["plane_page", pytest.param("whole_solid_page", marks=pytest.mark.slow)],
+    scope="module", params=["plane_page", pytest.param("whole_solid_page", marks=pytest.mark.slow)]
 )
 def seen(request, tmp_path_factory):
     """What the browser makes of a page: its size, the figures' places, its pixels, its log."""

@@ -37,9 +37,7 @@ from tests.support.results import example_result
 
 E, NU, C, PHI = 1e9, 0.25, 1e6, np.radians(30.0)
 SOIL = Material(
-    "soil",
-    Isotropic(E=Scalar(E), nu=Scalar(NU)),
-    yields=(MohrCoulomb(Scalar(C), Scalar(PHI)),),
+    "soil", Isotropic(E=Scalar(E), nu=Scalar(NU)), yields=(MohrCoulomb(Scalar(C), Scalar(PHI)),)
 )
 
 

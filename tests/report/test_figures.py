@@ -190,8 +190,7 @@ def test_dark_is_far_from_zero():
 
 
 @pytest.mark.parametrize(
-    ("suffix", "name"),
-    [("svg", "deformed"), ("png", "residuals"), ("pdf", "one-to-one")],
+    ("suffix", "name"), [("svg", "deformed"), ("png", "residuals"), ("pdf", "one-to-one")]
 )
 def test_the_same_result_gives_the_same_file(name, suffix, plane):
     (picture,) = [p for p in album(plane).all if p.name == name]

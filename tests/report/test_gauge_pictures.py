@@ -9,11 +9,7 @@ from matplotlib.text import Text
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import NORMAL_95, Prediction
 from geoident.report.drawing.gauges.axis import computed_of, stage_axis
-from geoident.report.drawing.gauges.course import (
-    face_pictures,
-    reading_pictures,
-    readings_figure,
-)
+from geoident.report.drawing.gauges.course import face_pictures, reading_pictures, readings_figure
 from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_figure
 from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style

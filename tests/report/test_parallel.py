@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from geoident.report.drawing.campaign import (
-    MOST_LINES,
-    ParallelAxis,
-    parallel_figure,
-    word_axis,
-)
+from geoident.report.drawing.campaign import MOST_LINES, ParallelAxis, parallel_figure, word_axis
 
 
 def test_values_lie_between_the_ends_of_their_axis():

@@ -15,13 +15,7 @@ from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.case import (
-    Analysis,
-    Case,
-    FitSettings,
-    Material,
-    Support,
-)
+from geoident.model.case import Analysis, Case, FitSettings, Material, Support
 from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic, PointField

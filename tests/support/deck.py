@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,4 +26,47 @@ def write_deck(mesh: Mesh, path: Path) -> None:
     for name, members in mesh.facet_groups.items():
         found = [block.nodes[rows].ravel() for block, rows in rows_in(mesh.facets, members)]
         lines += [f"*NSET, NSET={name}", *(str(n + 1) for n in np.unique(np.concatenate(found)))]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def write_grid(
+    path: Path,
+    n: tuple[int, int],
+    size: tuple[int, int],
+    groups: Sequence[str],
+    group_of: Callable[[float, float], str],
+    *,
+    low: int = 0,
+    sides: tuple[str, str, str] = ("left", "right", "bottom"),
+) -> None:
+    """Write a grid of quads from x = 0 and y = low on, with the nodes of three of its sides.
+
+    Args:
+        path: of the deck.
+        n: number of elements each way.
+        size: width and height, m.
+        groups: names of the groups of elements, in the order of the deck.
+        group_of: the group of an element by the coordinates of its centre, m.
+        low: the coordinate y of its bottom, m.
+        sides: names of the left side, the right side and the bottom.
+    """
+    (nx, ny), (width, height) = n, size
+    number = {(i, j): 1 + i + (nx + 1) * j for j in range(ny + 1) for i in range(nx + 1)}
+    lines = ["*NODE"]
+    lines += [f"{k}, {width * i / nx}, {height * j / ny + low}, 0" for (i, j), k in number.items()]
+    members: dict[str, list[int]] = {name: [] for name in groups}
+    lines.append("*ELEMENT, TYPE=CPE4")
+    for j in range(ny):
+        for i in range(nx):
+            element = 1 + i + nx * j
+            corners = [number[c] for c in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
+            lines.append(", ".join(map(str, [element, *corners])))
+            x, y = width * (i + 0.5) / nx, height * (j + 0.5) / ny + low
+            members[group_of(x, y)].append(element)
+    for name, elements in members.items():
+        lines += [f"*ELSET, ELSET={name}", *map(str, elements)]
+    ends = [(0, 0), (0, nx), (1, 0)]  # axis, and number along it
+    for name, (axis, end) in zip(sides, ends, strict=True):
+        nodes = [k for at, k in number.items() if at[axis] == end]
+        lines += [f"*NSET, NSET={name}", *map(str, nodes)]
     path.write_text("\n".join(lines) + "\n")

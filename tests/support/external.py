@@ -4,10 +4,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.stats import qmc
 
+from geoident.errors import InputError
 from geoident.forward.external.runs import FailedRun
 from geoident.workflow.programs.trust import decided_by, trusting
+from geoident.workflow.running.jobs import build_model, load_inputs
 
 SCRIPT = '''\
 """Kirsch (1898): what an opening of 2 m in stressed rock adds to displacements."""
@@ -201,3 +204,19 @@ def write_table_case(folder, count=40, *, seed=3, model=TABLE, lower="1 GPa", re
     head = HEAD.replace("[1 GPa,", f"[{lower},").replace("3.0]", "2.85]")
     (folder / "case.yaml").write_text(model + head)
     return folder / "case.yaml"
+
+
+def faults_of(case):
+    """What is wrong with a case whose model cannot be built."""
+    with pytest.raises(InputError) as caught:
+        build_model(load_inputs(str(case)))
+    return caught.value.faults
+
+
+def fault_of(case, code, said):
+    """The first of these faults that has a code; its message holds what is to be said."""
+    found = faults_of(case)
+    fault = next((fault for fault in found if fault.code == code), None)
+    assert fault is not None, [str(fault) for fault in found]
+    assert said in fault.message
+    return fault

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.workflow.running.jobs import build_model, load_inputs
+from tests.support.deck import write_grid
 
 LIFTS = ("lift 1", "lift 2", "lift 3", "lift 4")
 
@@ -44,11 +45,7 @@ fit: {method: gauss-newton, model_error: none, mesh_error: false}
 SAME = ("parameters.E.start=5 GPa", "parameters.K0.start=1.5")
 """A truth that is of the model."""
 
-TWO_ROCKS = (
-    *SAME,
-    "materials.hard={elastic: isotropic, E: 15 GPa, nu: 0.25}",
-    "groups.right=hard",
-)
+TWO_ROCKS = (*SAME, "materials.hard={elastic: isotropic, E: 15 GPa, nu: 0.25}", "groups.right=hard")
 """A truth that the model has no parameters for: one side of the pit is three times as stiff."""
 
 Row = tuple[str, str, float]
@@ -107,29 +104,11 @@ def write_readings(folder: Path, rows: Sequence[Row]) -> None:
 
 def write_mesh(path: Path, *, n: tuple[int, int] = (12, 8)) -> None:
     """A grid of quads over 12 m by 8 m, a pit from 4 to 8 m in four lifts of a metre."""
-    nx, ny = n
-    number = {(i, j): 1 + i + (nx + 1) * j for j in range(ny + 1) for i in range(nx + 1)}
-    lines = ["*NODE"]
-    lines += [f"{k}, {12 * i / nx}, {8 * j / ny}, 0" for (i, j), k in number.items()]
-    groups: dict[str, list[int]] = {"left": [], "right": []}
-    groups |= {f"lift-{k}": [] for k in range(1, 5)}
-    lines += ["*ELEMENT, TYPE=CPE4"]
-    for j in range(ny):
-        for i in range(nx):
-            element = 1 + i + nx * j
-            corners = [number[c] for c in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
-            lines.append(", ".join(map(str, [element, *corners])))
-            x, depth = 12 * (i + 0.5) / nx, 8 - 8 * (j + 0.5) / ny
-            lift = 4 < x < 8 and depth < 4
-            name = f"lift-{int(depth) + 1}" if lift else "left" if x < 6 else "right"
-            groups[name].append(element)
-    for name, members in groups.items():
-        lines += [f"*ELSET, ELSET={name}", *map(str, members)]
-    sides = {
-        "west": [k for (i, _), k in number.items() if i == 0],
-        "east": [k for (i, _), k in number.items() if i == nx],
-        "bottom": [k for (_, j), k in number.items() if j == 0],
-    }
-    for name, members in sides.items():
-        lines += [f"*NSET, NSET={name}", *map(str, members)]
-    path.write_text("\n".join(lines) + "\n")
+    groups = ("left", "right", *(f"lift-{k}" for k in range(1, 5)))
+
+    def group_of(x: float, y: float) -> str:
+        if 4 < x < 8 and y > 4:
+            return f"lift-{int(8 - y) + 1}"
+        return "left" if x < 6 else "right"
+
+    write_grid(path, n, (12, 8), groups, group_of, sides=("west", "east", "bottom"))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.workflow.simulate import simulate
+from tests.support.deck import write_grid
 
 STEPS = 6
 """Of digging, each 2.4 m deep."""
@@ -88,29 +89,14 @@ def _case(x: np.ndarray, stages: int, readings: str) -> str:
 
 def _write_mesh(path: Path, nx: int, ny: int) -> None:
     """120 m by 60 m, the pit 16 m by 14.4 m in its upper left corner, as an Abaqus deck."""
-    lines = ["*NODE"]
-    number = {(i, j): 1 + i + (nx + 1) * j for j in range(ny + 1) for i in range(nx + 1)}
-    lines += [f"{k}, {120 * i / nx}, {60 * j / ny - 60}, 0" for (i, j), k in number.items()]
-    groups = {f"dig{k}": [] for k in range(1, STEPS + 1)} | {"top": [], "base": []}
-    lines.append("*ELEMENT, TYPE=CPE4")
-    for j in range(ny):
-        for i in range(nx):
-            element = 1 + i + nx * j
-            corners = [number[c] for c in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
-            lines.append(", ".join(map(str, [element, *corners])))
-            x, y = 120 * (i + 0.5) / nx, 60 * (j + 0.5) / ny - 60
-            dug = f"dig{int(-y // 2.4) + 1}" if x < 16 and y > -14.4 else ""
-            groups[dug or ("top" if y > -15 else "base")].append(element)
-    for name, members in groups.items():
-        lines += [f"*ELSET, ELSET={name}", *map(str, members)]
-    sides = {
-        "left": [k for (i, _), k in number.items() if i == 0],
-        "right": [k for (i, _), k in number.items() if i == nx],
-        "bottom": [k for (_, j), k in number.items() if j == 0],
-    }
-    for name, members in sides.items():
-        lines += [f"*NSET, NSET={name}", *map(str, members)]
-    path.write_text("\n".join(lines) + "\n")
+    groups = (*(f"dig{k}" for k in range(1, STEPS + 1)), "top", "base")
+
+    def group_of(x: float, y: float) -> str:
+        if x < 16 and y > -14.4:
+            return f"dig{int(-y // 2.4) + 1}"
+        return "top" if y > -15 else "base"
+
+    write_grid(path, (nx, ny), (120, 60), groups, group_of, low=-60)
 
 
 _RUN = """\

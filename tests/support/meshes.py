@@ -98,14 +98,7 @@ def regroup(mesh: Mesh, **tests: Callable[[np.ndarray], np.ndarray]) -> Mesh:
 
 
 def opening(
-    kind: str,
-    dim: int,
-    *,
-    n: int,
-    layers: int,
-    radius: float,
-    reach: float,
-    whole: bool = False,
+    kind: str, dim: int, *, n: int, layers: int, radius: float, reach: float, whole: bool = False
 ) -> Mesh:
     """A quarter (octant) of a round opening, filled, in a round domain; curved mid-nodes.
 

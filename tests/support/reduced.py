@@ -17,10 +17,7 @@ from .cases import displacement, material, model, rollers
 from .force_gauges import gauge
 from .meshes import box, regroup
 
-MODULI = (
-    Parameter("E", 8e9, 2e9, 3e10, "log"),
-    Parameter("E_lining", 1e10, 3e9, 4e10, "log"),
-)
+MODULI = (Parameter("E", 8e9, 2e9, 3e10, "log"), Parameter("E_lining", 1e10, 3e9, 4e10, "log"))
 POISSON = Parameter("nu", 0.25, 0.1, 0.4)
 STRESS = (Parameter("sv", 5e6, 2e6, 1e7), Parameter("K0", 1.0, 0.4, 2.0))
 HEIM = HeimStress(vertical=Scalar(1.0, "sv"), K0=Scalar(1.0, "K0"))
@@ -191,9 +188,7 @@ def sinking(**changes) -> StagedModel:
     parts = {f"core-{k}": _all(_between(0, 0, 2), _between(1, *y)) for k, y in steps.items()}
     parts |= {f"ring-{k}": _all(_between(0, 2, 3), _between(1, *y)) for k, y in steps.items()}
     mesh = regroup(
-        box("quad4", (16, 16), size=(16.0, 16.0), distortion=0.05),
-        **parts,
-        lower=_between(1, 0, 8),
+        box("quad4", (16, 16), size=(16.0, 16.0), distortion=0.05), **parts, lower=_between(1, 0, 8)
     )
     groups = {"rock": "marl", "lower": "claystone"}
     groups |= {name: "marl" if name[-1] in "12" else "claystone" for name in parts}

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from geoident.fem.faces import face_table, patches
 from geoident.model.mesh import ElementBlock, Mesh
 from support.meshes import opening
-
-_GMSH = {"quad8": 16, "line3": 8}
 
 
 def ring(n: int, *, layers: int | None = None, reach: float = 8.0, whole: bool = False) -> Mesh:
@@ -29,27 +26,6 @@ def ring(n: int, *, layers: int | None = None, reach: float = 8.0, whole: bool =
         lines.append(ElementBlock("line3", found, np.arange(len(found))))
         groups[name] = first + np.arange(len(found))
     return replace(mesh, facets=tuple(lines), facet_groups=groups)
-
-
-def write_mesh(path: Path, mesh: Mesh) -> None:
-    """A mesh of one block as MSH 2.2, with its wall, its rim and its ground."""
-    (block,) = mesh.blocks
-    names = {"wall": 1, "rim": 1, "core": 2, "rock": 2}
-    numbers = {name: n for n, name in enumerate(names, start=1)}
-    rows = []
-    lines = mesh.facets[-2:]
-    for name, part in zip(("wall", "rim"), lines, strict=True):
-        rows += [(part.kind, numbers[name], nodes) for nodes in part.nodes]
-    for name in ("core", "rock"):
-        rows += [(block.kind, numbers[name], block.nodes[k]) for k in mesh.groups[name]]
-    text = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(names))]
-    text += [f'{dim} {numbers[name]} "{name}"' for name, dim in names.items()]
-    text += ["$EndPhysicalNames", "$Nodes", str(mesh.n_nodes)]
-    text += [f"{n} {x:.12g} {y:.12g} 0" for n, (x, y) in enumerate(mesh.points, start=1)]
-    text += ["$EndNodes", "$Elements", str(len(rows))]
-    for n, (kind, group, nodes) in enumerate(rows, start=1):
-        text.append(f"{n} {_GMSH[kind]} 2 {group} {group} {' '.join(str(k + 1) for k in nodes)}")
-    path.write_text("\n".join([*text, "$EndElements", ""]))
 
 
 CASE = """\

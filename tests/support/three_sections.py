@@ -171,9 +171,5 @@ class Site:
 
 
 FURTHER = SectionReadings(
-    "new",
-    (H, C, replace(K0, prior=None), E, NU),
-    {"GSI": 40.0, "D": 1.1},
-    np.zeros(0),
-    np.zeros(0),
+    "new", (H, C, replace(K0, prior=None), E, NU), {"GSI": 40.0, "D": 1.1}, np.zeros(0), np.zeros(0)
 )

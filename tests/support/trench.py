@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests.support.deck import write_grid
+
 CASE = """\
 format: geoident-case/1
 title: Trench
@@ -50,31 +52,11 @@ def write_case(folder: Path, name: str = "case.yaml") -> Path:
 
 def write_mesh(path: Path, *, n: tuple[int, int] = (6, 4)) -> None:
     """A grid of quads over 6 m by 4 m, as an Abaqus deck."""
-    nx, ny = n
-    number = {(i, j): 1 + i + (nx + 1) * j for j in range(ny + 1) for i in range(nx + 1)}
-    lines = ["*NODE"]
-    lines += [f"{k}, {6 * i / nx}, {4 * j / ny}, 0" for (i, j), k in number.items()]
-    groups: dict[str, list[int]] = {"rock": [], "upper": [], "lower": []}
-    lines += ["*ELEMENT, TYPE=CPE4"]
-    for j in range(ny):
-        for i in range(nx):
-            element = 1 + i + nx * j
-            corners = [number[c] for c in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
-            lines.append(", ".join(map(str, [element, *corners])))
-            x, y = 6 * (i + 0.5) / nx, 4 * (j + 0.5) / ny
-            trench = 2 < x < 4
-            name = "upper" if trench and y > 3 else "lower" if trench and y > 2 else "rock"
-            groups[name].append(element)
-    for name, members in groups.items():
-        lines += [f"*ELSET, ELSET={name}", *map(str, members)]
-    sides = {
-        "left": [k for (i, _), k in number.items() if i == 0],
-        "right": [k for (i, _), k in number.items() if i == nx],
-        "bottom": [k for (_, j), k in number.items() if j == 0],
-    }
-    for name, members in sides.items():
-        lines += [f"*NSET, NSET={name}", *map(str, members)]
-    path.write_text("\n".join(lines) + "\n")
+
+    def group_of(x: float, y: float) -> str:
+        return "rock" if not 2 < x < 4 or y < 2 else "upper" if y > 3 else "lower"
+
+    write_grid(path, n, (6, 4), ("rock", "upper", "lower"), group_of)
 
 
 PLANES = """E: 5 GPa, nu: 0.25, yield: {type: planes, planes: [

@@ -24,13 +24,7 @@ from geoident.model.dual import Dual
 from geoident.model.in_situ import ConstantStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.yielding import (
-    GivenPlanes,
-    HoekBrown,
-    MohrCoulomb,
-    YieldPlane,
-    YieldSurface,
-)
+from geoident.model.yielding import GivenPlanes, HoekBrown, MohrCoulomb, YieldPlane, YieldSurface
 from support.cases import as_scalar, material, model, rollers
 from support.meshes import opening
 

@@ -8,10 +8,7 @@ from support.trench import CASE, READINGS, write_case
 from geoident.errors import GeoidentError, InputError
 from geoident.workflow.check import check
 
-ROWS = {
-    "unknown gauge": ("CV,second", "CW,second"),
-    "unknown unit": ("0.0376,mm", "0.0376,mmm"),
-}
+ROWS = {"unknown gauge": ("CV,second", "CW,second"), "unknown unit": ("0.0376,mm", "0.0376,mmm")}
 TEXT = {
     "bad number": ("nu: 0.25", "nu: 0.75"),
     "unknown key": ("title: Trench", "titel: Trench"),

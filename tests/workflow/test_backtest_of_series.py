@@ -9,13 +9,7 @@ from click.testing import CliRunner
 from geoident.api import fit, load_case
 from geoident.cli.app import geoident
 from geoident.io.result.file import read_result
-from tests.support.settlement_plates import (
-    days_of,
-    hyperbola,
-    measured,
-    settlement,
-    write_plate,
-)
+from tests.support.settlement_plates import days_of, hyperbola, measured, settlement, write_plate
 
 DAY = 86400.0
 

@@ -58,12 +58,7 @@ def begun(error):
 
 @pytest.mark.parametrize(
     ("error", "exact", "answers"),
-    [
-        (0.9e-6, EXACT, True),
-        (1.1e-6, EXACT, False),
-        (np.nan, EXACT, False),
-        (1.1e-9, 1e-9, False),
-    ],
+    [(0.9e-6, EXACT, True), (1.1e-6, EXACT, False), (np.nan, EXACT, False), (1.1e-9, 1e-9, False)],
 )
 def test_its_error_tells_who_answers(error, exact, answers):
     inner, response = begun(error)

@@ -18,7 +18,7 @@ from geoident.model.results.reduced import FORM
 from geoident.workflow.estimating.setup import problem_of_result
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import build_model, inputs_of_result, load_inputs
+from geoident.workflow.running.jobs import Request, build_model, inputs_of_result, load_inputs
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 from tests.support.commands import run_command
@@ -55,7 +55,9 @@ def test_predictions_are_those_of_the_model_and_factorize_nothing(kept, fitted):
     path = kept / "plain.fit.h5"
     write_result(replace(fitted.data, reduced=None), path, overwrite=False)
     by_kept, by_model = (
-        predict(plan_prediction(PredictRequest(str(p), stages=("second",))), Control()).result
+        predict(
+            plan_prediction(PredictRequest(Request(str(p)), stages=("second",))), Control()
+        ).result
         for p in (kept / "case.fit.h5", path)
     )
     assert by_kept.counts.factorizations == 0
@@ -129,7 +131,7 @@ def test_what_is_not_estimated_to_be_close_is_computed(kept, fitted, tmp_path):
 
 
 def sampled(path, output):
-    request = SampleRequest(str(path), draws=400, effective=150, output=str(output))
+    request = SampleRequest(Request(str(path), output=str(output)), draws=400, effective=150)
     return sample(plan_sample(request), Control()).result
 
 
@@ -231,7 +233,7 @@ def test_another_form_is_refused_and_predictions_go_on_without(kept, fitted, tmp
     with pytest.raises(InputError, match=f"of the form 'geoident-reduced/0', not '{FORM}'"):
         restored_for(str(path), inputs)
     assert read_result(path).reduced is None
-    request = PredictRequest(str(path), stages=("second",), output=str(tmp_path / "p.h5"))
+    request = PredictRequest(Request(str(path), output=str(tmp_path / "p.h5")), stages=("second",))
     assert predict(plan_prediction(request), Control()).result.counts.factorizations > 0
 
 

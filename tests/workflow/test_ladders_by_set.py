@@ -87,10 +87,7 @@ RATIO = {"bounds": ["0.2", "4"]}
 CHOICES = {
     "elastic or yielding": Choice(PLANE, strength("1 MPa"), strength("0.5 MPa")),
     "homogeneous or a field": Choice(
-        PLANE,
-        {"materials.rock.E": FIELD},
-        {"materials.rock.E": FIELD},
-        ("--draw", "--seed", 2),
+        PLANE, {"materials.rock.E": FIELD}, {"materials.rock.E": FIELD}, ("--draw", "--seed", 2)
     ),
     "one K0 or two": Choice(
         PIT,
@@ -104,8 +101,7 @@ def write_mesh(path: Path, text: str) -> None:
     if text is PIT:
         inside = box("hex8", (4, 4, 4), size=(4.0, 4.0, 4.0))
         pit = regroup(
-            inside,
-            pit=lambda c: (np.abs(c[:, :2] - 2.0).max(axis=1) < 1.0) & (c[:, 2] > 2.0),
+            inside, pit=lambda c: (np.abs(c[:, :2] - 2.0).max(axis=1) < 1.0) & (c[:, 2] > 2.0)
         )
         write_deck(pit, path)
         return

@@ -348,7 +348,9 @@ def test_a_fit_says_that_its_mesh_is_too_coarse_and_its_interval_covers(coarse):
     truth = found.gauges.measured[:, 1]
     assert np.all((bands.lower95[:, 1] < truth) & (truth < bands.upper95[:, 1]))
     # what a later command makes of the result is the same
-    task = plan_prediction(PredictRequest(str(coarse.with_name("case.fit.h5")), force=True))
+    task = plan_prediction(
+        PredictRequest(Request(str(coarse.with_name("case.fit.h5")), force=True))
+    )
     later = run_predict(task, Control()).result.prediction
     np.testing.assert_allclose(later.sd, bands.sd, rtol=1e-6)
     np.testing.assert_allclose(later.mean, bands.mean, rtol=1e-9)

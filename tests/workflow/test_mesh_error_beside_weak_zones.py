@@ -31,7 +31,7 @@ def beside_fault(kind, contrast, refinements):
     """
     dim = 3 if kind in ("tet4", "tet10", "hex8") else 2
     mesh = regroup(
-        box(kind, (10,) * 2 + (4,) * (dim - 2), size=(10.0,) * 2 + (4.0,) * (dim - 2)),
+        box(kind, (10,) * 2 + (2,) * (dim - 2), size=(10.0,) * 2 + (2.0,) * (dim - 2)),
         core=lambda c: np.all(c < 2.0, axis=1),
         fault=lambda c: (c[:, 0] > 3.0) & (c[:, 0] < 4.0),
     )

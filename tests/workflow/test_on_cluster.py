@@ -111,9 +111,10 @@ def test_draws_of_a_posterior_are_those_of_a_serial_run(tmp_path, somewhere, mon
     found = []
     for place, control in (("here", Control()), ("there", somewhere())):
         (tmp_path / place).mkdir()
-        request = SampleRequest(str(tmp_path / "out" / "case.fit.h5"), draws=60, effective=30,
-                                output=str(tmp_path / place))  # fmt: skip
-        found.append(sample(plan_sample(request), control).result)
+        request = Request(str(tmp_path / "out" / "case.fit.h5"), output=str(tmp_path / place))
+        found.append(
+            sample(plan_sample(SampleRequest(request, draws=60, effective=30)), control).result
+        )
         assert bool(asked_there) == (place == "there")
     control.tell_of_cluster()
     assert NOTHING_SENT not in control.monitor.said

@@ -6,6 +6,7 @@ normal distribution of c, z and the readings.
 """
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -50,13 +51,22 @@ def write_section(folder, name, weights, read, text=SECTION):
     (folder / f"{name}.yaml").write_text(text.format(name=name))
 
 
-@pytest.fixture
-def fitted(tmp_path, monkeypatch):
-    """The section A, fitted to its readings of the stages one and two."""
-    monkeypatch.chdir(tmp_path)
-    write_section(tmp_path, "a", A, READ | LATER)
-    done = run_command("fit", "a.yaml", "--trust", "-q")
+@pytest.fixture(scope="module")
+def once_fitted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fitted")
+    write_section(folder, "a", A, READ | LATER)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        done = run_command("fit", "a.yaml", "--trust", "-q")
     assert done.exit_code in (0, 4), done.output
+    return folder
+
+
+@pytest.fixture
+def fitted(once_fitted, tmp_path, monkeypatch):
+    """The section A, fitted to its readings of the stages one and two."""
+    shutil.copytree(once_fitted, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

@@ -49,9 +49,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.command(epilog=EPILOG)
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
 @click.option(
-    "--leave-one-out",
-    is_flag=True,
-    help="Of a project: predict each section from all others, too.",
+    "--leave-one-out", is_flag=True, help="Of a project: predict each section from all others, too."
 )
 @cluster_option
 @takes(

@@ -66,18 +66,9 @@ def command(
     what the loss of any one costs.
     Writes CASE.plan.h5 and prints its path; `geoident report` makes a page with a picture.
     """
-    from geoident.cli.jobs import run_plan
+    from geoident.cli.jobs import request_of, run_plan
     from geoident.workflow.plan import PlanRequest
-    from geoident.workflow.running.jobs import Request
 
     with failures_as_json(source, options):
-        request = Request(
-            case=source,
-            overrides=options.overrides,
-            output=options.output,
-            seed=options.seed,
-            solver=options.solver,
-            force=options.force,
-            fresh=options.fresh,
-        )
+        request = request_of(source, options)
         return run_plan(PlanRequest(request, candidates, budget, wanted, draws), options)

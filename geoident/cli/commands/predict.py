@@ -38,20 +38,11 @@ def command(result: str, stages: str | None, case: str | None, options: Options)
     The case is that of the fit unless --case gives another one; --set applies to the latter. Writes
     RESULT.predict.h5 and prints its path.
     """
-    from geoident.cli.jobs import run_prediction
+    from geoident.cli.jobs import request_of, run_prediction
     from geoident.workflow.predict import PredictRequest
 
     if options.overrides and case is None:
         raise click.UsageError("--set needs --case: the case of a fit is what it was.")
     with failures_as_json(case or result, options):
-        request = PredictRequest(
-            result=result,
-            stages=tuple(name.strip() for name in stages.split(",")) if stages else (),
-            case=case,
-            overrides=options.overrides,
-            output=options.output,
-            solver=options.solver,
-            force=options.force,
-            fresh=options.fresh,
-        )
-        return run_prediction(request, options)
+        chosen = tuple(name.strip() for name in stages.split(",")) if stages else ()
+        return run_prediction(PredictRequest(request_of(result, options), chosen, case), options)

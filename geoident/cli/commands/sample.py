@@ -66,19 +66,10 @@ def command(
 
     Needs emcee and arviz: pip install "geoident[sample]".
     """
-    from geoident.cli.jobs import run_sample
+    from geoident.cli.jobs import request_of, run_sample
     from geoident.workflow.sample import SampleRequest
 
     with failures_as_json(result, options):
-        request = SampleRequest(
-            result=result,
-            draws=draws,
-            effective=effective,
-            evaluations=max_evaluations,
-            output=options.output,
-            seed=options.seed,
-            solver=options.solver,
-            force=options.force,
-            fresh=options.fresh,
-        )
-        return run_sample(request, options, cluster=cluster)
+        request = request_of(result, options)
+        asked = SampleRequest(request, draws, effective, max_evaluations)
+        return run_sample(asked, options, cluster=cluster)

@@ -42,9 +42,6 @@ def command(path: str, options: Options) -> int:
 
     with failures_as_json(path, options):
         request = UpdateRequest(
-            path=path,
-            overrides=options.overrides,
-            output=options.output,
-            solver=options.solver,
+            path=path, overrides=options.overrides, output=options.output, solver=options.solver
         )
         return run_update(request, options)

@@ -72,10 +72,7 @@ class Solver:
     """
 
     def __init__(
-        self,
-        name: str,
-        direct: Analyse,
-        iterates: Callable[[LowerPattern], bool],
+        self, name: str, direct: Analyse, iterates: Callable[[LowerPattern], bool]
     ) -> None:
         self.name, self.counts = name, SolverCounts()
         self._direct, self._iterates, self._kept = direct, iterates, KeptSolutions()

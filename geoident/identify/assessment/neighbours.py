@@ -43,12 +43,7 @@ class Neighbours:
 
 
 def neighbours(
-    problem: Problem,
-    values: Floats,
-    readings: Floats,
-    jacobian: Floats,
-    places: Ints,
-    pairs: Ints,
+    problem: Problem, values: Floats, readings: Floats, jacobian: Floats, places: Ints, pairs: Ints
 ) -> Neighbours:
     """The correlation of residuals of neighbours, and its chance.
 

@@ -42,11 +42,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.identify.assessment.conflicts import (
-    conflict_findings,
-    prior_conflicts,
-    tied_findings,
-)
+from geoident.identify.assessment.conflicts import conflict_findings, prior_conflicts, tied_findings
 from geoident.identify.assessment.findings import Knowledge, describe_gaps, join, only_prior
 from geoident.identify.assessment.spectrum import SingularDirections, admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal

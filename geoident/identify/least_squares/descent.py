@@ -28,12 +28,7 @@ from typing import Generic
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.acceptance import (
-    Acceptance,
-    Iterate,
-    IterateT,
-    Step,
-)
+from geoident.identify.least_squares.acceptance import Acceptance, Iterate, IterateT, Step
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy
@@ -294,10 +289,7 @@ class Descent(Generic[IterateT]):
     max_steps: int
 
     def run(
-        self,
-        start: IterateT,
-        give_up: GiveUp | None = None,
-        leave: Leave[IterateT] | None = None,
+        self, start: IterateT, give_up: GiveUp | None = None, leave: Leave[IterateT] | None = None
     ) -> Ending[IterateT]:
         """Goes down; where derivatives are differences, better ones have the last word.
 

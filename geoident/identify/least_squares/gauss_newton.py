@@ -20,11 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.identify.least_squares.acceptance import (
-    FIRST_RADIUS,
-    Iterate,
-    Step,
-)
+from geoident.identify.least_squares.acceptance import FIRST_RADIUS, Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Evaluator, Stopping
 from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares

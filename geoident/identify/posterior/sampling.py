@@ -14,12 +14,7 @@ import numpy as np
 
 from geoident.identify.posterior.chains import crank_nicolson, ensemble, thinned
 from geoident.identify.posterior.density import PosteriorDensity
-from geoident.identify.posterior.draws import (
-    Draws,
-    SamplingRequest,
-    SamplingWatch,
-    Stopped,
-)
+from geoident.identify.posterior.draws import Draws, SamplingRequest, SamplingWatch, Stopped
 from geoident.identify.posterior.importance import (
     ADAPTATIONS,
     LEAST_EFFICIENCY,

@@ -116,10 +116,7 @@ def refusals(
 
 
 def refusal(
-    response: Response,
-    name: str,
-    loss: LossOptions = SQUARED,
-    options: MethodOptions | None = None,
+    response: Response, name: str, loss: LossOptions = SQUARED, options: MethodOptions | None = None
 ) -> str | None:
     """Why a method cannot work on a model and which would do, a sentence, or None if it can.
 

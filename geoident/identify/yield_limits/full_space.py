@@ -155,12 +155,7 @@ def _size(parameter: Parameter) -> float:
 
 
 def _objective(
-    ca: Any,
-    problem: Problem,
-    misfit: Expression,
-    p: Expression,
-    z: Expression,
-    beyond: Expression,
+    ca: Any, problem: Problem, misfit: Expression, p: Expression, z: Expression, beyond: Expression
 ) -> Expression:
     """Phi with the priors' part, as an expression (the formulas of `problem`).
 

@@ -85,9 +85,7 @@ def _known_use(value: object) -> bool | str:
 
 
 ReducedUse = Annotated[
-    bool | str,
-    BeforeValidator(_known_use),
-    WithJsonSchema({"enum": [True, False, "keep"]}),
+    bool | str, BeforeValidator(_known_use), WithJsonSchema({"enum": [True, False, "keep"]})
 ]
 
 

@@ -295,8 +295,7 @@ class GeostaticSection(_WholeGround, GeostaticModel):  # noqa: D101 - it is that
 
 
 InSituSection = Annotated[
-    ConstantSection | HeimSection | ProfileSection | GeostaticSection,
-    Field(discriminator="model"),
+    ConstantSection | HeimSection | ProfileSection | GeostaticSection, Field(discriminator="model")
 ]
 
 

@@ -10,12 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from geoident.io.case.actions import LoadSection, WaterSection
-from geoident.io.case.case import (
-    CaseSection,
-    circle_of,
-    numbers_with_paths,
-    tied_parameters,
-)
+from geoident.io.case.case import CaseSection, circle_of, numbers_with_paths, tied_parameters
 from geoident.io.case.external.section import ConvergenceLawSection
 from geoident.io.case.face import groups_released
 from geoident.io.case.face_checks import check_face
@@ -324,15 +319,7 @@ _CHECKS: tuple[tuple[_Check, set[str], bool], ...] = (
     (_check_grid, {"parameters"}, False),
     (_check_external_fit, set(), False),
     (_check_mesh, {"mesh", "fit"}, True),
-    (
-        _check_face,
-        {"analysis", "face", "stages", "parameters", "groups", "mesh", "fit"},
-        True,
-    ),
-    (
-        _check_sequence,
-        {"groups", "loads", "structures", "supports", "face", "stages"},
-        True,
-    ),
+    (_check_face, {"analysis", "face", "stages", "parameters", "groups", "mesh", "fit"}, True),
+    (_check_sequence, {"groups", "loads", "structures", "supports", "face", "stages"}, True),
 )
 """Checks, the sections to which they refer, and whether they are of a case with ground only."""

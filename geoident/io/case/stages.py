@@ -12,11 +12,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from geoident.io.case.actions import (
-    LoadSection,
-    TemperatureSection,
-    WaterSection,
-)
+from geoident.io.case.actions import LoadSection, TemperatureSection, WaterSection
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.structures import (
     AnchorSection,
@@ -30,14 +26,7 @@ from geoident.io.case.structures import (
 )
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import (
-    CaseNumber,
-    Coefficient,
-    Flag,
-    Force,
-    Length,
-    Name,
-)
+from geoident.io.schema.values import CaseNumber, Coefficient, Flag, Force, Length, Name
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
 from geoident.model.case import VIRGIN, KeyPath, Stage

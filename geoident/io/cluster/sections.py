@@ -50,9 +50,7 @@ class ClusterSection(Section):
         None, description="Of a scheduler at an address `tls://...`: the files for encryption."
     )
     patience: GivenTime = Field(
-        60.0,
-        description="Time that a scheduler which was lost is waited for.",
-        examples=["10 min"],
+        60.0, description="Time that a scheduler which was lost is waited for.", examples=["10 min"]
     )
 
     def check(self, faults: SectionFaults) -> None:

@@ -27,7 +27,7 @@ from geoident.io.result.vtkhdf import (
     varied_cells,
     with_z,
 )
-from geoident.model.arrays import Ints
+from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
 from geoident.model.results.result import FieldSeries, MemberForces
@@ -38,8 +38,9 @@ Arrays = Mapping[str, npt.NDArray[Any]]
 _BLOCK = 1 << 20  # bytes of an array that are compressed together
 _TYPES = {"f8": "Float64", "i8": "Int64", "i1": "Int8", "u1": "UInt8"}
 _HEAD = (
-    '<?xml version="1.0"?>\n<VTKFile type="{}" version="1.0" byte_order="LittleEndian"'
-    ' header_type="UInt64" compressor="vtkZLibDataCompressor">\n'
+    '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0"'
+    ' byte_order="LittleEndian" header_type="UInt64" compressor="vtkZLibDataCompressor">\n'
+    "<UnstructuredGrid>\n"
 )
 
 
@@ -82,18 +83,9 @@ def write_vtu(
         "offsets": np.cumsum(sizes).astype(np.int64),
         "types": types,
     }
-    with Path(path).open("w", encoding="utf-8", newline="\n") as file:
-        file.write(_HEAD.format("UnstructuredGrid"))
-        file.write("<UnstructuredGrid>\n")
-        file.write(f'<Piece NumberOfPoints="{len(kept)}" NumberOfCells="{len(types)}">\n')
-        points = {"Points": with_z(mesh.points[kept])}
-        at_points = {"displacement": with_z(fields.displacement[state, kept])}
-        at_points |= {k: v[state, kept] for k, v in moving.items()}
-        file.writelines(_section("Points", points))
-        file.writelines(_section("Cells", topology))
-        file.writelines(_section("PointData", at_points))
-        file.writelines(_section("CellData", cells))
-        file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
+    at_points = {"displacement": with_z(fields.displacement[state, kept])}
+    at_points |= {k: v[state, kept] for k, v in moving.items()}
+    _write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
 
 
 def write_structures_vtu(forces: MemberForces, state: int, path: str | Path) -> None:
@@ -116,14 +108,23 @@ def write_structures_vtu(forces: MemberForces, state: int, path: str | Path) -> 
         "types": np.full(count, LINE, dtype=np.uint8),
     }
     ends = np.repeat(present, 2)
+    at_points = {k: v[ends] for k, v in lines.at_points.items()}
+    cells = {k: v[present] for k, v in lines.of_cells.items()}
+    _write_grid(path, lines.points[ends], topology, at_points, cells)
+
+
+def _write_grid(
+    path: str | Path, points: Floats, topology: Arrays, at_points: Arrays, cells: Arrays
+) -> None:
+    """Writes points (n, 3), the cells of them, and what is known at the points and of the cells."""
     with Path(path).open("w", encoding="utf-8", newline="\n") as file:
-        file.write(_HEAD.format("UnstructuredGrid"))
-        file.write("<UnstructuredGrid>\n")
-        file.write(f'<Piece NumberOfPoints="{2 * count}" NumberOfCells="{count}">\n')
-        file.writelines(_section("Points", {"Points": lines.points[ends]}))
+        file.write(_HEAD)
+        count = len(topology["types"])
+        file.write(f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">\n')
+        file.writelines(_section("Points", {"Points": points}))
         file.writelines(_section("Cells", topology))
-        file.writelines(_section("PointData", {k: v[ends] for k, v in lines.at_points.items()}))
-        file.writelines(_section("CellData", {k: v[present] for k, v in lines.of_cells.items()}))
+        file.writelines(_section("PointData", at_points))
+        file.writelines(_section("CellData", cells))
         file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 

@@ -67,7 +67,11 @@ def add_schema_faults(
     }
     for error, path, node, is_key in resolved:
         if path in cut:
-            _add_cut(faults, path, cut[path], data)
+            before = cut[path]
+            whole, name = node_at(data, before), shorten(before[-1])
+            message = f"a comma separates '{shorten(path[-1])}' from '{name}: {whole}'"
+            hint = f"Write '{name}: {whole}.{shorten(path[-1])}' with a decimal point."
+            faults.add(path, "unknown-key", message, hint, key=True)
         elif path not in cut.values():
             _add(faults, error, path, node, known, is_key=is_key)
 
@@ -159,13 +163,6 @@ def _cut_before(path: KeyPath, data: Node) -> KeyPath | None:
     before = names[names.index(str(path[-1])) - 1] if names[0] != path[-1] else ""
     whole = holder.get(before)
     return (*path[:-1], before) if isinstance(whole, str) and _WHOLE.fullmatch(whole) else None
-
-
-def _add_cut(faults: Faults, path: KeyPath, before: KeyPath, data: Node) -> None:
-    whole, name = node_at(data, before), shorten(before[-1])
-    message = f"a comma separates '{shorten(path[-1])}' from '{name}: {whole}'"
-    hint = f"Write '{name}: {whole}.{shorten(path[-1])}' with a decimal point."
-    faults.add(path, "unknown-key", message, hint, key=True)
 
 
 def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str, Any]) -> None:

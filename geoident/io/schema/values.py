@@ -237,12 +237,7 @@ class QuantityType:
             tie = f"To tie it to a parameter of this name write ${shorten(name)}."
             raise UnitError(error.message, f"{tie} {error.hint}".strip()) from error
         return CaseNumber(
-            text,
-            quantity.value,
-            None,
-            quantity.dimension,
-            quantity.unit,
-            may_be_tied=self.tied,
+            text, quantity.value, None, quantity.dimension, quantity.unit, may_be_tied=self.tied
         )
 
     def _refuse_tie(self, text: str, *, well_formed: bool) -> Refusal:

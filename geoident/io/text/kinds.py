@@ -10,10 +10,7 @@ _KINDS = {
     "case": ("a case", f"A case is for {Term.FIT} and most other commands."),
     "campaign": ("a campaign", "A campaign is for `geoident batch`."),
     "project": ("a project of several sections", "A project is for `geoident fit`."),
-    "candidates": (
-        "a list of candidates",
-        f"Candidates are for {Term.CANDIDATES}.",
-    ),
+    "candidates": ("a list of candidates", f"Candidates are for {Term.CANDIDATES}."),
     "cluster": ("a cluster file", f"A cluster file stands after {Term.CLUSTER}."),
 }
 """What a format says that a file is, and what to do with one where it is not wanted."""

@@ -81,7 +81,12 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
         gauge_part = figure = Figure(figsize=(WIDTH, height))
     panels = gauge_part.subplots(lines, columns, sharex=True, squeeze=False).ravel()
     for axes, row in zip(panels, rows, strict=False):
-        _draw_channel(axes, result, row)
+        draw_computed(axes, result, row, COMPUTED)
+        draw_measured(axes, result, row, MEASURED, "o")
+        axes.set_title(short(result.gauges.channels[row], 24))
+        axes.set_ylabel(result.gauges.shown_units[row])
+        stage_ticks(axes, result.gauges.stages)
+        axes.grid(axis="y")
     for k in range(len(rows), len(panels)):
         panels[k - columns].tick_params(labelbottom=True)
         panels[k].remove()
@@ -117,15 +122,6 @@ def _chosen(result: Result) -> str:
         f"Of {count} gauges the {shown} with the largest computed readings in standard deviations "
         "of their accuracy, each with its channel of the largest. "
     )
-
-
-def _draw_channel(axes: Axes, result: Result, row: int) -> None:
-    draw_computed(axes, result, row, COMPUTED)
-    draw_measured(axes, result, row, MEASURED, "o")
-    axes.set_title(short(result.gauges.channels[row], 24))
-    axes.set_ylabel(result.gauges.shown_units[row])
-    stage_ticks(axes, result.gauges.stages)
-    axes.grid(axis="y")
 
 
 def _draw_field(axes: Axes, view: SheetView, width: float) -> None:

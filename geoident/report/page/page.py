@@ -18,14 +18,7 @@ from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.opening import opening_pictures
 from geoident.report.drawing.style import svg_files
 from geoident.report.page import in_service
-from geoident.report.page.blocks import (
-    Block,
-    Draw,
-    Figures,
-    PagePart,
-    TitledTable,
-    section,
-)
+from geoident.report.page.blocks import Block, Draw, Figures, PagePart, TitledTable, section
 from geoident.report.page.headed import headed_page
 from geoident.report.page.html import Html, joined, table, tag
 from geoident.report.text import (
@@ -201,18 +194,12 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(yielding.TITLE, *_yield_planes(result)),
         section(structures.NAME, *_strength(result), Figures(pictures.structures)),
         section(
-            backtest.TITLE,
-            *(tested if backtested else tested[:1]),
-            Figures(pictures.backtest),
+            backtest.TITLE, *(tested if backtested else tested[:1]), Figures(pictures.backtest)
         ),
         section(
             "All readings",
             TitledTable(
-                unit_title(
-                    "Readings",
-                    result.gauges,
-                    few_of(int(read_or_predicted(result).sum())),
-                ),
+                unit_title("Readings", result.gauges, few_of(int(read_or_predicted(result).sum()))),
                 readings,
             ),
             _paragraph(

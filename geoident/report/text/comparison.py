@@ -14,10 +14,11 @@ _DIGITS = 7  # so that what differs by the usual tolerance is seen to differ
 
 def comparison_text(comparison: Comparison) -> str:
     """What differs, table by table, in the units of the case and readings in mm."""
+    first, second = comparison.statuses
     return sections(
         f"A: {comparison.first}\nB: {comparison.second}",
         _kinds(comparison),
-        _statuses(comparison),
+        "" if first == second else f"Status: {first} in A, {second} in B",
         *(section(name.capitalize(), _table(comparison, name)) for name in _tables(comparison)),
         _total(comparison),
     )
@@ -32,11 +33,6 @@ def _kinds(comparison: Comparison) -> str:
         f"A is a {first}, B a {second}: parameters and readings are compared, which both have; "
         "what only one kind of result has counts as a difference."
     )
-
-
-def _statuses(comparison: Comparison) -> str:
-    first, second = comparison.statuses
-    return "" if first == second else f"Status: {first} in A, {second} in B"
 
 
 def _tables(comparison: Comparison) -> list[str]:

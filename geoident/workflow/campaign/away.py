@@ -77,10 +77,7 @@ class AwayRuns(Converted[RunTask, AwayTask, RunRecord, AwayEnd]):
 
 
 def cluster_executor(
-    plan: CampaignPlan,
-    cluster: Cluster,
-    jobs: int,
-    tell: Callable[[str], None],
+    plan: CampaignPlan, cluster: Cluster, jobs: int, tell: Callable[[str], None]
 ) -> DaskCluster[AwayTask, AwayEnd]:
     """A cluster for the runs of a campaign.
 

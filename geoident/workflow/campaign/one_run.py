@@ -133,18 +133,6 @@ def _finished(task: RunTask) -> Finished:
     control = Control(stop=STOP, max_time=campaign.max_time)
     if campaign.command == "simulate":
         return _simulated(task)
-    if campaign.command == "predict":
-        prediction = PredictRequest(
-            result=campaign.result,
-            stages=campaign.stages,
-            case=campaign.case,
-            overrides=run.overrides,
-            output=str(task.result),
-            solver=campaign.solver,
-            force=True,  # the folder is the campaign's own
-            fresh=task.fresh,
-        )
-        return predict(plan_prediction(prediction), control)
     request = Request(
         case=campaign.case,
         overrides=run.overrides,
@@ -154,6 +142,10 @@ def _finished(task: RunTask) -> Finished:
         fresh=task.fresh,
         begun=True,
     )
+    if campaign.command == "predict":  # over what stands there: the folder is the campaign's own
+        on_fit = replace(request, case=campaign.result, force=True)
+        asked = PredictRequest(on_fit, campaign.stages, campaign.case)
+        return predict(plan_prediction(asked), control)
     if campaign.command == "scan":
         return scan(plan_scan(request), control)
     return fit(plan_fit(request), control)

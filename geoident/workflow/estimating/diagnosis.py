@@ -158,10 +158,7 @@ def remarks(
         parameters: names of the n parameters.
     """
     diagnostics = diagnostics.wide(gauges)
-    return (
-        *_far_off(diagnostics, gauges),
-        *_most_influential(diagnostics, gauges, parameters),
-    )
+    return (*_far_off(diagnostics, gauges), *_most_influential(diagnostics, gauges, parameters))
 
 
 def _most_influential(

@@ -26,11 +26,7 @@ from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.estimating.finished import Finished, run_job
 from geoident.workflow.estimating.model_error import LaterModelError
-from geoident.workflow.estimating.predictions import (
-    KnownErrors,
-    follow_model,
-    predict_stages,
-)
+from geoident.workflow.estimating.predictions import KnownErrors, follow_model, predict_stages
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, prepare

@@ -22,11 +22,7 @@ from geoident.workflow.estimating.estimate import over_accuracies
 from geoident.workflow.estimating.finished import Finished, write
 from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.estimating.predictions import KnownErrors, follow_model
-from geoident.workflow.estimating.setup import (
-    problem_of_result,
-    setup_of_result,
-    used_response,
-)
+from geoident.workflow.estimating.setup import problem_of_result, setup_of_result, used_response
 from geoident.workflow.programs.program import executed
 from geoident.workflow.running.computed import with_computed
 from geoident.workflow.running.jobs import (

@@ -91,12 +91,7 @@ def predict_stages(
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & places
     curved = None if nonlinearity is None else nonlinearity.of(wanted.ravel())
     shift, band = band_of(
-        assessment,
-        survey.sensitivity[wanted],
-        accuracy[wanted],
-        np.argwhere(wanted),
-        known,
-        curved,
+        assessment, survey.sensitivity[wanted], accuracy[wanted], np.argwhere(wanted), known, curved
     )
     mean = np.where(wanted, computed, np.nan)
     mean[wanted] += shift
@@ -425,9 +420,7 @@ def collapse_findings(survey: Survey) -> tuple[Finding, ...]:
     """One for every stage that the ground does not survive at the estimate."""
     return tuple(
         Finding(
-            "collapse",
-            stage,
-            f"With these parameters, {text}. Nothing is predicted from there on.",
+            "collapse", stage, f"With these parameters, {text}. Nothing is predicted from there on."
         )
         for text, stage in survey.collapses.items()
     )

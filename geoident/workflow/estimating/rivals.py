@@ -14,11 +14,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.assessment.findings import join
-from geoident.identify.assessment.laplace import (
-    laplace_mass,
-    log_normalisation,
-    log_prior_volume,
-)
+from geoident.identify.assessment.laplace import laplace_mass, log_normalisation, log_prior_volume
 from geoident.identify.assessment.normal_mixture import mixture_interval
 from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.several_starts import RIVAL, Angles, distinct_minima

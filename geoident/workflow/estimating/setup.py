@@ -18,20 +18,14 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.methods import (
-    MethodOptions,
-)
+from geoident.model.methods import MethodOptions
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import AccuracyTable, Result
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.fitted_mesh import FittedMesh
-from geoident.workflow.estimating.model_error import (
-    FittedModelError,
-    of_result,
-    require_room,
-)
+from geoident.workflow.estimating.model_error import FittedModelError, of_result, require_room
 from geoident.workflow.running.cached_response import CachedResponse, part_evaluator
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log

@@ -140,10 +140,7 @@ class Permission:
 
 
 def require(
-    execution: Execution,
-    folder: Path,
-    refused: Callable[[str, str, str], InputError],
-    term: Term,
+    execution: Execution, folder: Path, refused: Callable[[str, str, str], InputError], term: Term
 ) -> None:
     """Ask whether something may be run, unless that is remembered.
 

@@ -25,14 +25,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import (
-    DAY,
-    Channel,
-    ErrorParts,
-    Reading,
-    ReadingTable,
-    named_channels,
-)
+from geoident.model.gauges import DAY, Channel, ErrorParts, Reading, ReadingTable, named_channels
 from geoident.model.in_service import SeasonalModel
 from geoident.model.response import Response
 from geoident.model.results.result import AccuracyTable

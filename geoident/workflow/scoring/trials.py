@@ -33,21 +33,9 @@ from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import EvaluationArrays, Log, carry_over
-from geoident.workflow.running.readings import (
-    errors_of_used,
-    reading_table,
-    require_enough,
-)
-from geoident.workflow.scoring.extrapolation import (
-    extrapolation_findings,
-    stress_levels,
-)
-from geoident.workflow.scoring.horizon import (
-    Clock,
-    asked_ahead,
-    begin_of_test,
-    horizons_of,
-)
+from geoident.workflow.running.readings import errors_of_used, reading_table, require_enough
+from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
+from geoident.workflow.scoring.horizon import Clock, asked_ahead, begin_of_test, horizons_of
 from geoident.workflow.scoring.verdict import verdict
 
 SPARE = 4

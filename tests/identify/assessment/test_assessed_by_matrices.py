@@ -15,10 +15,7 @@ from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.truncated_normal import Posterior
-from geoident.identify.assessment.uncertainty import (
-    assess,
-    with_posterior,
-)
+from geoident.identify.assessment.uncertainty import assess, with_posterior
 from geoident.identify.problem.losses import weights
 from geoident.identify.problem.problem import Problem, own_residuals
 from geoident.identify.problem.shared_errors import ErrorStructure, SharedErrors

@@ -20,10 +20,7 @@ def line(p):
 
 
 def parameters(prior=None):
-    return [
-        Parameter("a", 0.5, -50.0, 50.0),
-        Parameter("b", 1.0, -50.0, 50.0, prior=prior),
-    ]
+    return [Parameter("a", 0.5, -50.0, 50.0), Parameter("b", 1.0, -50.0, 50.0, prior=prior)]
 
 
 @pytest.fixture

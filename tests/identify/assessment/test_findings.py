@@ -129,10 +129,7 @@ def test_what_rests_mainly_on_the_prior_of_another_is_said(share, leans, turned)
     """
     prior = 0.05
     reading = prior * np.sqrt(1.0 / share - 1.0)
-    q = (
-        Parameter("a", 0.5, 0.0, 1.0),
-        Parameter("b", 0.5, 0.0, 1.0, prior=Prior(0.5, prior)),
-    )
+    q = (Parameter("a", 0.5, 0.0, 1.0), Parameter("b", 0.5, 0.0, 1.0, prior=Prior(0.5, prior)))
     found = assessed([[1.0, 1.0]], reading, q[::-1] if turned else q, [0.5, 0.5])
     assert (
         any(

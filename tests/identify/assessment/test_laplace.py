@@ -9,11 +9,7 @@ from scipy.integrate import dblquad, quad
 from scipy.stats import multivariate_normal
 
 from geoident.identify.assessment.diagnostics import effective_sd
-from geoident.identify.assessment.laplace import (
-    laplace_mass,
-    log_normalisation,
-    log_prior_volume,
-)
+from geoident.identify.assessment.laplace import laplace_mass, log_normalisation, log_prior_volume
 from geoident.identify.assessment.truncated_normal import log_probability_within
 from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import Discrepancy, Linearization

@@ -14,12 +14,7 @@ from geoident.identify.assessment.misfit import misfit
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.shared_errors import SharedErrors
-from geoident.model.methods import (
-    GaussNewtonOptions,
-    HuberOptions,
-    SquaredOptions,
-    StudentOptions,
-)
+from geoident.model.methods import GaussNewtonOptions, HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 
 S = 0.1

@@ -5,17 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.identify.assessment import model_error
-from geoident.identify.assessment.model_error import (
-    FACTORS,
-    SIZES,
-    ZEROS,
-    weigh_all,
-    weigh_sizes,
-)
-from geoident.identify.assessment.variance_components import (
-    LikelihoodTerms,
-    RestrictedLikelihood,
-)
+from geoident.identify.assessment.model_error import FACTORS, SIZES, ZEROS, weigh_all, weigh_sizes
+from geoident.identify.assessment.variance_components import LikelihoodTerms, RestrictedLikelihood
 from geoident.identify.problem.shared_errors import ErrorStructure
 
 G, CHANNELS = 24, 8

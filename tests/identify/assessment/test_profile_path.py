@@ -13,11 +13,7 @@ import numpy as np
 import pytest
 
 from geoident.identify.assessment.prediction_bands import predict_band
-from geoident.identify.assessment.profile_path import (
-    PathReadings,
-    path_parameter,
-    with_profile,
-)
+from geoident.identify.assessment.profile_path import PathReadings, path_parameter, with_profile
 from geoident.identify.assessment.truncated_normal import Posterior
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm, truncnorm
 
-from geoident.identify.assessment.truncated_normal import (
-    log_probability_within,
-    truncated_normal,
-)
+from geoident.identify.assessment.truncated_normal import log_probability_within, truncated_normal
 
 MEAN = np.array([0.3, -0.4, 0.1, 0.2])
 FACTOR = np.array([[1.0, 0.2, -0.4], [0.3, 0.8, 0.1], [-0.2, 0.5, 0.6], [0.7, -0.1, 0.9]])

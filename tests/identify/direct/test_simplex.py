@@ -10,11 +10,7 @@ import pytest
 from scipy.optimize import minimize
 
 from geoident.errors import ModelError
-from geoident.identify.direct.simplex import (
-    first_simplex,
-    minimise,
-    simplex,
-)
+from geoident.identify.direct.simplex import first_simplex, minimise, simplex
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions

@@ -10,10 +10,7 @@ import scipy.sparse as sp
 from scipy.optimize import lsq_linear
 from support.affine import AffineToy, chain, truss, two_stages
 
-from geoident.identify.least_squares.condensation import (
-    condensation,
-    independent_readings,
-)
+from geoident.identify.least_squares.condensation import condensation, independent_readings
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem

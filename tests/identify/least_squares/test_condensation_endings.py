@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from geoident.errors import InputError, ModelError
-from geoident.identify.least_squares.condensation import (
-    condensation,
-)
+from geoident.identify.least_squares.condensation import condensation
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats

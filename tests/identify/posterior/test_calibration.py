@@ -27,14 +27,13 @@ def with_accuracies_too_good(problem):
 
 
 def test_ranks_are_uniform():
-    ranks = ranks_of_truth(25, density_of=PosteriorDensity)
+    ranks = ranks_of_truth(16, density_of=PosteriorDensity)
     assert chance_of(ranks, 10).min() > LEAST_CHANCE
 
 
 @pytest.mark.slow  # it tries this judge itself
 @pytest.mark.parametrize(
-    ("wrong", "runs"),
-    [(without_the_prior_of_the_stress, 40), (with_accuracies_too_good, 60)],
+    ("wrong", "runs"), [(without_the_prior_of_the_stress, 40), (with_accuracies_too_good, 60)]
 )
 def test_ranks_tell_what_is_wrong(wrong, runs):
     ranks = ranks_of_truth(runs, density_of=wrong)

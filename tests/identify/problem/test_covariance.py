@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.identify.problem.shared_errors import (
-    Covariance,
-    ErrorStructure,
-    SharedErrors,
-)
+from geoident.identify.problem.shared_errors import Covariance, ErrorStructure, SharedErrors
 
 SD = np.array([0.3, 0.2, 0.5, 0.4, 0.15, 0.25, 0.35])
 B = np.zeros((7, 4))
@@ -88,11 +84,7 @@ def test_rounding_leaves_a_diagonal_above_zero():
 
 
 STRUCTURE = ErrorStructure(
-    SD,
-    np.array([0, -1, 1, 1, -1, 0, 2]),
-    sp.csr_array(B),
-    np.array([-1, 2, 1, 0]),
-    ("a", "b", "c"),
+    SD, np.array([0, -1, 1, 1, -1, 0, 2]), sp.csr_array(B), np.array([-1, 2, 1, 0]), ("a", "b", "c")
 )
 LOG = np.log([4.0, 9.0, 0.25])  # standard deviations times 2, 3 and 0.5
 

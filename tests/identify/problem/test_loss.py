@@ -16,10 +16,7 @@ from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.losses import robust_scale, transformed, weights
 from geoident.identify.problem.methods import identify
-from geoident.identify.problem.problem import (
-    Discrepancy,
-    Problem,
-)
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.methods import (
     CondensationOptions,
     GaussNewtonOptions,
@@ -41,10 +38,7 @@ def decay(p):
 
 
 def unknowns():
-    return [
-        Parameter("a", 1.0, 0.01, 100.0, "log"),
-        Parameter("k", 1.0, 0.01, 100.0, "log"),
-    ]
+    return [Parameter("a", 1.0, 0.01, 100.0, "log"), Parameter("k", 1.0, 0.01, 100.0, "log")]
 
 
 def spoiled(seed, share=0.1, size=40):

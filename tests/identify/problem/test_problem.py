@@ -9,19 +9,13 @@ from scipy.optimize import minimize
 
 from geoident.errors import ModelError
 from geoident.identify.problem.losses import transformed
-from geoident.identify.problem.problem import (
-    Discrepancy,
-    own_residuals,
-)
+from geoident.identify.problem.problem import Discrepancy, own_residuals
 from geoident.identify.problem.scaling import Scaling
 from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 
-P = (
-    Parameter("a", 2.0, 0.5, 9.0, "log"),
-    Parameter("b", 1.0, -4.0, 3.0, prior=Prior(0.5, 0.2)),
-)
+P = (Parameter("a", 2.0, 0.5, 9.0, "log"), Parameter("b", 1.0, -4.0, 3.0, prior=Prior(0.5, 0.2)))
 MEASURED = np.array([1.0, 3.0, -2.0, 6.0])
 SD = np.array([0.1, 0.4, 0.3, 0.2])
 B = np.array([[0.3, 0.0], [0.2, 0.5], [0.0, 0.7], [0.0, 0.0]])

@@ -16,9 +16,7 @@ from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.yield_limits.implicit import certificate_at, descend
 from geoident.identify.yield_limits.stationarity import check, open_above
-from geoident.identify.yield_limits.yield_points import (
-    yield_evaluator,
-)
+from geoident.identify.yield_limits.yield_points import yield_evaluator
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -95,10 +93,7 @@ def test_a_start_that_collapses_is_said_and_left():
 def test_a_start_that_collapses_retreats_to_stronger_ground():
     """As the answer for fewer stages may: 3 are carried, 3.5 need a sixth more of both."""
     bars = PlasticBars([Frame([1.0, 2.0], [0, 1], [2.0, 3.5])] * 2, 2)
-    parameters = (
-        Parameter("k1", 1.2, 0.1, 20.0, "log"),
-        Parameter("k2", 1.8, 0.1, 20.0, "log"),
-    )
+    parameters = (Parameter("k1", 1.2, 0.1, 20.0, "log"), Parameter("k2", 1.8, 0.1, 20.0, "log"))
     found = run(problem_of(bars, bars.readings(np.array([1.5, 2.1])), parameters))
     assert found.objective < 1e-10
     tried = [(it.note, list(it.values)) for it in found.iterations]

@@ -25,11 +25,7 @@ from geoident.identify.yield_limits.condensed_system import (
 from geoident.identify.yield_limits.full_space import nonlinear_program
 from geoident.identify.yield_limits.mixed_program import solve_box
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
-from geoident.model.methods import (
-    HuberOptions,
-    SquaredOptions,
-    StudentOptions,
-)
+from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.response import BilinearSystem
 

@@ -12,12 +12,7 @@ from geoident.identify.yield_limits.stationarity import (
     check,
     open_above,
 )
-from geoident.identify.yield_limits.yield_points import (
-    YieldIterate,
-    headroom,
-    strengths,
-    unreached,
-)
+from geoident.identify.yield_limits.yield_points import YieldIterate, headroom, strengths, unreached
 from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity

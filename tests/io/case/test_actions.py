@@ -85,20 +85,14 @@ def test_profiles_and_zones(project, changed):
             "{on: base, water: {level: 12 m, unit_weight: 10 kN/m3, falls: "
             "{from: [0, 0 m], to: [9, 0 m], level: 2 m}}}",
             WaterPressure(
-                "base",
-                Scalar(12.0),
-                Scalar(10e3),
-                HeadLine((0.0, 0.0), (9.0, 0.0), Scalar(2.0)),
+                "base", Scalar(12.0), Scalar(10e3), HeadLine((0.0, 0.0), (9.0, 0.0), Scalar(2.0))
             ),
         ),
         (
             "{at: [1, 2 m], line_force: [0, -2 MN/m]}",
             PointForce((1.0, 2.0), (Scalar(0.0), Scalar(-2e6))),
         ),
-        (
-            "{on: pad, line_force: [1 kN/m, 0 N/m]}",
-            PointForce("pad", (Scalar(1e3), Scalar(0.0))),
-        ),
+        ("{on: pad, line_force: [1 kN/m, 0 N/m]}", PointForce("pad", (Scalar(1e3), Scalar(0.0)))),
         ("{seismic: [0.1, $K0]}", Seismic((Scalar(0.1), Scalar(1.0, "K0")))),
     ],
 )
@@ -282,10 +276,7 @@ def test_a_file_of_temperatures_becomes_part_of_the_case(table, project, changed
         ("", "there is no column 'x'"),
         ("x,y,change\n1,2,3\n", "warm.csv:1:1: stages[2].temperature.lining.file: 'x' has no unit"),
         ("x [m],y [m],change [MPb]\n1,2,3\n", "there is no unit 'MPb'"),
-        (
-            "x [m],y [m],change [K]\n1,2\n",
-            "the cell is empty (change)",
-        ),
+        ("x [m],y [m],change [K]\n1,2\n", "the cell is empty (change)"),
         ("x [m],y [m],change [K]\n1,2,warm\n", "'warm' is not a number (change)"),
         ("x [m],y [m],change [K]\n", "the table has no row"),
         ("x [m],y [m],change [kPa]\n1,2,3\n", "has no unit of a temperature"),

@@ -73,12 +73,7 @@ FAULTS = {
         "gauges.EX1.1 mm",
         ["a comma separates '1 mm'", "Write 'accuracy: 0.1 mm' with a decimal point"],
     ),
-    "comma after a unit": (
-        "accuracy: 0.1 mm",
-        "accuracy: 0 mm, «1 mm",
-        "gauges.EX1.1 mm",
-        None,
-    ),
+    "comma after a unit": ("accuracy: 0.1 mm", "accuracy: 0 mm, «1 mm", "gauges.EX1.1 mm", None),
     "no bounds": (E_ROCK, "{start: 15 GPa}", "parameters.E_rock", ["bounds", "are required"]),
     "no mesh": ("mesh: {file: cavern.msh}\n", "", "", ["there is no mesh"]),
     "other format": ("case/1", "case/9", "format", ["found 'geoident-case/9'", "geoident-case/1"]),

@@ -93,10 +93,7 @@ def test_modulus_of_a_rock_mass(tmp_path, modulus, expected):
         (BY_GSI.replace("D: 0.5", "D: 50"), "yield.D: '50': it must be from 0 to 1"),
         (BY_GSI.replace("mi: 10", "mi: -1"), "yield.mi: '-1': it must be positive"),
         (BY_GSI.replace("50 MPa", "-50 MPa"), "yield.sigci: '-50 MPa': it must be positive"),
-        (
-            BY_GSI.replace("mi: 10, ", ""),
-            "found GSI and D; expected mi and GSI (with D), or",
-        ),
+        (BY_GSI.replace("mi: 10, ", ""), "found GSI and D; expected mi and GSI (with D), or"),
         (BY_GSI.replace("mi: 10", "mb: 2"), "Give all constants of one set."),
         (BY_GSI.replace(", dilation: 0 deg", ""), "expected dilation, or flow"),
         (BY_GSI.replace("0 deg", "0 deg, flow: associated"), "found dilation and flow"),

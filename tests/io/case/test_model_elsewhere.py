@@ -3,18 +3,10 @@
 import jsonschema
 import pytest
 import yaml
-from support.external import EXTERNAL, PYTHON, SCRIPT, TEMPLATE, write_case
+from support.external import EXTERNAL, PYTHON, SCRIPT, TEMPLATE, fault_of, faults_of, write_case
 
-from geoident.errors import InputError
 from geoident.io.case.file import parse_case, read_case
 from geoident.io.docs.case_schema import case_schema
-from geoident.workflow.running.jobs import build_model, load_inputs
-
-
-def faults_of(case):
-    with pytest.raises(InputError) as caught:
-        build_model(load_inputs(str(case)))
-    return caught.value.faults
 
 
 def test_a_case_is_read_and_read_again_from_what_is_resolved(tmp_path):
@@ -77,12 +69,8 @@ def test_what_is_wrong_is_said_where_it_stands(tmp_path, old, new, line, code, s
         text = case.read_text()
         assert old in text
         case.write_text(text.replace(old, new))
-    found = faults_of(case)
-    fitting = [fault for fault in found if fault.code == code]
-    assert fitting, [str(fault) for fault in found]
-    assert said in fitting[0].message
-    assert fitting[0].location.line == line
-    assert fitting[0].location.file == str(case)
+    fault = fault_of(case, code, said)
+    assert (fault.location.file, fault.location.line) == (str(case), line)
 
 
 @pytest.mark.parametrize("form", ["{{E [MPa]:6.4f}}", "{{E [MPa]:8.2f}}"])

@@ -36,11 +36,7 @@ def test_linings_and_bolts(project, built):
     case = project.read(built()).case
     assert case.structures == {
         "shell": Beam(
-            "wall",
-            E=Scalar(15e9),
-            nu=Scalar(0.2),
-            thickness=Scalar(0.2),
-            clamped_on=("left",),
+            "wall", E=Scalar(15e9), nu=Scalar(0.2), thickness=Scalar(0.2), clamped_on=("left",)
         ),
         "bolts": Bolts(
             (((3.0, 0.0), (7.0, 1.0)),), Scalar(1.5), E=Scalar(200e9), diameter=Scalar(0.025)

@@ -8,12 +8,7 @@ from support.external import EXTERNAL, trusted, write_case
 
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case, read_case
-from geoident.io.external.jinja_templates import (
-    CannotRender,
-    read_jinja,
-    rendered,
-    smallest_change,
-)
+from geoident.io.external.jinja_templates import CannotRender, read_jinja, rendered, smallest_change
 from geoident.model.parameter import Parameter
 from geoident.workflow.running.jobs import build_model, load_inputs
 

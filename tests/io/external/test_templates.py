@@ -2,12 +2,7 @@
 
 import pytest
 
-from geoident.io.external.templates import (
-    FieldTooNarrow,
-    field_texts,
-    filled,
-    read_template,
-)
+from geoident.io.external.templates import FieldTooNarrow, field_texts, filled, read_template
 from geoident.model.parameter import Parameter
 
 PARAMETERS = {

@@ -193,10 +193,7 @@ def test_a_reading_belongs_to_the_last_stage_complete_at_its_date(read):
         ("CV1", "bench 1", 3.0),
     ]
     assert case.readings[1].time == read_date("2024-05-01")
-    assert case.dates == {
-        "heading": read_date("2024-03-01"),
-        "bench 1": read_date("2024-04-01"),
-    }
+    assert case.dates == {"heading": read_date("2024-03-01"), "bench 1": read_date("2024-04-01")}
 
 
 def test_of_readings_of_one_date_the_last_in_the_file_counts(read):

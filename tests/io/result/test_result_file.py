@@ -492,10 +492,7 @@ def test_disk_that_is_full_at_any_moment(tmp_path: Path, result_maker: Make, ste
     sizes = [len(before), (tmp_path / "b.h5").stat().st_size]
     arguments = [str(Path(__file__).parent), str(path), str(steps), *map(str, sizes)]
     run = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", FULL_DISK, *arguments], capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stderr) == (0, "")
     assert path.read_bytes() == before

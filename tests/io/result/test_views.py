@@ -20,12 +20,7 @@ import pytest
 from geoident.api.tables import Parameters, tables_of
 from geoident.io.result.file import read_result, write_result
 from geoident.model.results.posterior import PosteriorDraws
-from geoident.model.results.result import (
-    AccuracyTable,
-    MemberForces,
-    Result,
-    SupportReactions,
-)
+from geoident.model.results.result import AccuracyTable, MemberForces, Result, SupportReactions
 from geoident.model.results.rivals import Evidence, ModelComparison, ModelScore, Rivals
 from geoident.model.results.surface import SurfaceTable
 from geoident.report.text.csv_tables import csv_tables, csv_text

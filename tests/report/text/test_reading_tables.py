@@ -196,10 +196,7 @@ def test_parameters_of_the_page():
 def test_interval_of_a_prior_has_95_of_100_draws():
     """The lognormal one has the median 8 MPa and a standard deviation of 1/8 of the logarithm."""
     draws = np.random.default_rng(1).normal(size=100_000)
-    for kind, values in (
-        ("normal", 8e6 + 1e6 * draws),
-        ("lognormal", 8e6 * np.exp(draws / 8)),
-    ):
+    for kind, values in (("normal", 8e6 + 1e6 * draws), ("lognormal", 8e6 * np.exp(draws / 8))):
         interval = prior_interval(Prior(8e6, 1e6, kind))
         assert interval == pytest.approx(np.quantile(values, [0.025, 0.975]), rel=3e-3)
 

@@ -71,9 +71,7 @@ def test_it_imports_from_beside_it_what_it_says_and_nothing_else_does(tmp_path):
 def test_its_derivatives_are_used(tmp_path):
     plain = python_case(tmp_path / "plain")
     given = python_case(
-        tmp_path / "given",
-        JACOBIAN,
-        PYTHON.replace("}", ', jacobian: "opening:slopes"}'),
+        tmp_path / "given", JACOBIAN, PYTHON.replace("}", ', jacobian: "opening:slopes"}')
     )
     with trusted():
         one, two = (fit(plan_fit(Request(str(case))), Control()).result for case in (plain, given))

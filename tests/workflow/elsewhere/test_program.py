@@ -133,11 +133,7 @@ def test_whatever_goes_wrong_in_a_run_is_said(tmp_path, script, extra, said):
             "Write './opening.py' for the one beside the case.",
         ),
         ("./opening.py", "'HERE/opening.py' may not be executed", "chmod +x HERE/opening.py"),
-        (
-            "./openin.py",
-            "there is no program 'HERE/openin.py'",
-            "Did you mean 'opening.py'?",
-        ),
+        ("./openin.py", "there is no program 'HERE/openin.py'", "Did you mean 'opening.py'?"),
     ],
 )
 def test_a_program_that_cannot_be_run_is_said_with_what_to_do(tmp_path, command, message, hint):

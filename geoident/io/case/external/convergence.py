@@ -7,11 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geoident.io.case.external.section import (
-    Constant,
-    ConvergenceLawSection,
-    TunnelSectionSection,
-)
+from geoident.io.case.external.section import Constant, ConvergenceLawSection, TunnelSectionSection
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.dates import read_date

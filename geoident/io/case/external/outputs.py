@@ -130,11 +130,7 @@ def _instructions(section: OutputSection, file: str, path: KeyPath, around: Mode
 
 
 def _named(
-    given: Sequence[str] | None,
-    known: Mapping[str, int],
-    path: KeyPath,
-    kind: str,
-    faults: Faults,
+    given: Sequence[str] | None, known: Mapping[str, int], path: KeyPath, kind: str, faults: Faults
 ) -> list[str]:
     if given is None:
         return list(known)

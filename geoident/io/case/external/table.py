@@ -61,10 +61,7 @@ def build_table(section: TableModelSection, around: ModelContext) -> RunTable:
 
 
 def _found(
-    section: TableModelSection,
-    table: RunTable,
-    asked: dict[str, Parameter],
-    around: ModelContext,
+    section: TableModelSection, table: RunTable, asked: dict[str, Parameter], around: ModelContext
 ) -> FoundRuns | None:
     """What the file of a table has for a case; None where it cannot be read."""
     known = asked, around.channels, around.stages, section.ignore

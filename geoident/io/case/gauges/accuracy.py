@@ -331,10 +331,7 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts:
             sizes[name] = part.factor
     surveyed = float(given.zero is None)
     return ErrorParts(
-        **sizes,
-        survey=survey,
-        zero_surveyed=surveyed,
-        estimated=tuple(estimated.items()),
+        **sizes, survey=survey, zero_surveyed=surveyed, estimated=tuple(estimated.items())
     )
 
 

@@ -18,14 +18,7 @@ from geoident.io.case.gauges.value import (
 )
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
-from geoident.io.schema.values import (
-    CaseNumber,
-    Coordinates,
-    Count,
-    DirectionVector,
-    Flag,
-    Name,
-)
+from geoident.io.schema.values import CaseNumber, Coordinates, Count, DirectionVector, Flag, Name
 from geoident.model.gauges import Channel, Reads
 
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]

@@ -67,8 +67,7 @@ class InclinometerSection(GaugeBase):
         ["A"], min_length=1, max_length=2, description="Axes that are read; B in a solid only."
     )
     A: DirectionVector | None = Field(
-        None,
-        description="Horizontal direction of axis A; if missing: x in a plane model.",
+        None, description="Horizontal direction of axis A; if missing: x in a plane model."
     )
     reads_as: Literal["cumulated", "incremental"] = Field(
         "cumulated",

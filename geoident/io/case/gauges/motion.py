@@ -23,13 +23,7 @@ from geoident.io.case.gauges.gauge import (
     unit_vector,
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
-from geoident.io.schema.values import (
-    Coordinates,
-    DirectionVector,
-    FixedAngle,
-    Line,
-    Name,
-)
+from geoident.io.schema.values import Coordinates, DirectionVector, FixedAngle, Line, Name
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
 

@@ -165,9 +165,7 @@ def _between(stage: str, time: float, calendar: Calendar) -> bool:
 
 
 def _without_readings(
-    by_stage: Sequence[StageReadings],
-    calendar: Calendar,
-    counting: Sequence[Reading],
+    by_stage: Sequence[StageReadings], calendar: Calendar, counting: Sequence[Reading]
 ) -> list[str]:
     """Stages with a date, or before others that were read, of which no reading counts."""
     read = {reading.stage for reading in counting if reading.value is not None}

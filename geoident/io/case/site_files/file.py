@@ -94,12 +94,10 @@ class ReadingsFileSection(Section):
         description="Line or row of the header, counted from 1; 0 for the first that is not empty.",
     )
     header_rows: HeaderRows = Field(
-        1,
-        description="Number of rows with names of columns: EX1 above a5 is EX1 a5.",
+        1, description="Number of rows with names of columns: EX1 above a5 is EX1 a5."
     )
     data_row: HeaderRow = Field(
-        0,
-        description="First line or row of readings, counted from 1; 0: the one below the header.",
+        0, description="First line or row of readings, counted from 1; 0: the one below the header."
     )
     blank: list[Text] = Field(
         [], description="Texts of cells that stand for no reading.", examples=[["n/a", "---"]]

@@ -9,11 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated
 
-from pydantic import (
-    Discriminator,
-    Field,
-    Tag,
-)
+from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
@@ -33,10 +29,7 @@ from geoident.io.schema.values import (
     TextOrList,
 )
 from geoident.model.ground import Attitude, Axes, PointValue, RandomField
-from geoident.units import (
-    DIMENSIONLESS,
-    with_article,
-)
+from geoident.units import DIMENSIONLESS, with_article
 
 _MOST_SD = 2.0
 _SMOOTHEST = 10.0

@@ -9,9 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import replace
 
-from pydantic import (
-    Field,
-)
+from pydantic import Field
 
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (

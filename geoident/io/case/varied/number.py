@@ -21,12 +21,7 @@ from geoident.io.case.varied.field import VariedAngleSection, VariedModulusSecti
 from geoident.io.case.varied.growth import DepthGrowthSection, GrowthBase, StressGrowthSection
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus, RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
-from geoident.io.schema.values import (
-    Angle,
-    CaseNumber,
-    Modulus,
-    Stress,
-)
+from geoident.io.schema.values import Angle, CaseNumber, Modulus, Stress
 from geoident.model.ground import Growth, RandomField
 
 

@@ -292,8 +292,7 @@ class HoekBrownSection(SurfaceBase):
 
     type: Literal["hoek-brown"] = Field(description="Kind of yield surface.")
     sigci: StrengthOrVaried = Field(
-        description="Uniaxial compressive strength of intact rock.",
-        examples=["50 MPa", "$sigci"],
+        description="Uniaxial compressive strength of intact rock.", examples=["50 MPa", "$sigci"]
     )
     mi: Multiple | None = Field(
         None,
@@ -303,8 +302,7 @@ class HoekBrownSection(SurfaceBase):
         None, description="Geological Strength Index, 0 to 100.", examples=["45", "$GSI"]
     )
     D: Coefficient | None = Field(
-        None,
-        description="Disturbance by blasting and relaxation, 0 to 1, with GSI; 0 if missing.",
+        None, description="Disturbance by blasting and relaxation, 0 to 1, with GSI; 0 if missing."
     )
     mb: Multiple | None = Field(None, description="Constant of the rock mass, with s and a.")
     s: Coefficient | None = Field(

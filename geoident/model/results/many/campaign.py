@@ -11,12 +11,7 @@ from geoident.model.results.costs import NO_COST, Counts
 SET_ASIDE = "set-aside"
 FAILED = "failed"
 INTERRUPTED = "interrupted"
-FINAL = (
-    ExitCode.DONE,
-    ExitCode.INVALID_INPUT,
-    ExitCode.NOT_CONVERGED,
-    ExitCode.NO_SOLUTION,
-)
+FINAL = (ExitCode.DONE, ExitCode.INVALID_INPUT, ExitCode.NOT_CONVERGED, ExitCode.NO_SOLUTION)
 """Exit codes of runs that would end the same way again."""
 
 NAN = float("nan")

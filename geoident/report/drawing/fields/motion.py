@@ -110,9 +110,7 @@ def parts_figure(view: SheetView) -> Figure:
             for axis in view.across
         ),
         ColouredField(
-            "of the stage (mm)",
-            lambda v, k: v.displacement_size(k, since=scene.base(k)),
-            LENGTHS,
+            "of the stage (mm)", lambda v, k: v.displacement_size(k, since=scene.base(k)), LENGTHS
         ),
     ]
     return table_figure(view, columns)

@@ -45,13 +45,7 @@ from geoident.report.drawing.style import (
     stage_ticks,
 )
 from geoident.report.text.case import gauge_quantity
-from geoident.report.text.instruments import (
-    CASING,
-    FIBRE,
-    Instrument,
-    instruments,
-    lines,
-)
+from geoident.report.text.instruments import CASING, FIBRE, Instrument, instruments, lines
 from geoident.units import in_unit
 
 _MOST_CHANNELS = 8

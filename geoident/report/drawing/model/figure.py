@@ -58,10 +58,7 @@ def model_pictures(result: Result) -> tuple[Picture, ...]:
 
 
 def model_figure(
-    case: Case,
-    mesh: Mesh,
-    identified: ParameterTable | None = None,
-    marked: Collection[str] = (),
+    case: Case, mesh: Mesh, identified: ParameterTable | None = None, marked: Collection[str] = ()
 ) -> Figure:
     """The model with all that is in it.
 

@@ -45,10 +45,7 @@ def _places(table: CampaignTable) -> dict[tuple[str, str], RunReading]:
 
 
 def _csv_row(
-    table: CampaignTable,
-    run: RunRecord,
-    names: Sequence[str],
-    places: Sequence[tuple[str, str]],
+    table: CampaignTable, run: RunRecord, names: Sequence[str], places: Sequence[tuple[str, str]]
 ) -> CsvRow:
     settings, own = dict(run.settings), {p.name: p for p in run.parameters}
     cells: list[CsvCell] = [run.name, *(settings.get(path, "") for path in table.paths)]

@@ -5,12 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from geoident.model.results.many.campaign import (
-    SAME_MISFIT,
-    CampaignTable,
-    RunParameter,
-    RunRecord,
-)
+from geoident.model.results.many.campaign import SAME_MISFIT, CampaignTable, RunParameter, RunRecord
 from geoident.report.text.layout import (
     TextTable,
     number,
