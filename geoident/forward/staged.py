@@ -158,7 +158,7 @@ class StagedKernel(ObservedModel):
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
         self.face = advancing_face(on_mesh, solver)
-        self.analysis = StagedAnalysis(on_mesh, self.systems, self.face)
+        self.analysis = StagedAnalysis(on_mesh, self.systems, self.face, self.face.warm)
         self.actions = self.analysis.actions
         self.reduction: KnowsDisplacements | None = None
         self._kept: ResumableRun | None = None

@@ -126,9 +126,16 @@ class StagedAnalysis:
         on_mesh: the case on its mesh.
         systems: the equations of the stages.
         parts: how much of the stress is released.
+        warm: where Newton's method may start; None to begin with nothing.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems, parts: ReleasedParts) -> None:
+    def __init__(
+        self,
+        on_mesh: CaseOnMesh,
+        systems: StageSystems,
+        parts: ReleasedParts,
+        warm: WarmStart | None = None,
+    ) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
         self.actions = Actions(on_mesh, systems.structures.weights)
@@ -138,11 +145,11 @@ class StagedAnalysis:
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
-        self.warm = WarmStart()
+        self.warm = warm or WarmStart()
 
     def forget(self) -> None:
         """Forget where Newton's method may start."""
-        self.warm = WarmStart()
+        self.warm.forget()
 
     @property
     def n_outside(self) -> int:

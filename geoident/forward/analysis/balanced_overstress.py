@@ -27,7 +27,8 @@ parameters as those of the path; their derivatives follow from one to the next
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from geoident.forward.analysis.stage_equations import (
     StageEquations,
     Tangent,
 )
-from geoident.forward.analysis.viscous_path import StepBudget, newton
+from geoident.forward.analysis.viscous_path import KNOWN, StepBudget, newton
 from geoident.model.arrays import Floats
 
 SOUND = 0.05
@@ -109,6 +110,51 @@ def diffuse_flow(equations: StageEquations, viscous: Balance, budget: StepBudget
                 return end
     balance = _as_balance(equations, steps, viscous)
     return balance if _change(steps) <= _STANDS else None
+
+
+@dataclass(frozen=True)
+class KnownFlow:
+    """A solution with balanced overstress at parameters near by, where Newton's method begins.
+
+    Args:
+        viscosity: mu.
+        du: (n_dofs,) displacement step.
+        multiple: t.
+    """
+
+    viscosity: float
+    du: Floats
+    multiple: float
+
+
+def balance_again(equations: StageEquations, known: Sequence[KnownFlow]) -> Balance | None:
+    """The flow that is balanced as at parameters near by: of as many fields, at their viscosities.
+
+    Args:
+        equations: of the stage, without viscosity.
+        known: the viscous ground's equilibrium near by, and the solutions that followed.
+
+    Returns:
+        None where nothing is known or found, or the residual is above `ROUGH`.
+    """
+    steps, budget = list[BalancedStep](), StepBudget(_STEPS)
+    try:
+        for one in known:
+            viscous = equations.viscous(one.viscosity)
+            if steps:
+                step = _balanced(viscous, steps[-1], budget, one)
+                if step is None:
+                    return None
+                steps.append(step)
+                continue
+            first = newton(viscous, viscous.at(one.du), budget, balanced=_ON_THE_WAY)
+            if not first.converged:
+                return None
+            steps.append(BalancedStep(first.end, one.viscosity))
+    except NoEquilibrium:
+        return None
+    balance = _as_balance(equations, steps, first) if steps else None
+    return balance if balance is not None and balance.residual <= ROUGH else None
 
 
 def _change(steps: list[BalancedStep]) -> float:
@@ -249,21 +295,30 @@ class _Bordered:
 
 
 def _balanced(
-    equations: StageEquations, before: BalancedStep, budget: StepBudget
+    equations: StageEquations,
+    before: BalancedStep,
+    budget: StepBudget,
+    start: KnownFlow | None = None,
 ) -> BalancedStep | None:
-    """Newton's method under the natural monotonicity test; None where it does not end."""
+    """Newton's method under the natural monotonicity test; None where it does not end.
+
+    Without a start it begins with the solution before.
+    """
     system = _Bordered(equations, before.overstress)
     # The first one begins in equilibrium; later the multiple is nearly one.
-    multiple = 1.0
-    if before.field is None:
+    du, multiple = before.iterate.du, 1.0
+    if start is not None:
+        du, multiple = start.du, start.multiple
+    elif before.field is None:
         multiple -= before.viscosity / equations.viscosity
-    step, share = system.at(before.iterate.du, multiple), 1.0
+    step, share = system.at(du, multiple), 1.0
     strain = equations.operators.strain
-    for _ in range(_MOST_STEPS):
+    for taken in range(_MOST_STEPS):
         du_strain = strain(step.iterate.du)
         scale = system.work(np.abs(step.overstress), np.abs(du_strain))
         at_rest = abs(system.work(step.left, du_strain)) <= _ON_THE_WAY * scale
-        if step.iterate.imbalance <= _ON_THE_WAY and at_rest:
+        known = start is not None and not taken
+        if step.iterate.imbalance <= (KNOWN if known else _ON_THE_WAY) and at_rest:
             return step
         if not budget.take():
             return None

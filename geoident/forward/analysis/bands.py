@@ -39,15 +39,11 @@ class ShearBand:
         mode: (n_dofs,) how the ground moves, the largest 1; the real part of a complex pair.
         points: number of the strain points that have half of its squared strain.
         yielding: number of the points that yield.
-        stiffness: l, as part of the elastic stiffness.
-        viscosity: part of the overstress that the ground keeps where the flow lost its stability.
     """
 
     mode: Floats
     points: int
     yielding: int
-    stiffness: float
-    viscosity: float
 
 
 def band_at(equations: StageEquations, iterate: Iterate) -> ShearBand | None:
@@ -84,5 +80,4 @@ def band_at(equations: StageEquations, iterate: Iterate) -> ShearBand | None:
         held += (strain**2).sum(axis=0) * equations.volume * equations.of_ground
     held = np.sort(held)[::-1].cumsum()
     points = int(np.searchsorted(held, _HALF * held[-1])) + 1
-    stiffness = float(own[least].real)
-    return ShearBand(equations.spread(mode.real), points, yielding, stiffness, equations.viscosity)
+    return ShearBand(equations.spread(mode.real), points, yielding)

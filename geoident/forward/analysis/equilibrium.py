@@ -48,6 +48,7 @@ from geoident.forward.analysis.stage_equations import (
 )
 from geoident.forward.analysis.viscous_path import (
     BALANCED,
+    KNOWN,
     NO_LOWER,
     StepBudget,
     first_points,
@@ -180,7 +181,7 @@ def _minimise(equations: StageEquations, iterate: Iterate) -> Balance:
     """
     tangent: Tangent | None = None
     for step in range(MOST_STEPS):
-        if iterate.imbalance <= BALANCED:
+        if iterate.imbalance <= (KNOWN if tangent is None else BALANCED):
             return Balance(_refined(equations, iterate, tangent), tangent)
         tangent = equations.tangent(iterate)
         d = equations.spread(tangent.solve(iterate.residual))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,12 @@ from geoident.fem.elasticity import UniformModuli
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
-from geoident.forward.analysis.balanced_overstress import SOUND, balance_overstress
+from geoident.forward.analysis.balanced_overstress import (
+    SOUND,
+    KnownFlow,
+    balance_again,
+    balance_overstress,
+)
 from geoident.forward.analysis.bands import band_at
 from geoident.forward.analysis.collapse import carried_part, collapses
 from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
@@ -55,54 +60,108 @@ _KEPT, _FEWEST = 10_000_000, 4
 """Numbers of displacements, with their derivatives, that are kept of each stage, to start from the
 nearest one; parameter vectors that they are kept of at least."""
 
+_SAME_SEARCH = 1e-3
+"""How far apart parameter vectors are for which overstress is balanced in the same way: 6 % in one
+parameter."""
+
 _NEAR_BY = 1e-4
 """How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What a stage needed at a parameter vector: du (n_dofs,), its derivatives (n_dofs, n)."""
+    """What a stage needed at a parameter vector.
+
+    Args:
+        values: the parameters.
+        names: by which it is differentiated.
+        du: (n_dofs,) displacement step.
+        slopes: (n_dofs, n) its derivatives.
+        flow: the solutions with balanced overstress that led to it; empty for an equilibrium.
+        searched: the parameters at which such flow was searched for.
+    """
 
     values: Values
     names: tuple[str, ...]
     du: Floats
     slopes: Floats
+    flow: tuple[KnownFlow, ...]
+    searched: Values
+
+    def change(self, values: Values) -> Floats:
+        """(n_dofs,) what the derivatives add to du at other parameters."""
+        by = [values.get(name, self.values[name]) - self.values[name] for name in self.names]
+        return np.asarray(self.slopes @ np.array(by))
 
 
 class WarmStart:
     """Displacement steps at parameter vectors that are known, to start Newton's method from.
 
-    It is shared by all analyses of a model: what one leaves helps the next to converge, and changes
-    its numbers no further than the tolerance of equilibrium.
+    It is shared by all analyses of a model, and by those of the opening that it asks what to
+    release (`openings.mesh_reaction`): what one leaves helps the next to converge. It changes the
+    numbers no further than the tolerance of equilibrium, but where overstress was balanced: there
+    parameters near those of the last search go on with its viscosity and its number of solutions,
+    and do not ask again whether there is an equilibrium without viscosity.
+
+    Attributes:
+        released: parts of the stress that a face releases, by name, where an analysis of the
+            opening found them for the parameters that come next.
     """
 
     def __init__(self) -> None:
-        self._known: dict[int, deque[_Known]] = {}
+        self._known: dict[object, deque[_Known]] = {}
+        self.released: Values = {}
+
+    def forget(self) -> None:
+        """Forget all that is known."""
+        self._known.clear()
+        self.released = {}
+
+    def _nearest(self, task: StageTask) -> _Known | None:
+        """What is known nearest to the parameters, the latest of it."""
+        kept, values = self._known.get(_key(task)), self._values(task)
+        return min(reversed(kept), key=lambda one: _far(one.values, values)) if kept else None
+
+    def _values(self, task: StageTask) -> dict[str, float]:
+        """The parameters of a stage, with the released parts."""
+        return {**self.released, **task.point.values}
 
     def guesses(self, task: StageTask) -> list[Floats]:
         """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
-        kept = self._known.get(task.number)
-        if not kept:
-            return []
-        values = task.point.values
-        known = min(kept, key=lambda one: _far(one.values, values))
-        change = [values[name] - known.values[name] for name in known.names]
-        return [known.du, known.du + known.slopes @ np.array(change)]
+        known = self._nearest(task)
+        return [] if known is None else [known.du, known.du + known.change(self._values(task))]
 
-    def keep(self, task: StageTask, du: Floats) -> None:
-        """What a stage needed: du (n_dofs, 1 + n + k).
+    def flow(self, task: StageTask) -> tuple[KnownFlow, ...]:
+        """Solutions with balanced overstress to begin with; none where a search is due."""
+        known, values = self._nearest(task), self._values(task)
+        if known is None or not known.flow or _far(known.searched, values) > _SAME_SEARCH:
+            return ()
+        more = known.change(values)
+        return tuple(replace(one, du=one.du + more) for one in known.flow)
+
+    def keep(self, task: StageTask, du: Floats, balance: Balance, *, searched: bool) -> None:
+        """What a stage needed.
 
         Without derivatives it is worth less than what is known near by with them.
+
+        Args:
+            task: the stage.
+            du: (n_dofs, 1 + n + k).
+            balance: that led to it.
+            searched: whether it does not go on with what `flow` gave.
         """
-        known = self._known.get(task.number, ())
-        if not task.n and any(_far(one.values, task.point.values) < _NEAR_BY for one in known):
+        nearest, values = self._nearest(task), self._values(task)
+        if not task.n and nearest is not None and _far(nearest.values, values) < _NEAR_BY:
             return
+        flow = tuple(KnownFlow(s.viscosity, s.iterate.du, s.multiple) for s in balance.steps)
+        origin = values if searched or nearest is None else nearest.searched
         slopes = du[:, 1 : 1 + task.n].copy()
-        most = max(_FEWEST, _KEPT // (task.forces.shape[0] * (1 + task.n) or 1))
-        kept = self._known.setdefault(task.number, deque())
+        most = max(_FEWEST, _KEPT // (task.forces.shape[0] * (1 + task.n + len(flow)) or 1))
+        kept = self._known.setdefault(_key(task), deque())
         while len(kept) >= most:
             kept.popleft()
-        kept.append(_Known(dict(task.point.values), task.point.names, du[:, 0].copy(), slopes))
+        names = task.point.names
+        kept.append(_Known(values, names, du[:, 0].copy(), slopes, flow, origin))
 
 
 @dataclass(frozen=True)
@@ -191,9 +250,17 @@ class PlasticSteps:
         with self._faults_named(task):
             points = StagePoints(self.systems, task)
             equations = self._equations(task, points)
+            flow = () if equations.associated or self.strict else self.warm.flow(task)
+            searched = True
             try:
-                starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
-                balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
+                again = balance_again(equations, flow)
+                if again is not None and not overstrained(equations, again.end, LARGE_STRAIN):
+                    searched, balance = False, again
+                    if again.residual > SOUND:
+                        raise NoEquilibrium(again.end.du, diffuse=again)
+                else:
+                    starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
+                    balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
             except NoEquilibrium as error:
                 balance = self._after_failure(task, equations, error)
             end = balance.end
@@ -215,7 +282,7 @@ class PlasticSteps:
                     excess = ground.excess(end.stress[:, ground.points])
                     self.findings.planes.note_excess(ground.name, excess)
             self._note_what_is_left(task, equations, balance)
-            self.warm.keep(task, du)
+            self.warm.keep(task, du, balance, searched=searched)
             return du[: points.n_dofs], end.yielded()[: points.n_ground]
 
     @contextmanager
@@ -422,5 +489,17 @@ def _of_structure(name: str) -> str:
 def _far(one: Values, other: Values) -> float:
     """How far two parameter vectors are from each other, each parameter by its size."""
     return sum(
-        ((one[name] - x) / (abs(one[name]) + abs(x) + 1e-300)) ** 2 for name, x in other.items()
+        ((one[name] - x) / (abs(one[name]) + abs(x) + 1e-300)) ** 2
+        for name, x in other.items()
+        if name in one
+    )
+
+
+def _key(task: StageTask) -> object:
+    """What tells a stage from others, of this analysis or of another one of the same ground."""
+    state = task.state
+    return (
+        state.name,
+        state.structures,
+        *map(frozenset, (state.loads, state.supports, state.leaving)),
     )

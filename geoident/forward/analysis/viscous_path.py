@@ -42,6 +42,9 @@ from geoident.model.arrays import Floats
 BALANCED = 1e-11
 """Out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
+KNOWN = 1e-13
+"""The same of a start: what near parameters led to is less exact than it is balanced."""
+
 NO_LOWER = 1e-8
 """The same where no step lowers it any more: what is left is rounding."""
 
@@ -132,7 +135,7 @@ def newton(
     iterate, tangent = start, None
     share = 1.0
     for _ in range(most):
-        if iterate.imbalance <= balanced:
+        if iterate.imbalance <= (KNOWN if tangent is None else balanced):
             if tangent is not None and tangent.consistent:
                 # Eigenvalues are small: balance to 1e-11 leaves displacements a millionth off.
                 last = _moved(equations, iterate, tangent.solve(iterate.residual))

@@ -37,6 +37,7 @@ from functools import cached_property
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
+from geoident.forward.analysis.plastic_step import WarmStart
 from geoident.forward.openings.closed_forms import NO_EQUILIBRIUM, BeyondClosedForm, Opening
 from geoident.forward.openings.mesh_reaction import MeshReaction, NoFinalMotion
 from geoident.model.actions import FaceDistance, FaceProfile, Release
@@ -112,6 +113,11 @@ class AdvancingFace:
         if self.profile is None or self.opening is None:
             return False
         return self.profile.conversion in (None, "reaction-curve")
+
+    @property
+    def warm(self) -> WarmStart | None:
+        """Where the analyses of the opening in the mesh may start; None without them."""
+        return None if self.wall is None else self.wall.warm
 
     def forget(self) -> None:
         """Begin the next answer as a new model does."""

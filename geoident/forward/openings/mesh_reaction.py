@@ -19,15 +19,19 @@ Where the ground yields, ubar is convex in what is released: a step beyond all o
 halved, and from above Newton's method comes down. The next parameter vector starts at
 lambda + dlambda/dp dp, which leaves one or two analyses.
 
+Newton's method begins with s, the parts of elastic ground, and then with what the curve through
+their motions gives.
+
 Where a stage ends with a residual (theory 5.4), what it leaves is as much as the last stage
-releases, often less than a percent of the stress. Then all of the stress is released at once, from
-the state before the tunnel.
+releases, often less than a percent of the stress. Then ubar_end is that of all of the stress
+released at once, from the state before the tunnel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -37,6 +41,8 @@ from geoident.fem.loads import pressure_forces, traction_weights
 from geoident.fem.solvers import Solver
 from geoident.forward.actions.release import ReleasedParts
 from geoident.forward.analysis.analysis import AnalysisRun, RunOptions, StagedAnalysis
+from geoident.forward.analysis.plastic_step import WarmStart
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.stages import CaseOnMesh, used_groups
 from geoident.model.actions import FaceDistance
@@ -115,13 +121,13 @@ class MeshReaction:
         named = dict(zip(self.releases, self._names, strict=True))
         in_turn, at_once = (
             CaseOnMesh(
-                _unsupported(on_mesh, case.face.groups, named, at_once=at_once),
+                _unsupported(on_mesh, case.face.groups, names),
                 on_mesh.mesh,
                 on_mesh.fields,
                 on_mesh.turned,
                 on_mesh.growths,
             )
-            for at_once in (False, True)
+            for names in (named, {})
         )
         self._in_turn, self._at_once = (
             StagedAnalysis(one, StageSystems(one, solver), parts) for one in (in_turn, at_once)
@@ -131,6 +137,11 @@ class MeshReaction:
         self._states = [self._before + 1 + distances.index(release) for release in self.releases]
         self._inwards = _mean_inwards(in_turn, case.face.groups, self._before)
         self._last: _Solved | None = None
+
+    @property
+    def warm(self) -> WarmStart:
+        """Where the stages of the opening may start; the case's own begin there, too."""
+        return self._in_turn.warm
 
     def forget(self) -> None:
         """Begin the next solution as a new model does."""
@@ -153,6 +164,7 @@ class MeshReaction:
         at_last = last is not None and dict(last.values) == dict(point.values)
         if last is None or not (at_last and set(point.names) <= set(last.names)):
             self._last = last = self._solve(stacked(shares), point)
+            self.warm.released = dict(zip(self._names, last.columns[:, 0].tolist(), strict=True))
         columns = [0, *(1 + last.names.index(name) for name in point.names)]
         return {r: Dual(last.columns[k, columns]) for k, r in enumerate(self.releases)}
 
@@ -166,17 +178,17 @@ class MeshReaction:
         return parts if np.all((parts > 0.0) & (parts < 1.0)) else last.columns[:, 0].copy()
 
     def _solve(self, shares: Dual, point: ParameterPoint) -> _Solved:
-        """Newton's method on F = 0, of stages in turn if they all end in equilibrium."""
-        analysis, n, parts = self._in_turn, len(point.names), self._start(shares, point)
-        nearest, least = None, np.inf
-        left = _MOST_ANALYSES
+        """Newton's method on F = 0, with what all of the stress moves, in turn or at once."""
+        n, parts = len(point.names), self._start(shares, point)
+        nearest, least, at_once = None, np.inf, None
+        left, first = _MOST_ANALYSES, self._last is None
         while left > 0:
-            moved = self._moved(analysis, parts, point)
-            if moved is None:
-                analysis, left = self._at_once, _MOST_ROUGH
-                continue
-            wall, end = moved
+            wall, end = self._moved(parts, point, at_once)
             left -= 1
+            if end is None:
+                if at_once is None:
+                    at_once, left = self._moved_at_once(point), _MOST_ROUGH
+                end = at_once
             if not end[0] > 0.0:
                 raise NoFinalMotion("the mean convergence is outward")
             off = wall - np.multiply.outer(shares.value, end)
@@ -185,13 +197,18 @@ class MeshReaction:
             after = parts - step[:, 0]
             after = np.where(after < 1.0, after, 0.5 * (parts + 1.0))
             after = np.where(after >= 0.0, after, 0.5 * parts)
+            curve = np.concatenate([[0.0], wall[:, 0], end[:1]])
+            if first and np.all(np.diff(curve) > 0.0):
+                released = np.concatenate([[0.0], parts, [1.0]])
+                after = np.interp(shares.value * end[0], curve, released)
+            first = False
             change, parts = np.abs(after - parts).max(), after
             columns = np.hstack([parts[:, None], -step[:, 1:]])
             solved = _Solved(dict(point.values), point.names, columns)
-            if change <= (_SMALL if analysis is self._in_turn else _SMALL_AT_ONCE):
+            if change <= (_SMALL if at_once is None else _SMALL_AT_ONCE):
                 return solved
             away = float(np.abs(off[:, 0]).max() / end[0])
-            if away < least and analysis is self._at_once:
+            if away < least and at_once is not None:
                 nearest, least = solved, away
         if nearest is not None and least <= _ROUGH:
             return nearest
@@ -201,27 +218,47 @@ class MeshReaction:
         raise NoFinalMotion(reason)
 
     def _moved(
-        self, analysis: StagedAnalysis, parts: Floats, point: ParameterPoint
-    ) -> tuple[Floats, Floats] | None:
+        self, parts: Floats, point: ParameterPoint, at_once: Floats | None
+    ) -> tuple[Floats, Floats | None]:
         """Motion of the wall, m, by n parameters and K parts: (K, 1 + n + K), and its end.
 
-        None where a stage of those in turn ends with a residual.
+        Args:
+            parts: (K,) of the stress.
+            point: the parameters.
+            at_once: the end, where all of the stress is released at once.
+
+        Returns:
+            The end is None where it is known, or a stage ends with a residual.
         """
         released = dict(zip(self._names, map(float, parts), strict=True))
         wider = ParameterPoint({**point.values, **released}, (*point.names, *self._names))
-        run = AnalysisRun(analysis, wider, RunOptions(explain=False))
-        moved = []
+        run = AnalysisRun(self._in_turn, wider, RunOptions(explain=False))
+        states = run.states()
+        moved = self._walls(states, self._end)
+        walls, end = moved[self._states] - moved[self._before], None
+        if at_once is None and not _has_residual(run):
+            end = self._walls(states, 1)[0] - moved[self._before]
+        return walls, None if _has_residual(run) else end
+
+    def _moved_at_once(self, point: ParameterPoint) -> Floats:
+        """The end (1 + n + K,) where all of the stress is released at once, m."""
+        run = AnalysisRun(self._at_once, point, RunOptions(explain=False))
+        moved = self._walls(run.states(), self._before + 2)
+        return np.append(moved[-1] - moved[self._before], np.zeros(len(self._names)))
+
+    def _walls(self, states: Iterator[StageEnd], count: int) -> Floats:
+        """Motion of the wall (count, ...) at the next states, m."""
         try:
-            for end in run.states():
-                moved.append(self._inwards @ end.u)
-                plastic = run.findings.plastic
-                if analysis is self._in_turn and plastic is not None and plastic.overstressed:
-                    return None
+            return np.stack([self._inwards @ end.u for end in islice(states, count)])
         except CollapseError as collapse:
             msg = "the mesh finds no equilibrium when all of the stress is released"
             raise NoFinalMotion(msg, collapse=True) from collapse
-        walls = np.stack(moved) - moved[self._before]
-        return walls[self._states], walls[self._end]
+
+
+def _has_residual(run: AnalysisRun) -> bool:
+    """Whether a stage so far ended with a residual."""
+    plastic = run.findings.plastic
+    return plastic is not None and bool(plastic.overstressed)
 
 
 def stages_by_distance(on_mesh: CaseOnMesh) -> list[int]:
@@ -251,34 +288,26 @@ def _unsupported(
     on_mesh: CaseOnMesh,
     inside: Sequence[str],
     names: Mapping[FaceDistance, str],
-    *,
-    at_once: bool,
 ) -> Case:
     """The case up to its tunnel, which is then left to itself and released by named parts.
 
     Args:
         on_mesh: the whole one.
         inside: element groups that the tunnel fills.
-        names: of the parts, by distance.
-        at_once: whether all of the stress is released from the state before the tunnel, not from
-            the last part on.
+        names: of the parts, by distance; without them all of the stress is released at once.
     """
     case, chain, built_on = on_mesh.case, stages_by_distance(on_mesh), on_mesh.sequence.built_on
     before = np.flatnonzero(built_on[:, tunnel_base(on_mesh)]).tolist()
     stages = [case.stages[number - 1] for number in before if number]
-    for number in chain:
+    leaving = tuple(n for k in chain for n in case.stages[k - 1].excavate if n in inside)
+    for number in chain if names else ():
         stage = case.stages[number - 1]
         assert stage.distance is not None
         part = Scalar(1.0, names[FaceDistance(stage.distance)])
         leaves = tuple(name for name in stage.excavate if name in inside)
         stages.append(Stage(stage.name, leaves, release=dict.fromkeys(inside, part)))
     bases = [VIRGIN, *(stage.name for stage in stages)]
-    leaving = tuple(name for stage in stages[len(before) - 1 :] for name in stage.excavate)
-    stages.append(
-        Stage(_END, leaving if at_once else (), release=dict.fromkeys(inside, Scalar(1.0)))
-    )
-    if at_once:
-        bases[-1] = bases[-1 - len(chain)]
+    stages.append(Stage(_END, () if names else leaving, release=dict.fromkeys(inside, Scalar(1.0))))
     in_turn = [
         replace(stage, base=base, independent=False)
         for stage, base in zip(stages, bases, strict=False)

@@ -12,10 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from support.opening_grid import OpeningCase
-from support.yielding import NOTHING
+from support.opening_grid import CAVITY, OpeningCase
+from support.yielding import NOTHING, mohr, parameters, rock
 
 from geoident.forward.analysis.analysis import RunOptions
+from geoident.model.parameter import Scalar
 
 KINDS = ("tri3", "tri6", "quad4", "quad8")
 MOST, MEAN = 130, 60  # factorizations of a stage: of the hardest, and of all
@@ -103,6 +104,29 @@ def test_near_strengths_move_alike():
         for c in (0.0493, 0.0495, 0.0497)
     )
     np.testing.assert_allclose(between, 0.5 * (weaker + stronger), rtol=0, atol=0.02)
+
+
+def test_balanced_flow_goes_on_at_near_strengths():
+    """It ends where a search of its own does, with its derivatives, for a fraction of the steps."""
+    case = OpeningCase("circle", "tri6", 0.10, 50, 0, 0.05)
+    law = mohr(Scalar(1.0, "c"), np.radians(50), psi=0.0)
+    given = {"rock": rock(CAVITY.E, CAVITY.nu, law)}
+
+    def at(staged, cohesion):
+        before = staged.counts.factorizations
+        run = staged.at(np.array([cohesion]), RunOptions(explain=False))
+        *_, end = run.states()
+        (residual,) = run.findings.plastic.overstressed.values()
+        return end.u.copy(), residual, staged.counts.factorizations - before
+
+    searched, near = (case.staged(materials=given, parameters=parameters(c=5e5)) for _ in range(2))
+    at(near, 5e5)
+    u, residual, steps = at(near, 5.05e5)
+    expected, expected_residual, all_steps = at(searched, 5.05e5)
+    size = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(u / size, expected / size, rtol=0, atol=1e-6)
+    assert residual == pytest.approx(expected_residual, rel=1e-5)
+    assert steps < all_steps / 2
 
 
 def drawn(count: int) -> list[OpeningCase]:
