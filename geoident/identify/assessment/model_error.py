@@ -69,10 +69,11 @@ FACTORS = np.geomspace(1.0, 12.0, 15)
 ZEROS = np.concatenate([[0.0], np.geomspace(0.35, 5.6, 7)])
 """The z that are weighed, (z,)."""
 
-COURSE_SD = 0.3
-"""Of the half-normal prior of the error of the course in time."""
+COURSE_MODE = PRIOR_SD / np.sqrt(2.0)
+"""Of the Rayleigh prior of the error of the course in time, as large in the mean square as the
+model error: hardly any profile goes on exactly as the ground does."""
 
-COURSES = np.concatenate([[0.0], np.geomspace(0.04, 1.0, 8)])
+COURSES = np.geomspace(0.03, 1.0, 9)
 """Sizes of it that are weighed, (c,)."""
 
 _WIDTHS = np.gradient(SIZES)
@@ -217,11 +218,11 @@ def weigh_all(
         spectra = spectra_at(of_course)
         return np.stack([spectra.minus_two_l(z, SIZES, FACTORS) for z in sizes.tolist()], axis=2)
 
-    courses = COURSES if course is not None else COURSES[:1]
+    courses = COURSES if course is not None else np.zeros(1)
     each = np.array([values_at(of_course) for of_course in courses.tolist()])
     odds = np.ones(1)
     if course is not None:
-        odds = np.exp(-0.5 * (courses / COURSE_SD) ** 2) * np.gradient(courses)
+        odds = courses * np.exp(-0.5 * (courses / COURSE_MODE) ** 2) * np.gradient(courses)
     least = each.min(axis=0)
     parts = np.exp(-0.5 * (each - least)) * (odds / odds.sum())[:, None, None, None]
     values = least - 2.0 * np.log(parts.sum(axis=0))

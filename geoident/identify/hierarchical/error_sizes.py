@@ -4,11 +4,12 @@ Beside the errors of gauges and of the model, eta, the computed course in time o
 be wrong by a part that changes in time, and by one that all sections have in common:
 
     y_s = v_s (1 + c + d_s) + e_s ,    Cov(c, c') = eta_c^2 k ,   Cov(d_s, d_s') = eta_d^2 k ,
-    k   = exp(-|tau - tau'| / l) ,     tau = log(1 + t / T)
+    k   = (1 + h) exp(-h) ,   h = sqrt(3) |tau - tau'| / l ,   tau = log(1 + t / T)
 
-c is known by its values at nodes, between which it is linear: unknowns that all sections share. The
-others are integrated over section by section, so that sizes cost as much as the sections have
-readings, not as their square.
+Creep, another profile and a support that yields change a course smoothly: with Matern's k the first
+readings do not tell how the rest goes on. c is known by its values at nodes, between which these
+imply it: unknowns that all sections share. The others are integrated over section by section, so that
+sizes cost as much as the sections have readings, not as their square.
 
 The sizes are those of the largest posterior in their logarithms. There a half-normal prior of an
 eta ends at its own root mean square where the readings say nothing: an error of which they do not
@@ -54,7 +55,8 @@ _NOTHING = 1e-9
 
 def correlation(moments: Floats, others: Floats, memory: float) -> Floats:
     """K (m, n) of moments tau (m,) with others (n,)."""
-    return np.asarray(np.exp(-np.abs(moments[:, None] - others) / memory))
+    h = np.sqrt(3.0) / memory * np.abs(moments[:, None] - others)
+    return np.asarray((1.0 + h) * np.exp(-h))
 
 
 def course_root(moments: Floats, kinds: Ints, memory: float) -> Floats:
@@ -93,8 +95,9 @@ class CommonCourse:
         if not m:
             return np.zeros((len(moments), 0))
         K = correlation(self.nodes, self.nodes, memory) + _NOTHING * np.eye(m)
-        between = np.array([np.interp(moments, self.nodes, one) for one in np.eye(m)]).T
-        made = between @ np.linalg.cholesky(K)
+        root = np.linalg.cholesky(K)
+        between = correlation(self.nodes, moments, memory)  # as the values at the nodes imply it
+        made = solve_triangular(root, between, lower=True).T
         return np.concatenate([made * (kinds == k)[:, None] for k in range(self.kinds)], axis=1)
 
 
