@@ -4,12 +4,11 @@ Beside the errors of gauges and of the model, eta, the computed course in time o
 be wrong by a part that changes in time, and by one that all sections have in common:
 
     y_s = v_s (1 + c + d_s) + e_s ,    Cov(c, c') = eta_c^2 k ,   Cov(d_s, d_s') = eta_d^2 k ,
-    k   = (1 + h) exp(-h) ,   h = sqrt(3) |tau - tau'| / l ,   tau = log(1 + t / T)
+    k   = exp(-|tau - tau'| / l) ,     tau = log(1 + t / T)
 
-Creep, another profile and a support that yields change a course smoothly: with Matern's k the first
-readings do not tell how the rest goes on. c is known by its values at nodes, between which these
-imply it: unknowns that all sections share. The others are integrated over section by section, so that
-sizes cost as much as the sections have readings, not as their square.
+c is known by its values at nodes, between which these imply it: unknowns that all sections share.
+The others are integrated over section by section, so that sizes cost as much as the sections have
+readings, not as their square.
 
 The sizes are those of the largest posterior in their logarithms. There a half-normal prior of an
 eta ends at its own root mean square where the readings say nothing: an error of which they do not
@@ -55,8 +54,7 @@ _NOTHING = 1e-9
 
 def correlation(moments: Floats, others: Floats, memory: float) -> Floats:
     """K (m, n) of moments tau (m,) with others (n,)."""
-    h = np.sqrt(3.0) / memory * np.abs(moments[:, None] - others)
-    return np.asarray((1.0 + h) * np.exp(-h))
+    return np.asarray(np.exp(-np.abs(moments[:, None] - others) / memory))
 
 
 def course_root(moments: Floats, kinds: Ints, memory: float) -> Floats:

@@ -14,8 +14,7 @@ Where readings follow a process in time, an error is rather of the reading itsel
     C = eta^2 (D R D + F M F) x exp(-|tau - tau'|) ,      tau = log(1 + t / T) ,
 
 D and F the sums over all steps since the zero, t the time since then. Behind a tunnel face the
-course in time may be wrong as well, alike in all channels: C gets D 1 1^T D, times a correlation
-that is smooth in time (`identify.hierarchical.error_sizes`).
+course in time may be wrong as well, alike in all channels: R + course^2 in place of R.
 
 An error is known by its rows: the steps of each reading and where its gauge is. Rows of the
 readings used and of later ones together give the columns of shared errors (theory 7), in which
@@ -34,7 +33,6 @@ from scipy.linalg import solve_triangular
 
 from geoident.forward.gauges.kinds import reads_displacements
 from geoident.forward.observed import ObservedModel
-from geoident.identify.hierarchical.error_sizes import correlation
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel
@@ -424,13 +422,11 @@ def shared_columns(
             relative, between = kernel.parts(channels_a, channels_b)
             at = np.ix_(at_a, at_b)
             of_rows = (
-                _over_stages(steps[a], steps[b]) * relative[at]
+                _over_stages(steps[a], steps[b]) * (relative[at] + course**2)
                 + _over_stages(floors[a], floors[b]) * between[at]
             )
             if moments is not None:
                 of_rows *= np.exp(-np.abs(moments[a][:, None] - moments[b]))
-                smooth = correlation(moments[a], moments[b], 1.0)
-                of_rows += course**2 * smooth * _over_stages(steps[a], steps[b])
             covariance[np.ix_(rows_a, rows_b)] = of_rows
         return covariance
 

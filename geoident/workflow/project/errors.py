@@ -337,12 +337,12 @@ def weighed_together(
     scatters = all(each.section.scatters for each in errors)
     gap, J, priors = _linearised(fit, answers, common)
     if common.names:
-        begin = np.array(astuple(before or _FIRST))
         zeros = any(each.zeros.shape[1] for each in errors)
         free = np.array([True, scatters, scatters and zeros, True, True, True])
-        begin[free] = np.maximum(begin, astuple(_FIRST) if before is None else 0.0)[free]
+        begin = _FIRST if before is None or before == STATED else before
+        start = np.where(free, astuple(begin), astuple(STATED))
         likelihood = sizes_likelihood(gap, J, priors, errors, common)
-        return CommonSizes(*likeliest_sizes(likelihood, begin, free).tolist())
+        return CommonSizes(*likeliest_sizes(likelihood, start, free).tolist())
     structure = _stacked([each.sized(STATED) for each in errors])  # with errors that are given
     models = [
         each.model if free else each.model[:, :0]
