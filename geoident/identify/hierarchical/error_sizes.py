@@ -57,18 +57,6 @@ def correlation(moments: Floats, others: Floats, memory: float) -> Floats:
     return np.asarray(np.exp(-np.abs(moments[:, None] - others) / memory))
 
 
-def course_root(moments: Floats, kinds: Ints, memory: float) -> Floats:
-    """A root (l, l) of the covariance of d: one course for each kind of readings.
-
-    Args:
-        moments: (l,) tau.
-        kinds: (l,) numbers of what they read.
-        memory: l.
-    """
-    K = correlation(moments, moments, memory) * (kinds[:, None] == kinds)
-    return np.linalg.cholesky(K + _NOTHING * np.eye(len(K)))
-
-
 @dataclass(frozen=True)
 class CommonCourse:
     """What all sections have in common, by its values at nodes.
@@ -97,6 +85,27 @@ class CommonCourse:
         between = correlation(self.nodes, moments, memory)  # as the values at the nodes imply it
         made = solve_triangular(root, between, lower=True).T
         return np.concatenate([made * (kinds == k)[:, None] for k in range(self.kinds)], axis=1)
+
+
+def course_root(moments: Floats, kinds: Ints, memory: float) -> Floats:
+    """A root (l, r) of the covariance of d: one course for each kind of readings.
+
+    Of many readings it is that of a course that is known at nodes.
+
+    Args:
+        moments: (l,) tau.
+        kinds: (l,) numbers of what they read.
+        memory: l.
+    """
+    if len(moments) > _MANY:
+        nodes = np.linspace(moments.min(), moments.max(), _MANY // 4)
+        return CommonCourse(nodes, int(kinds.max()) + 1).basis(moments, kinds, memory)
+    K = correlation(moments, moments, memory) * (kinds[:, None] == kinds)
+    return np.linalg.cholesky(K + _NOTHING * np.eye(len(K)))
+
+
+_MANY = 200
+"""Readings up to which each has an error of its own of the course."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +178,7 @@ class SizesLikelihood:
         rows = np.column_stack(
             [one.moved[:, None] * basis, one.jacobian @ self._seen, one.gap[:, None]]
         )
-        L = np.linalg.cholesky(sigma)
+        L = np.linalg.cholesky(sigma + _ROUNDING * np.diag(np.diag(sigma)))
         white = solve_triangular(L, rows, lower=True)
         return 2.0 * float(np.log(np.diag(L)).sum()), white.T @ white
 
@@ -180,6 +189,9 @@ class SizesLikelihood:
         least = products[-1, -1] - pull @ np.linalg.solve(M, pull)
         return sum(log for log, _ in parts) + float(np.linalg.slogdet(M)[1] + least)
 
+
+_ROUNDING = 1e-11
+"""Part of the variances that is added where errors of models are far beyond those of gauges."""
 
 _UNSEEN = 1e-8
 """Directions of the unknowns with singular values below this part of the largest are left out."""

@@ -153,7 +153,10 @@ class ErrorsAt:
 
     def used(self) -> ErrorsAt:
         """Those of the readings that are used."""
-        kept = np.flatnonzero(self.section.used)
+        return self.only(np.flatnonzero(self.section.used))
+
+    def only(self, kept: Ints) -> ErrorsAt:
+        """Those of some of the readings (m,)."""
         return replace(
             self, stated=self.stated.rows(kept), zeros=self.zeros[kept], model=self.model[kept],
             left=self.left[kept], moved=self.moved[kept], section=self.section.of(kept),
@@ -341,8 +344,8 @@ def weighed_together(
         free = np.array([True, scatters, scatters and zeros, True, True, True])
         begin = _FIRST if before is None or before == STATED else before
         start = np.where(free, astuple(begin), astuple(STATED))
-        likelihood = sizes_likelihood(gap, J, priors, errors, common)
-        return CommonSizes(*likeliest_sizes(likelihood, start, free).tolist())
+        of_sizes = sizes_likelihood(gap, J, priors, errors, common)
+        return CommonSizes(*likeliest_sizes(of_sizes, start, free).tolist())
     structure = _stacked([each.sized(STATED) for each in errors])  # with errors that are given
     models = [
         each.model if free else each.model[:, :0]
@@ -403,6 +406,8 @@ def sizes_likelihood(
 ) -> SizesLikelihood:
     """The likelihood of the sizes of the errors of sections that are followed in time.
 
+    Of a section with many readings some tell enough of them.
+
     Args:
         gap: of each section its residuals (g,), SI.
         J: their derivatives (g, q) by the unknowns on their scales.
@@ -411,14 +416,15 @@ def sizes_likelihood(
         common: what they have in common.
     """
     sections = []
-    for y, jacobian, each in zip(gap, J, errors, strict=True):
-        known = each.section.stated
+    for y, jacobian, whole in zip(gap, J, errors, strict=True):
+        kept = np.unique(np.linspace(0, len(y) - 1, min(len(y), _MOST_READINGS)).astype(np.int64))
+        each, known = whole.only(kept), whole.section.stated
         model = _covariance(each.model) + np.diag(each.left**2)
         stated = each.stated
         sections.append(
             SectionResiduals(
-                y,
-                jacobian,
+                y[kept],
+                jacobian[kept],
                 np.diag(stated.sd**2) + _covariance(stated.columns),
                 _covariance(each.zeros),
                 model if known.kind == "estimate" else 0.0 * model,
@@ -440,8 +446,7 @@ def doubtful_accuracies(
 ) -> dict[int, AccuracyOff]:
     """Sections (by their numbers in the fit) whose accuracies are off.
 
-    Nothing is said of sections whose gauges have their accuracies estimated, nor where a section
-    has more readings than a dense covariance serves.
+    Nothing is said of sections whose gauges have their accuracies estimated.
 
     Args:
         fit: of the sections.
@@ -450,9 +455,7 @@ def doubtful_accuracies(
         common: what they have in common.
         sizes: of the errors.
     """
-    if len(errors) < _FEWEST or any(
-        each.stated.names or len(each.section.rows) > _MOST_READINGS for each in errors
-    ):
+    if len(errors) < _FEWEST or any(each.stated.names for each in errors):
         return {}
     gap, J, priors = _linearised(fit, answers, common)
     likelihood = sizes_likelihood(gap, J, priors, errors, common)
@@ -461,7 +464,7 @@ def doubtful_accuracies(
 
 
 _FEWEST, _MOST_READINGS = 3, 400
-"""Sections that can tell of one of them; readings of a section of which a covariance is made."""
+"""Sections that can tell of one of them; readings of a section by which sizes are told."""
 
 _UNLIKELY = 0.001
 """Probability that any of sound sections is named."""
