@@ -20,6 +20,10 @@ With Sigma_0 + z^2 Z = L L^T and the singular values sqrt(lambda_i) of L^-1 B, S
 is a sum over i with the weights 1 / (s^2 + eta^2 lambda_i): a point of the grid costs next to
 nothing.
 
+Behind a tunnel face the computed course in time may be wrong as well (theory 9.1), alike in all
+channels. A few readings of each cannot tell that from the parameters, so its size has a prior of
+its own, is weighed on a grid, too, and does not end at zero where nothing tells of it.
+
 Where the case wants accuracies estimated (theory 7.5), these take the place of s and z: at every
 eta they have the values of highest likelihood, under a weak prior too, since a model error that
 explains all residuals would let them vanish.
@@ -65,6 +69,13 @@ FACTORS = np.geomspace(1.0, 12.0, 15)
 ZEROS = np.concatenate([[0.0], np.geomspace(0.35, 5.6, 7)])
 """The z that are weighed, (z,)."""
 
+COURSE_MODE = PRIOR_SD / np.sqrt(2.0)
+"""Of the Rayleigh prior of the error of the course in time, as large in the mean square as the
+model error: hardly any profile goes on exactly as the ground does."""
+
+COURSES = np.geomspace(0.03, 1.0, 9)
+"""Sizes of it that are weighed, (c,)."""
+
 _WIDTHS = np.gradient(SIZES)
 _UPPER = np.append(0.5 * (SIZES[1:] + SIZES[:-1]), SIZES[-1])
 """Upper ends of the pieces of eta that the grid stands for."""
@@ -96,12 +107,14 @@ class SizeWeights:
         prior: (f, z) probabilities before any residual.
         components: the logarithms of the factors of variances of the gauges, at the size that is
             used.
+        course: size of the error of the course in time; 0 where there is none.
     """
 
     joint: Floats
     minus_two_l: Floats
     prior: Floats
     components: VarianceComponents
+    course: float = 0.0
 
     @property
     def weights(self) -> Floats:
@@ -185,6 +198,7 @@ def weigh_all(
     zeros: sp.csr_array | None,
     *,
     free: bool,
+    course: Floats | None = None,
 ) -> SizeWeights:
     """The weights of the sizes of the model error, of the scatter, and of the errors of zeros.
 
@@ -193,10 +207,25 @@ def weigh_all(
         columns: (g, r) of the model error at eta = 1, SI.
         zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
         free: whether scatter and zeros may be other than stated; else they are as stated.
+        course: (g, r) errors of the course in time, SI; None where there are none.
     """
     sizes = ZEROS if zeros is not None else ZEROS[:1]
-    spectra = _Spectra(likelihood, columns, zeros)
-    values = np.stack([spectra.minus_two_l(z, SIZES, FACTORS) for z in sizes.tolist()], axis=2)
+
+    def spectra_at(of_course: float) -> _Spectra:
+        return _Spectra(_with_course(likelihood, course, of_course), columns, zeros)
+
+    def values_at(of_course: float) -> Floats:
+        spectra = spectra_at(of_course)
+        return np.stack([spectra.minus_two_l(z, SIZES, FACTORS) for z in sizes.tolist()], axis=2)
+
+    courses = COURSES if course is not None else np.zeros(1)
+    each = np.array([values_at(of_course) for of_course in courses.tolist()])
+    odds = np.ones(1)
+    if course is not None:
+        odds = courses * np.exp(-0.5 * (courses / COURSE_MODE) ** 2) * np.gradient(courses)
+    least = each.min(axis=0)
+    parts = np.exp(-0.5 * (each - least)) * (odds / odds.sum())[:, None, None, None]
+    values = least - 2.0 * np.log(parts.sum(axis=0))
     prior = np.zeros((len(FACTORS), len(sizes)))
     prior[0, 0] = 1.0
     if free:
@@ -208,11 +237,33 @@ def weigh_all(
         joint, values, prior, VarianceComponents(none, np.zeros((0, 0)), none, none, np.nan)
     )
     factor, zero = weights.factor, weights.zero
-    at_used = spectra.minus_two_l(zero, np.array([weights.size]), np.array([factor]))
+    shares = np.einsum("cmfz,mfz->c", parts / parts.sum(axis=0), joint)
+    used_course = float(np.sqrt(shares @ courses**2))
+    at_used = spectra_at(used_course).minus_two_l(
+        zero, np.array([weights.size]), np.array([factor])
+    )
     roots = [factor, factor * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
     t = 2.0 * np.log(np.array(roots))
     used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(at_used[0, 0]))
-    return replace(weights, components=used)
+    return replace(weights, components=used, course=used_course)
+
+
+def _with_course(
+    likelihood: RestrictedLikelihood, course: Floats | None, size: float
+) -> RestrictedLikelihood:
+    """The same with errors of the course in time (g, r) as unknowns, which have variance one."""
+    if course is None or size == 0.0:
+        return likelihood
+    r, (k, q) = course.shape[1], likelihood.prior_rows.shape
+    rows = np.zeros((k + r, q + r))
+    rows[:k, :q], rows[k:, q:] = likelihood.prior_rows, np.eye(r)
+    return RestrictedLikelihood(
+        likelihood.structure,
+        likelihood.gap,
+        np.column_stack([likelihood.jacobian, size * course]),
+        np.append(likelihood.prior, np.zeros(r)),
+        rows,
+    )
 
 
 _NOTHING = 1e-4

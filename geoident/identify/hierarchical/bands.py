@@ -57,6 +57,7 @@ def reading_bands(
     evaluate: SectionEvaluation,
     sd: Floats,
     of_model: Floats | None = None,
+    common: Floats | None = None,
 ) -> ReadingBands:
     """Bands of readings.
 
@@ -66,6 +67,8 @@ def reading_bands(
         sd: (g,) standard deviations of what gauges add to readings, SI.
         of_model: (g,) those of the error of the model at the parameters that are expected, SI; they
             grow with the readings. None for none.
+        common: (g, r) what the last r parameters, of which the model does not know, add to the
+            readings in parts of these. None for none.
 
     Raises:
         ModelError: the model has no solution at the parameters that are expected.
@@ -74,9 +77,11 @@ def reading_bands(
 
     weights, means, scaling = section.weights, section.means, section.scaling
     C = second_moment(weights, means - weights @ means, section.covariances)
-    variances, vectors = np.linalg.eigh(C)
+    n = len(C) - (0 if common is None else common.shape[1])
+    variances, vectors = np.linalg.eigh(C[:n, :n])
     kept = variances > 1e-12 * max(float(variances.max(initial=0.0)), 1e-12)
-    axes, sizes = vectors[:, kept], np.sqrt(variances[kept])
+    axes, sizes = np.zeros((len(C), np.count_nonzero(kept))), np.sqrt(variances[kept])
+    axes[:n] = vectors[:, kept]
     x = scaling.to_scaled(section.values)
 
     def place(k: int, t: float) -> tuple[float, Floats]:
@@ -88,7 +93,7 @@ def reading_bands(
         return t * part, scaling.away(section.values, part * step)
 
     ends = [(k, t) for k in range(len(sizes)) for t in (-_REACH, _REACH)]
-    answers = evaluate([section.values, *(place(k, t)[1] for k, t in ends)])
+    answers = evaluate([section.values[:n], *(place(k, t)[1][:n] for k, t in ends)])
     if answers[0] is None:
         raise ModelError("The model has no solution at the parameters that are expected.")
     v0, J0 = answers[0]
@@ -96,16 +101,17 @@ def reading_bands(
     values = np.tile(v0, (len(draws), 1))
     for k, (axis, size) in enumerate(zip(axes.T, sizes, strict=True)):
         # t in standard deviations along the axis, the readings there and their derivatives by t
-        knots = [(0.0, v0, J0 @ (scaling.dp_dx(section.values) * axis * size))]
+        knots = [(0.0, v0, J0 @ (scaling.dp_dx(section.values) * axis * size)[:n])]
         for (_, end), first in zip(ends[2 * k :][:2], answers[1 + 2 * k :][:2], strict=True):
             t, answer = end, first
             for _ in range(_HALVINGS):
                 if answer is None:
                     t *= 0.5
-                    (answer,) = evaluate([place(k, t)[1]])
+                    (answer,) = evaluate([place(k, t)[1][:n]])
             at, p = place(k, t)
             if answer is not None and abs(at) >= _NO_WAY:
-                knots.append((at, answer[0], answer[1] @ (scaling.dp_dx(p) * axis * size)))
+                slope = answer[1] @ (scaling.dp_dx(p) * axis * size)[:n]
+                knots.append((at, answer[0], slope))
         knots.sort(key=lambda knot: knot[0])
         places, v, slopes = (np.array(column) for column in zip(*knots, strict=True))
         drawn = (draws @ axis) / size
@@ -115,6 +121,10 @@ def reading_bands(
         spline = CubicHermiteSpline(places, v, slopes)
         inside = np.clip(drawn, places[0], places[-1])
         values += spline(inside) - v0 + spline(inside, 1) * (drawn - inside)[:, None]
+    if common is not None:
+        factor = 1.0 + common @ section.values[n:]
+        values = values * (factor + draws[:, n:] @ common.T)
+        v0 = v0 * factor
     if of_model is not None:
         grown = np.divide(values, v0, out=np.ones_like(values), where=v0 != 0.0)
         sd = np.hypot(sd, of_model * grown)

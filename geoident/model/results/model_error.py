@@ -38,6 +38,8 @@ class ModelErrorTable:
         time_unit: of it: ``s``, or ``stages`` where these have no dates; empty where there is none.
         moments: (k,) log(1 + t / T) of the time t of each reading since its zero and this time T;
             NaN for readings that are not used. None where there is no such time.
+        course: error of the course in time behind a tunnel face, which all channels share, relative
+            to the computed motion; 0 for none.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class ModelErrorTable:
     time: float = field(default=float("nan"), metadata=column(optional=True))
     time_unit: str = field(default="", metadata=column(optional=True))
     moments: Floats | None = field(default=None, metadata=column("reading", optional=True))
+    course: float = 0.0
 
     @property
     def large(self) -> bool:

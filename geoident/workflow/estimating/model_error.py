@@ -166,6 +166,7 @@ class FittedModelError:
         zero: error of the zero of each channel, in accuracies of a reading as it scatters.
         sd: (g,) standard deviations of the readings used, SI; None while they are searched.
         time: over which it is correlated; None where the errors are those of steps.
+        course: error of the course in time that all channels share, in parts of the motion.
     """
 
     used: ReadingSteps
@@ -177,6 +178,7 @@ class FittedModelError:
     zero: float = 0.0
     sd: Floats | None = None
     time: CorrelationTime | None = None
+    course: float = 0.0
 
     def of_readings(self, rows: Sequence[ChannelReading]) -> FittedModelError:
         """The same for the readings (g) and their channels with accuracies that were estimated."""
@@ -200,7 +202,8 @@ class FittedModelError:
             structure: without it.
             *later: what it is made of there.
         """
-        columns = self.size * shared_columns([self.used, *later], self.length)
+        ratio = self.course / self.size if self.course else 0.0
+        columns = self.size * shared_columns([self.used, *later], self.length, course=ratio)
         return structure.with_component(sp.csr_array(columns), NAME)
 
     def table(self, used: Bools) -> ModelErrorTable:
@@ -234,6 +237,7 @@ class FittedModelError:
             time=np.nan if self.time is None else self.time.size,
             time_unit="" if self.time is None else self.time.unit,
             moments=moments,
+            course=self.course,
         )
 
     def _factor_quantile(self, part: float) -> float:
@@ -244,7 +248,17 @@ class FittedModelError:
 
     def sentence(self) -> str:
         """Its size in words, and the scatter of the readings."""
-        return " ".join(filter(None, [self._size_in_words(), self.scatter(), self.offset()]))
+        parts = [self._size_in_words(), self._course_in_words(), self.scatter(), self.offset()]
+        return " ".join(filter(None, parts))
+
+    def _course_in_words(self) -> str:
+        """How far the course in time may be off; empty where that is no question."""
+        if not self.course:
+            return ""
+        return (
+            f"How the motion goes on behind the face may be off by {percent(self.course)} of it, "
+            "as readings and usual errors of longitudinal profiles, creep and support leave it."
+        )
 
     @property
     def large(self) -> bool:
@@ -436,4 +450,6 @@ def of_result(
     steps, floors = table.steps[rows], table.floors[rows]
     used = ReadingSteps(tuple(channels), table.states, steps, floors, moments)
     time = CorrelationTime(table.time, table.time_unit) if table.time_unit else None
-    return FittedModelError(used, table.size, table.length, factor=table.factor, time=time)
+    return FittedModelError(
+        used, table.size, table.length, factor=table.factor, time=time, course=table.course
+    )

@@ -13,7 +13,8 @@ Where readings follow a process in time, an error is rather of the reading itsel
 
     C = eta^2 (D R D + F M F) x exp(-|tau - tau'|) ,      tau = log(1 + t / T) ,
 
-D and F the sums over all steps since the zero, t the time since then.
+D and F the sums over all steps since the zero, t the time since then. Behind a tunnel face the
+course in time may be wrong as well, alike in all channels: R + course^2 in place of R.
 
 An error is known by its rows: the steps of each reading and where its gauge is. Rows of the
 readings used and of later ones together give the columns of shared errors (theory 7), in which
@@ -363,7 +364,11 @@ class ErrorModes:
 
 
 def shared_columns(
-    parts: Sequence[ReadingSteps], length: float, modes: ErrorModes | None = None
+    parts: Sequence[ReadingSteps],
+    length: float,
+    modes: ErrorModes | None = None,
+    *,
+    course: float = 0.0,
 ) -> sp.csr_array:
     """Columns (g, K) of shared errors at eta = 1, for readings of several parts, one below another.
 
@@ -374,6 +379,7 @@ def shared_columns(
         length: over which it is correlated, m.
         modes: of columns made before for the same readings at other parameters; it is told those
             of these.
+        course: error of the course in time that all channels share, in parts of eta.
     """
     states = tuple(dict.fromkeys(state for part in parts for state in part.states))
     steps, floors = (
@@ -416,7 +422,7 @@ def shared_columns(
             relative, between = kernel.parts(channels_a, channels_b)
             at = np.ix_(at_a, at_b)
             of_rows = (
-                _over_stages(steps[a], steps[b]) * relative[at]
+                _over_stages(steps[a], steps[b]) * (relative[at] + course**2)
                 + _over_stages(floors[a], floors[b]) * between[at]
             )
             if moments is not None:
@@ -425,7 +431,7 @@ def shared_columns(
         return covariance
 
     size = np.array([kernels[f].size[n] for f, n in zip(kind, number, strict=True)])
-    diagonal = _own(steps) + _own(floors) * size**2
+    diagonal = (1.0 + course**2) * _own(steps) + _own(floors) * size**2
     accuracy = np.array([known[k].accuracy for k in owner])
     modes = modes or ErrorModes()
     root = _root(part, diagonal, accuracy, modes)

@@ -30,6 +30,7 @@ from geoident.identify.assessment.variance_components import (
     VarianceComponents,
     likelihood_at,
 )
+from geoident.identify.hierarchical.error_sizes import course_root
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasIncrements
@@ -45,6 +46,7 @@ from geoident.workflow.estimating.model_error_covariance import (
     CorrelationTime,
     ErrorModes,
     ReadingSteps,
+    family,
     shared_columns,
 )
 
@@ -99,6 +101,7 @@ class ModelErrorSearch:
             (n_states, n_channels), SI.
         search: for the parameters, from where the problem begins.
         plain: the loss is that of squares.
+        behind_face: the course in time may be wrong as well.
     """
 
     options: ModelErrorOptions
@@ -109,6 +112,7 @@ class ModelErrorSearch:
     steps_at: Callable[[Floats], ReadingSteps]
     search: Callable[[Problem], Outcome]
     plain: bool = True
+    behind_face: bool = False
 
     def run(self, problem: Problem, outcome: Outcome) -> WithModelError | None:
         """Both, in turns, until neither changes; None where no reading can have a model error.
@@ -126,34 +130,36 @@ class ModelErrorSearch:
             return None
         modes = ErrorModes()
         columns = shared_columns([used], self.length, modes)
-        size, fixed = PRIOR_SD, self.options.kind == "given"
+        size, course, fixed = PRIOR_SD, 0.0, self.options.kind == "given"
         if fixed:
             size = self.options.size
         elif self.plain:
-            weighed = self._weighed(problem, outcome, columns, t)
-            size, t = weighed.size, weighed.components.log_factor
+            weighed = self._weighed(problem, outcome, columns, t, used)
+            size, course, t = weighed.size, weighed.course, weighed.components.log_factor
         for turn in range(ROUNDS):
+            if course:
+                columns = shared_columns([used], self.length, modes, course=course / size)
             problem, outcome = self._again(problem, outcome, columns, modes, t, size)
             now = self._steps(problem, outcome.values)
             following = now if turn < EAGER else _halfway(used, now)
             columns = shared_columns([following], self.length, modes)
             held = size if fixed else None
-            weighed = self._weighed(problem, outcome, columns, t, held)
+            weighed = self._weighed(problem, outcome, columns, t, following, held)
             known = FittedModelError(
-                used, size, self.length, None if fixed else weighed, time=self.time
+                used, size, self.length, None if fixed else weighed, time=self.time, course=course
             )
             factor, zero = self._gauges(t)
             known = replace(known, factor=factor, zero=zero)
             # the accuracies of the problem, so that all that is said of it comes from one posterior
             components = replace(weighed.components, log_factor=t)
             state = WithModelError(problem, outcome, components, known)
-            rest = fixed or _near(weighed.size, size)
+            rest = fixed or (_near(weighed.size, size) and _near(weighed.course, course))
             if outcome.status == STOPPED or (
                 rest and _alike(now, used) and _close(weighed.components.log_factor, t)
             ):
                 return self._explained(state, modes)
             used, t = following, weighed.components.log_factor
-            size = size if fixed else weighed.size
+            size, course = (size, course) if fixed else (weighed.size, weighed.course)
         sentence = (
             f"Parameters and model error did not come to rest in {ROUNDS} rounds: others, "
             "with the model error that follows from them, meet the readings as well. State the "
@@ -208,18 +214,28 @@ class ModelErrorSearch:
         outcome: Outcome,
         columns: sp.csr_array,
         t: Floats,
+        used: ReadingSteps,
         size: float | None = None,
     ) -> SizeWeights:
         """What the residuals say of the sizes; of the accuracies alone where the size is given."""
         if size is None and not self.stated.names:
             likelihood = self._likelihood(problem, outcome, self.stated)
-            return weigh_all(likelihood, columns, self.zeros, free=self.scatters)
+            course = self._course(used)
+            return weigh_all(likelihood, columns, self.zeros, free=self.scatters, course=course)
         whole = self.structure.with_component(columns, NAME)
         likelihood = self._likelihood(problem, outcome, whole)
         if size is None:
             return weigh_sizes(likelihood, t)
         nothing = np.zeros((len(SIZES), 1, 1))
         return SizeWeights(nothing, nothing, np.ones((1, 1)), at_size(likelihood, size, t))
+
+    def _course(self, used: ReadingSteps) -> Floats | None:
+        """Errors of the course in time (g, r), SI; None where there are none."""
+        if not self.behind_face or used.moments is None:
+            return None
+        kinds = np.unique([family(channel) for channel in used.channels], return_inverse=True)[1]
+        moved = used.steps.sum(axis=1)[:, None]
+        return np.asarray(moved * course_root(used.moments, kinds, 1.0))
 
     def _likelihood(
         self, problem: Problem, outcome: Outcome, structure: ErrorStructure

@@ -291,6 +291,7 @@ class _Search:
             lambda increments: reading_steps(case, setup.model, increments, pairs, length, time),
             self.descent,
             isinstance(case.fit.loss, SquaredOptions),
+            case.face is not None,
         )
         fitted = search.run(at.problem, at.outcome)
         if fitted is None:

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
+from geoident.identify.hierarchical.error_sizes import AccuracyOff
+from geoident.io.text.wording import listing
+from geoident.model.gauges import Channel
+from geoident.model.project.project import ProjectSection
 from geoident.model.results.findings import Finding
 from geoident.model.results.many.project import (
     UNKNOWN_SCATTER,
@@ -13,6 +17,7 @@ from geoident.model.results.many.project import (
     ProjectResult,
     SectionReading,
 )
+from geoident.units import in_unit, shown_unit
 
 UNLIKELY = 0.01
 """Probability, of any of the sections, below which one is said to be of other ground."""
@@ -126,3 +131,35 @@ def _of_bands(rows: Sequence[SectionReading], which: str) -> Iterator[Finding]:
         text += ": the law, or the models, miss something that differs between sections"
     numbers = {"inside": float(inside), "readings": float(len(judged))}
     yield Finding("bands", "", f"{text}.", numbers)
+
+
+def accuracy_finding(
+    section: ProjectSection, channels: Sequence[Channel], off: AccuracyOff
+) -> Finding:
+    """That the gauges of a section are not as accurate as its case states.
+
+    Args:
+        section: of the project.
+        channels: of its readings.
+        off: by how much.
+    """
+    factor = off.factor
+    gauges: dict[str, list[str]] = {}
+    for gauge, channel in {channel.gauge: channel for channel in channels}.items():
+        size = in_unit(factor * channel.accuracy, channel.unit, channel.dimension)
+        unit = shown_unit(channel.unit, channel.dimension)
+        gauges.setdefault(f"'accuracy: {size:.1g} {unit}'", []).append(gauge)
+    lines = listing([f"{line} for {listing(names)}" for line, names in gauges.items()])
+    times, which = (factor, "less") if factor > 1.0 else (1.0 / factor, "more")
+    or_model = ""
+    if off.or_model and factor > 1.0:
+        or_model = " (or its model is further from its ground than those of the others)"
+    return Finding(
+        "accuracy",
+        section.name,
+        f"The readings of {section.name} are about {times:.1g} times {which} accurate than its "
+        f"case states, beside what all sections together tell{or_model}: so the section counts too "
+        f"{'much' if factor > 1.0 else 'little'} in all that they share. Look at the unit and the "
+        f"instrument of its accuracies; write {lines} in {section.case}.",
+        {"factor": factor},
+    )

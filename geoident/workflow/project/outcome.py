@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -53,8 +53,15 @@ from geoident.model.results.many.project import (
 from geoident.model.results.result import Provenance
 from geoident.workflow.estimating.diagnosis import POOR, UNUSABLE
 from geoident.workflow.executing.versions import versions
-from geoident.workflow.project.errors import CommonSizes, ErrorsAt, shown_given_used
-from geoident.workflow.project.findings import findings
+from geoident.workflow.project.errors import (
+    CommonErrors,
+    CommonSizes,
+    ErrorsAt,
+    doubtful_accuracies,
+    shown_given_used,
+    with_common,
+)
+from geoident.workflow.project.findings import accuracy_finding, findings
 from geoident.workflow.project.models import SectionAnswers
 from geoident.workflow.project.plan import ProjectJob
 from geoident.workflow.project.sections import PreparedSection
@@ -79,6 +86,7 @@ class Fitted:
         readings: of all sections of the project.
         prepared: likewise.
         sizes: of the errors of their readings.
+        common: what these have in common.
         at_rest: parameters and these sizes go together.
     """
 
@@ -87,20 +95,34 @@ class Fitted:
     readings: tuple[SectionReadings, ...]
     prepared: tuple[PreparedSection, ...]
     sizes: CommonSizes
+    common: CommonErrors
     at_rest: bool = True
 
     @property
     def points(self) -> dict[int, Floats]:
-        """Number of each section to its parameters (n,), SI."""
+        """Number of each section to the parameters (n,) of its model, SI."""
+        return {n: p[: len(p) - len(self.common.names)] for n, p in self._whole_points.items()}
+
+    @property
+    def _whole_points(self) -> dict[int, Floats]:
+        """The same with what their errors have in common."""
         joint, values = self.fit.joint, self.fit.outcome.values
         return {n: joint.point(k, values)[0] for k, n in enumerate(self.numbers)}
+
+    @property
+    def of_errors(self) -> Floats:
+        """(r,) what the errors of all sections have in common."""
+        names, values = self.common.names, self.fit.outcome.values
+        first = len(self.fit.joint.shared) - len(names)
+        return values[first : first + len(names)]
 
     def start(self, numbers: Sequence[int]) -> SectionsStart:
         """Where another search over some of the sections begins."""
         joint, values, tau = self.fit.joint, self.fit.outcome.values, self.fit.tau
+        points = self._whole_points
         return SectionsStart(
             values[: joint.n_common],
-            tuple(self.points[n] for n in numbers),
+            tuple(points[n] for n in numbers),
             np.where(tau > 0.0, tau, 0.02 * joint.largest),
         )
 
@@ -206,11 +228,29 @@ def project_result(
     )
     v, J = whole.fit.problem.response.evaluate(outcome.values)
     gaps = assess(whole.fit.problem, outcome.values, J, v).findings
+    gaps = tuple(one for one in gaps if not {*one.subject.split(", ")} & {*whole.common.names})
     of_sections = (finding for one in whole.prepared for finding in one.findings)
     mistakes = {name: one.findings for name, one in mistaken.items()}
     restless = () if whole.at_rest else (_NOT_AT_REST,)
-    said = (*findings(result, gaps, mistakes), *of_sections, *restless)
+    accuracies = _accuracy_findings(job, models, whole)
+    said = (*findings(result, gaps, mistakes), *of_sections, *accuracies, *restless)
     return replace(result, findings=said)
+
+
+def _accuracy_findings(job: ProjectJob, models: SectionAnswers, whole: Fitted) -> Iterator[Finding]:
+    """Sections whose gauges are much less or more accurate than their cases state."""
+    points, prepared = whole.points, [whole.prepared[n] for n in whole.numbers]
+    answers = models.evaluate(points)
+    errors = [
+        ErrorsAt.of(one.errors, models.steps(n, p)).used()
+        for one, (n, p) in zip(prepared, points.items(), strict=True)
+    ]
+    of_models = [answers[n] for n in points]
+    off = doubtful_accuracies(whole.fit, of_models, errors, whole.common, whole.sizes)
+    for k, one in off.items():
+        section = job.project.sections[whole.numbers[k]]
+        channels = [channel for channel, _ in errors[k].section.rows]
+        yield accuracy_finding(section, channels, one)
 
 
 _NOT_AT_REST = Finding(
@@ -277,6 +317,8 @@ def _common_parameters(whole: Fitted) -> tuple[CommonParameter, ...]:
     owner = {q.name: law.parameter for law in joint.laws for q in law.constants}
     rows = []
     for k, q in enumerate(joint.unknowns[: joint.n_common]):
+        if q.name in whole.common.names:
+            continue
         kind, law = CONSTANT if q.name in owner else SHARED, owner.get(q.name, "")
         estimate, (at_bound, determined, from_prior) = _estimate(q, known, k)
         rows.append(
@@ -393,12 +435,14 @@ def _fitted(
     later = np.array([not one.used for one in prepared.shown], dtype=np.bool_)
     if later.any():
         p = whole.points[n]
-        used = models.evaluate({n: p})[n]
+        basis, z = whole.common.basis(prepared.errors, whole.sizes), whole.of_errors
+        used = with_common(models.evaluate({n: p})[n], basis[prepared.errors.used], z)
+        expected, slopes = with_common(shown, basis, z)
         errors = ErrorsAt.of(prepared.errors, models.steps(n, p)).sized(whole.sizes)
-        implied = shown_given_used(prepared, errors, whole.fit.problem, used, shown[1])
+        implied = shown_given_used(prepared, errors, whole.fit.problem, used, slopes)
         J, C = implied.jacobian, knowledge.section_covariance(k)
         variance = np.einsum("ij,jk,ik->i", J, C, J) + implied.sd**2
-        v[later] += implied.shift[later]
+        v[later] = (expected + implied.shift)[later]
         half[later] = NORMAL_95 * np.sqrt(variance[later])
     rows = zip(prepared.shown, v, v - half, v + half, strict=True)
     return parameters, [one.row(section.name, *ends) for one, *ends in rows]
@@ -416,11 +460,14 @@ def _predicted(models: SectionAnswers, fitted: Fitted, n: int) -> SectionRows:
     further = fitted.knowledge.further(section)
     parameters = _parameter_rows(fitted, n, section, further.interval, None)
     try:
-        errors = ErrorsAt.of(fitted.prepared[n].errors, models.steps(n, further.values))
+        own = fitted.prepared[n]
+        p = further.values[: len(own.parameters)]
+        errors = ErrorsAt.of(own.errors, models.steps(n, p))
         bands = reading_bands(
             further,
             lambda points: models.shown([(n, p) for p in points]),
             *errors.like_others(fitted.sizes),
+            fitted.common.basis(own.errors, fitted.sizes),
         )
     except ModelError:
         none = np.full(len(shown), np.nan)
@@ -446,7 +493,7 @@ def _parameter_rows(
     """
     joint, law = fitted.fit.joint, fitted.knowledge.law(section)
     rows = []
-    for i, q in enumerate(section.parameters):
+    for i, q in enumerate(fitted.prepared[n].parameters):
         at = joint.law_of(q.name)
         kind = SHARED if q.name in joint.shared else OWN if at is None else LAW
         of_law = _NAN, _NAN, _NAN

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from geoident.fem.solvers.threads import one_thread
 from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.search import HierarchicalFit, SectionsStart, fit_sections
@@ -12,7 +14,15 @@ from geoident.io.result.project import read_project_result, write_project_result
 from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.finished import FinishedRun, ResultFiles, evaluation_log
-from geoident.workflow.project.errors import STATED, ErrorsAt, weighed_together
+from geoident.workflow.project.errors import (
+    STATED,
+    CommonErrors,
+    ErrorsAt,
+    MadeOf,
+    WithCommonErrors,
+    on_one_clock,
+    weighed_together,
+)
 from geoident.workflow.project.models import ChosenSections, SectionAnswers, section_executor
 from geoident.workflow.project.outcome import Fitted, project_result
 from geoident.workflow.project.plan import ProjectJob
@@ -69,8 +79,13 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
                 sources.log_path(number).unlink(missing_ok=True)
 
 
-TURNS = 12
-"""At most so many times parameters and errors of the readings take turns."""
+TURNS, EAGER = 20, 3
+"""At most so many times parameters and errors of the readings take turns; from the latter on they
+go half of the way, since they may swing between two states, each the answer to the other."""
+
+
+def _halfway(one: MadeOf, other: MadeOf) -> MadeOf:
+    return 0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1])
 
 
 class _Fits:
@@ -78,10 +93,19 @@ class _Fits:
 
     def __init__(self, job: ProjectJob, models: SectionAnswers, control: Control) -> None:
         self._job, self._models, self._control = job, models, control
-        self._prepared = prepared = models.prepared()
+        prepared = models.prepared()
+        errors = on_one_clock([one.errors for one in prepared])
+        self._common = common = CommonErrors.of(errors)
+        pairs = zip(prepared, errors, strict=True)
+        self._prepared = tuple(replace(one, errors=own) for one, own in pairs)
         self._readings = tuple(
             SectionReadings(
-                section.name, one.parameters, section.covariates, one.measured, one.sd, one.shared
+                section.name,
+                (*one.parameters, *common.parameters),
+                section.covariates,
+                one.measured,
+                one.sd,
+                one.shared,
             )
             for section, one in zip(job.project.sections, prepared, strict=True)
         )
@@ -94,27 +118,39 @@ class _Fits:
             near: a fit of more of them; None to begin where their own fits ended.
         """
         models, readings = ChosenSections(self._models, numbers), dict(enumerate(self._readings))
+        common = self._common
         if near is None:  # at what their own fits found; NaN where they determine nothing
-            begin = SectionsStart(points=tuple(self._prepared[n].alone[0] for n in numbers))
+            none = np.zeros(len(common.names))
+            own = (np.append(self._prepared[n].alone[0], none) for n in numbers)
+            begin = SectionsStart(points=tuple(own))
         else:
             readings |= zip(near.numbers, near.fit.joint.sections, strict=True)
             begin = near.start(numbers)
-        known = [self._prepared[n].errors for n in numbers]
         sizes = None if near is None else near.sizes
-        for _ in range(TURNS):
-            fit = self._searched([readings[n] for n in numbers], models, begin)
-            fitted = Fitted(fit, tuple(numbers), self._readings, self._prepared, sizes or STATED)
+        made: list[MadeOf] = []
+        for turn in range(TURNS):
+            used = [self._prepared[n].errors for n in numbers]
+            basis = [common.basis(one, sizes or STATED)[one.used] for one in used]
+            with_common = WithCommonErrors(models, dict(enumerate(basis)))
+            fit = self._searched([readings[n] for n in numbers], with_common, begin)
+            fitted = Fitted(
+                fit, tuple(numbers), self._readings, self._prepared, sizes or STATED, common
+            )
             if fit.outcome.status == STOPPED:
                 return fitted
             points = fitted.points
-            errors = [
-                ErrorsAt.of(one, self._models.steps(n, points[n])).used()
-                for n, one in zip(numbers, known, strict=True)
-            ]
+            now_made = [self._models.steps(n, points[n]) for n in numbers]
+            if turn >= EAGER:
+                now_made = [_halfway(*pair) for pair in zip(made, now_made, strict=True)]
+            made = now_made
+            errors = [ErrorsAt.of(*pair).used() for pair in zip(used, made, strict=True)]
             answers = models.evaluate(dict(enumerate(points.values())))
-            now = weighed_together(fit, [answers[k] for k in range(len(numbers))], errors)
+            of_models = [answers[k] for k in range(len(numbers))]
+            now = weighed_together(fit, of_models, errors, common, sizes)
             if sizes is not None and now.near(sizes):
                 return fitted
+            if sizes is not None and turn >= EAGER:
+                now = now.halfway(sizes)
             sizes, begin = now, fitted.start(numbers)
             for n, one in zip(numbers, errors, strict=True):
                 sd, shared = one.sized(sizes).stated
@@ -122,10 +158,11 @@ class _Fits:
         return replace(fitted, at_rest=False)
 
     def _searched(
-        self, chosen: Sequence[SectionReadings], models: ChosenSections, begin: SectionsStart
+        self, chosen: Sequence[SectionReadings], models: WithCommonErrors, begin: SectionsStart
     ) -> HierarchicalFit:
         project, on_iteration = self._job.project, self._control.on_iteration
-        return fit_sections(chosen, project.shared, project.laws, models, on_iteration, begin=begin)
+        shared = (*project.shared, *self._common.names)
+        return fit_sections(chosen, shared, project.laws, models, on_iteration, begin=begin)
 
     def each_left_out(self, whole: Fitted) -> dict[int, Fitted]:
         """Number of each section to the fit of all others, begun where the fit of all ended."""

@@ -16,7 +16,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.identify.problem.responses import HasDifferences, HasIncrements
 from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.result.checkpoint import EvaluationLog
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.methods import ModelErrorOptions
 from geoident.model.parameter import Parameter
@@ -31,9 +31,11 @@ from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import Estimate, assess_fit
 from geoident.workflow.estimating.mistakes import MistakenReadings, mistakes_of_fit
 from geoident.workflow.estimating.model_error_covariance import (
+    CorrelationTime,
     ReadingSteps,
     correlation_length,
     correlation_time,
+    family,
     reading_steps,
 )
 from geoident.workflow.estimating.search import SearchState, estimated
@@ -144,6 +146,7 @@ class SectionErrors:
         length: over which it is correlated, m.
         stated: what the case says of it.
         scatters: whether all gauges may scatter more than stated.
+        time: over which it is correlated; None where it is one of steps.
     """
 
     rows: tuple[ChannelReading, ...]
@@ -152,6 +155,36 @@ class SectionErrors:
     length: float
     stated: ModelErrorOptions
     scatters: bool
+    time: CorrelationTime | None = None
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """(l,) of what the readings are: motions; stresses; ..."""
+        return tuple(family(channel) for channel, _ in self.rows)
+
+    def of(self, kept: Ints) -> SectionErrors:
+        """Of some of the readings (m,)."""
+        steps, moments = self.steps, self.steps.moments
+        rows = tuple(self.rows[k] for k in kept.tolist())
+        channels = tuple(channel for channel, _ in rows)
+        moments = None if moments is None else moments[kept]
+        steps = replace(
+            steps, channels=channels, steps=steps.steps[kept], floors=steps.floors[kept],
+            moments=moments,
+        )  # fmt: skip
+        return replace(self, rows=rows, used=self.used[kept], steps=steps)
+
+    @property
+    def moments(self) -> Floats:
+        """(l,) log(1 + t / T) of the times since the zeros; 0 where the error is one of steps."""
+        return np.zeros(len(self.rows)) if self.steps.moments is None else self.steps.moments
+
+    @property
+    def follows(self) -> Bools:
+        """(l,) which readings may be off in their course in time: what a model computes."""
+        asked = self.stated.kind == "estimate" and self.time is not None
+        computed = [asked and channel.kind != "piezometer" for channel, _ in self.rows]
+        return np.array(computed, dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -395,11 +428,12 @@ class _OneSection:
             case: with the accuracies that go with it.
             increments: (n_states, n_channels) what each step changes in what channels see, SI.
         """
-        options, readings = case.fit.model_error, self._setup.readings
-        length = correlation_length(case, options)
-        time = correlation_time(case, options, readings.used_pairs)
-        pairs = self._shown_pairs
+        length = correlation_length(case, case.fit.model_error)
+        pairs, time = self._shown_pairs, self._time(case)
         return reading_steps(case, self._setup.model, increments, pairs, length, time)
+
+    def _time(self, case: Case) -> CorrelationTime | None:
+        return correlation_time(case, case.fit.model_error, self._setup.readings.used_pairs)
 
     def _errors(self, setup: Setup) -> SectionErrors:
         """The errors of readings after an own fit, or as they are stated without one."""
@@ -416,6 +450,7 @@ class _OneSection:
             correlation_length(case, options),
             options,
             options.kind == "estimate" and not setup.errors.names,
+            self._time(case),
         )
 
     def _prepared(self, stop: StopRequest) -> PreparedSection:

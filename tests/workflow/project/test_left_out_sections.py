@@ -86,7 +86,8 @@ def test_coverage_of_sections_left_out_one_by_one(tmp_path, opening, seeds):
 
 
 @pytest.mark.slow
-def test_coverage_of_sections_of_which_the_first_readings_are_known(tmp_path):
+@pytest.mark.parametrize("opening", [False, True])
+def test_coverage_of_sections_of_which_the_first_readings_are_known(tmp_path, opening):
     """Ten tunnels, a third of the sections at a time."""
     inside, widths = [], []
     for seed in range(10):
@@ -94,11 +95,11 @@ def test_coverage_of_sections_of_which_the_first_readings_are_known(tmp_path):
         for fold in range(3):
             early = tuple(range(fold, COUNT, 3))
             (folder := tmp_path / f"{seed}-{fold}").mkdir()
-            result = fitted(write_project(folder, ground, opening=False, early=early))
+            result = fitted(write_project(folder, ground, opening=opening, early=early))
             later = [row for row in result.readings if not row.used]
             inside += [row.inside for row in later]
             widths += ratios(later, ground, early=True)
-    assert 0.90 <= np.mean(inside) <= 0.99, np.mean(inside)
+    assert 0.85 <= np.mean(inside) <= 0.99, np.mean(inside)
     assert np.median(widths) < 2.0
 
 
@@ -130,18 +131,28 @@ def test_later_readings_of_a_table_of_runs_lie_within_their_bands(tmp_path):
     assert np.mean(inside) >= 0.85
 
 
-def test_later_readings_behind_a_face_are_not_sure_where_the_ground_may_creep(tmp_path):
-    """Elastic ground has moved when these are read: an error in parts of what it still does is 0.
-
-    Bands of such an error held 42 % of these readings, in twelve tunnels 40 %.
-    """
+def forecasts_behind_a_face(folder, seeds):
+    """Whether later readings lie within the bands of a fit of three, for the last of 3 sections."""
     inside = []
-    for seed in (5, 6, 11):
-        (folder := tmp_path / str(seed)).mkdir()
-        write_project(folder, sections(seed, 3), early=(2,), first=3)
-        inside += forecast(folder / "S3.yaml")
-    assert len(inside) == 24
-    assert np.mean(inside) >= 0.6
+    for seed in seeds:
+        (own := folder / str(seed)).mkdir()
+        write_project(own, sections(seed, 3), early=(2,), first=3)
+        inside += forecast(own / "S3.yaml")
+    return inside
+
+
+def test_later_readings_behind_a_face_are_not_sure_where_the_ground_may_creep(tmp_path):
+    """The first two tunnels as they come; the second is the worst of the twelve that follow."""
+    inside = forecasts_behind_a_face(tmp_path, range(2))
+    assert len(inside) == 16
+    assert np.mean(inside) > 0.5
+
+
+@pytest.mark.slow
+def test_coverage_of_forecasts_behind_a_face(tmp_path):
+    """Three readings do not tell how the motion goes on; bands without its error hold 58 %."""
+    inside = forecasts_behind_a_face(tmp_path, range(12))
+    assert 0.8 <= np.mean(inside) <= 0.98, np.mean(inside)
 
 
 @pytest.mark.slow

@@ -101,3 +101,29 @@ def test_turns_that_do_not_come_to_rest(tmp_path, monkeypatch):
     (said,) = [one for one in result["findings"] if one["kind"] == "model-error-doubt"]
     assert "did not come to rest" in said["sentence"]
     assert "'model_error: 15 %' under 'fit' of the cases" in said["sentence"]
+
+
+@pytest.mark.parametrize(("stated", "words"), [(0.1, "less"), (1.0, None), (12.0, "more")])
+def test_a_section_whose_accuracies_are_off_is_named_with_the_line_to_write(
+    tmp_path, stated, words
+):
+    """One of four plates states them ten times too good, as they are, or far too bad."""
+    rng, names = np.random.default_rng(1), ("east", "west", "north", "south")
+    for name in names:
+        (tmp_path / name).mkdir()
+        days = days_of(rng)
+        readings = measured(rng, hyperbola(), days)
+        case = write_plate(tmp_path / name, days, readings, fitted=len(days))
+    text = case.read_text("utf-8")
+    assert "accuracy: 5 mm" in text
+    case.write_text(text.replace("accuracy: 5 mm", f"accuracy: {5 * stated:g} mm"), "utf-8")
+    rows = [f"  - {{name: {name}, case: {name}/case.yaml}}\n" for name in names]
+    head = "format: geoident-project/1\nsections:\n"
+    (tmp_path / "project.yaml").write_text(head + "".join(rows) + "shared: [m]\n")
+    result = json.loads(run_command("fit", tmp_path / "project.yaml", "--json", "-q").stdout)
+    off = [one for one in result["findings"] if one["kind"] == "accuracy"]
+    assert [one["subject"] for one in off] == (["south"] if words else [])
+    for one in off:
+        assert f"times {words} accurate than its case states" in one["sentence"]
+        (size,) = re.findall(r"write 'accuracy: (\S+) mm' for P in", one["sentence"])
+        assert 3.0 <= float(size) <= 8.0
