@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -79,6 +80,23 @@ class Series:
         """Beginning and end, s, of the gaps that are too long to be bridged."""
         far = np.flatnonzero(np.diff(self.times) > self.bridge)
         return [(float(self.times[k]), float(self.times[k + 1])) for k in far]
+
+
+@dataclass(frozen=True)
+class TimeCurve:
+    """What grows with the time t under load.
+
+    It is share (1 - exp(-t / time)), or share log(1 + t / time).
+
+    Args:
+        share: of the elastic strain, or of the modulus.
+        time: s.
+        law: whether it ends, or goes on with the logarithm.
+    """
+
+    share: Scalar
+    time: Scalar
+    law: Literal["exponential", "logarithmic"] = "exponential"
 
 
 @dataclass(frozen=True)
@@ -182,6 +200,7 @@ class StructureInService:
         water: temperature of the water; None for no water, or no temperatures.
         linear: whether every gauge may have a motion that goes on.
         settling: times, s, in which motions of every gauge fade.
+        loaded: when the sustained loads began to act, s since 1970; None: when the service began.
     """
 
     since: float
@@ -194,6 +213,7 @@ class StructureInService:
     water: Series | ReservoirFormula | None = None
     linear: bool = False
     settling: tuple[float, ...] = ()
+    loaded: float | None = None
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -72,8 +72,11 @@ class Effects:
         return np.flatnonzero(np.array(self.effects) == effect)
 
 
-EFFECTS = ("level", "season", "air", "temperature", "irreversible")
-"""All effects, in the order of the columns; ``temperature`` is that of a structure on its mesh."""
+ON_A_MESH = ("temperature", "creep")
+"""Effects of a structure on its mesh: of its temperatures, and of materials that change."""
+
+EFFECTS = ("level", "season", "air", *ON_A_MESH, "irreversible")
+"""All effects, in the order of the columns."""
 
 
 def effects_at(model: SeasonalModel, scales: Scales, times: Floats) -> Effects:

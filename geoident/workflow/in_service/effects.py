@@ -49,8 +49,8 @@ def all_is_known(case: Case, model: ObservedModel, times: Floats) -> Bools:
 def structure_effects(model: ServiceModel, p: Floats, rows: Ints, times: Floats) -> Effects:
     """The effects on readings of a structure on its mesh.
 
-    A constant and what does not come back, of each gauge; the motion by level and temperature,
-    whose coefficients are one; and its derivatives by the parameters.
+    A constant and what does not come back, of each gauge; the parts of the motion, whose
+    coefficients are one; and its derivatives by the parameters.
 
     Args:
         model: of the structure.
@@ -63,10 +63,7 @@ def structure_effects(model: ServiceModel, p: Floats, rows: Ints, times: Floats)
     total = motions.total
     columns = [("constant", "", np.ones(len(times)))]
     columns += [(name, "irreversible", values) for name, values in own]
-    columns += [
-        ("level", "level", motions.level[:, 0]),
-        ("temperature", "temperature", motions.temperature[:, 0]),
-    ]
+    columns += [(name, name, part[:, 0]) for name, part in motions.parts.items()]
     columns += [(name, "", total[:, 1 + h]) for h, name in enumerate(model.names)]
     names, effects, values = zip(*columns, strict=True)
     shared = len(columns) - 1 - len(own)

@@ -13,6 +13,7 @@ from support.meshes import box
 from geoident.errors import InputError
 from geoident.fem.solvers import pick_solver
 from geoident.forward.in_service.structure import service_model
+from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.ground import Isotropic
 from geoident.model.in_service import (
@@ -21,6 +22,7 @@ from geoident.model.in_service import (
     ReservoirFormula,
     Series,
     StructureInService,
+    TimeCurve,
 )
 from geoident.model.parameter import Parameter, Scalar
 
@@ -58,7 +60,7 @@ def service(mesh, made, acting, **changes):
 def wave_of(model, row=0, p=()):
     """Amplitude and lag, d, of the last year of what a channel reads."""
     t = DAYS[-366:]
-    y = model.motions(np.array(p), np.full(366, row), t).temperature[:, 0]
+    y = model.motions(np.array(p), np.full(366, row), t).parts["temperature"][:, 0]
     columns = np.column_stack([np.ones(366), np.cos(WAVE * t), np.sin(WAVE * t)])
     _, a, b = np.linalg.lstsq(columns, y, rcond=None)[0]
     return np.hypot(a, b), np.arctan2(b, a) / WAVE / DAY
@@ -118,7 +120,7 @@ def test_lame_cylinder_with_a_temperature_wave():
         assert lag == pytest.approx(-np.angle(u) / WAVE / DAY, abs=0.1)
 
 
-def reservoir(level, **changes):
+def reservoir(level, made=None, **changes):
     """A wall of height 8 m behind water, fixed at its back; what it moves on the average."""
     H, L, n = 8.0, 3.0, 4
     mesh = box("quad8", (3, n), size=(L, H))
@@ -127,7 +129,7 @@ def reservoir(level, **changes):
     gauges = tuple(displacement(f"D{k}", (0.0, y), (1, 0)) for k, y in enumerate(heights))
     acting = StructureInService(0.0, wetted=("x0",), level=level, **changes)
     model = service(
-        mesh, material("concrete", 2e9, 0.0), acting,
+        mesh, made or material("concrete", 2e9, 0.0), acting,
         supports=(Support("x1", (0,)), Support("y0", (1,)), Support("y1", (1,))), channels=gauges,
     )  # fmt: skip
     return model, H, L
@@ -139,21 +141,96 @@ def test_water_level_that_steps():
     model, H, L = reservoir(series("level", z))
     for day in (20.0, 250.0, 600.0):
         rows = np.arange(8)
-        moved = model.motions(np.zeros(0), rows, np.full(8, day * DAY)).level[:, 0]
+        moved = model.motions(np.zeros(0), rows, np.full(8, day * DAY)).parts["level"][:, 0]
         level = np.interp(day * DAY, DAYS, z)
         assert moved.mean() == pytest.approx(9810.0 * level**2 / 2 * L / (2e9 * H), rel=1e-4)
 
 
+YEARS = np.array([0.3, 1.0, 2.5, 7.0]) * YEAR
+STEPS = ((0.0, 2.7), (100.0, 6.1), (400.0, 4.3), (900.0, 7.45))
+"""Days on which the level takes a new value, m."""
+
+
+def mean_motion(model, times):
+    """Of the wall at some times, what its parts make of it: name to (k,)."""
+    rows = np.tile(np.arange(8), len(times))
+    parts = model.motions(np.zeros(0), rows, np.repeat(times, 8)).parts
+    return {name: part[:, 0].reshape(-1, 8).mean(axis=1) for name, part in parts.items()}
+
+
+def elastic(z):
+    return 9810.0 * z**2 / 2 * 3.0 / (2e9 * 8.0)
+
+
+def stepped():
+    z = np.zeros(len(DAYS))
+    for day, level in STEPS:
+        z[day * DAY <= DAYS] = level
+    return series("level", z)
+
+
+def loading(times):
+    """What has been loaded before each time, and when: rises of the elastic motion, s since."""
+    rises = np.diff([0.0, *(elastic(z) for _, z in STEPS)])
+    # the level is linear between the day before and the day of a step
+    since = times[:, None] - np.array([(day - 0.5) if day else 0.0 for day, _ in STEPS]) * DAY
+    return np.where(since > 0.0, rises, 0.0), np.maximum(since, 0.0)
+
+
+GROWTHS = {
+    "exponential": lambda t: 1.0 - np.exp(-t / (1.5 * YEAR)),
+    "logarithmic": lambda t: np.log1p(t / (1.5 * YEAR)),
+}
+
+
+@pytest.mark.parametrize("law", GROWTHS)
+def test_a_wall_that_creeps_under_a_level_that_steps(law):
+    """A Kelvin element, and one of the logarithm, in series with the spring, by superposition."""
+    creeps = replace(
+        material("concrete", 2e9, 0.0), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR), law)
+    )
+    model, _, _ = reservoir(stepped(), creeps)
+    rises, since = loading(YEARS)
+    exact = (0.8 * rises * GROWTHS[law](since)).sum(axis=1)
+    assert mean_motion(model, YEARS)["creep"] == pytest.approx(exact, rel=2e-4)
+
+
+def test_a_wall_whose_modulus_grows_or_falls():
+    """What is loaded later meets a larger modulus; one that falls lets all loads strain more."""
+    curve = TimeCurve(Scalar(0.4), Scalar(1.5 * YEAR))
+    plain = material("concrete", 2e9, 0.0)
+    rises, since = loading(YEARS)
+    at_loading = 0.4 * GROWTHS["exponential"](YEARS[:, None] - since)
+    ages = mean_motion(reservoir(stepped(), replace(plain, ageing=curve))[0], YEARS)
+    exact = (rises / (1.0 + at_loading)).sum(axis=1)
+    assert ages["level"] + ages["creep"] == pytest.approx(exact, rel=2e-4)
+    softens = mean_motion(reservoir(stepped(), replace(plain, softening=curve))[0], YEARS)
+    exact = rises.sum(axis=1) / (1.0 - 0.4 * GROWTHS["exponential"](YEARS))
+    assert softens["level"] + softens["creep"] == pytest.approx(exact, rel=2e-4)
+
+
+def test_what_was_loaded_long_ago_creeps_on_slowly():
+    """Under the mean level of the readings since it was loaded, and no load of the years before."""
+    creeps = replace(
+        material("concrete", 2e9, 0.0), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR))
+    )
+    model, _, _ = reservoir(series("level", np.full(len(DAYS), 5.0)), creeps, loaded=-2.0 * YEAR)
+    exact = 0.8 * elastic(5.0) * GROWTHS["exponential"](YEARS + 2.0 * YEAR)
+    assert mean_motion(model, YEARS)["creep"] == pytest.approx(exact, rel=2e-4)
+
+
 def test_a_dry_wall_does_not_move():
     model, _, _ = reservoir(series("level", np.where(DAYS < 50 * DAY, -3.0, 4.0)))
-    assert model.motions(np.zeros(0), np.arange(8), np.full(8, DAY)).level == pytest.approx(0.0)
+    assert model.motions(np.zeros(0), np.arange(8), np.full(8, DAY)).parts[
+        "level"
+    ] == pytest.approx(0.0)
 
 
 def test_levels_are_linear_between_values_and_unknown_in_gaps():
     times = np.array([0.0, 1.0, 2.0, 30.0, 31.0]) * DAY
     model, _, _ = reservoir(series("level", [3.0, 4.0, 5.0, 5.0, 5.0], times))
     t = np.array([1.5, 2.0, 20.0, 30.5]) * DAY
-    known = model.motions(np.zeros(0), np.zeros(4, dtype=int), t).level[:, 0]
+    known = model.motions(np.zeros(0), np.zeros(4, dtype=int), t).parts["level"][:, 0]
     assert np.isnan(known).tolist() == [False, False, True, False]
 
 
@@ -171,8 +248,10 @@ def test_zhu_reservoir():
         assert at == pytest.approx(values, abs=0.04)  # it takes 0.52323 for 2 pi / 12
 
 
-NAMES = ("E_dam", "E_rock", "nu", "alpha", "k", "c", "film", "ratio")
-P = np.array([22e9, 30e9, 0.21, 1e-5, 2.3, 2.1e6, 18.0, 1.05])
+NAMES = (
+    "E_dam", "E_rock", "nu", "alpha", "k", "c", "film", "ratio", "phi", "tau", "grown", "lost",
+)  # fmt: skip
+P = np.array([22e9, 30e9, 0.21, 1e-5, 2.3, 2.1e6, 18.0, 1.05, 0.8, 0.7 * YEAR, 0.25, 0.1])
 
 
 def weathered(**changes):
@@ -190,11 +269,14 @@ def weathered(**changes):
         elastic=Isotropic(E=Scalar(1.0, "E_dam"), nu=Scalar(1.0, "nu")),
         expansion=Scalar(1.0, "alpha"), conductivity=Scalar(1.0, "k"),
         heat_capacity=Scalar(1.0, "c"),
+        creep=TimeCurve(Scalar(1.0, "phi"), Scalar(1.0, "tau")),
+        ageing=TimeCurve(Scalar(1.0, "grown"), Scalar(2.0, "tau")),
     )  # fmt: skip
     rock = replace(
         material("rock", Scalar(1.0, "E_rock"), 0.25),
         expansion=Scalar(0.8, "alpha"), conductivity=Scalar(1.3, "k"),
         specific_heat=Scalar(850.0), density=Scalar(2700.0),
+        softening=TimeCurve(Scalar(1.0, "lost"), Scalar(0.8, "tau"), "logarithmic"),
     )  # fmt: skip
     gauges = (
         displacement("P", (2.0, 55.0), (1, 0)),
@@ -241,7 +323,7 @@ def test_an_evaluation_factorizes_once_whatever_the_number_of_days():
 
 def test_fields_of_few_days_hold_all_days():
     """The same at other parameters than those at which the temperature fields were made."""
-    other = P * [1.2, 0.8, 1.0, 1.3, 1.6, 0.8, 0.7, 1.0]
+    other = P * [1.2, 0.8, 1.0, 1.3, 1.6, 0.8, 0.7, 1.0, 1.0, 1.0, 1.0, 1.0]
     model, days = weathered()
     rows, times = np.repeat(np.arange(3), 60), np.tile(days[30:810:13], 3)
     made = model.motions(other, rows, times).total[:, 0]
@@ -253,6 +335,55 @@ def test_fields_of_few_days_hold_all_days():
     expected = again.motions(other, rows, times).total[:, 0]
     for one, two in zip(made.reshape(3, 60), expected.reshape(3, 60), strict=True):
         assert np.ptp(one - two) < 4e-3 * np.ptp(two)
+
+
+def two_rings(inner, outer, pressure, radii, nu):
+    """Radial motions of two bonded rings in plane strain at their three radii, by Lame."""
+    a, b, c = radii
+
+    def stress(E, r):
+        return [E / ((1 + nu) * (1 - 2 * nu)), -E / ((1 + nu) * r**2)]
+
+    rows = [
+        [*stress(inner, a), 0, 0],
+        [b, 1 / b, -b, -1 / b],
+        [*stress(inner, b), *(-x for x in stress(outer, b))],
+        [0, 0, *stress(outer, c)],
+    ]
+    one, two, three, four = np.linalg.solve(rows, [-pressure, 0, 0, 0])
+    return np.array([one * a + two / a, one * b + two / b, three * c + four / c])
+
+
+@pytest.mark.parametrize("kind", ["creep", "softening"])
+def test_a_lining_that_creeps_in_an_elastic_ring(kind):
+    """To the first order in the growth: the slope of Lame's solution by the lining's compliance."""
+    radii, nu, pressure = (3.0, 4.0, 9.0), 0.2, 2e6
+    mesh = box("quad8", (12, 1), size=(6.0, 1.0))
+    mesh = replace(mesh, points=mesh.points + np.array([3.0, 0.0]))
+    middle = mesh.points[mesh.blocks[0].nodes].mean(axis=1)[:, 0]
+    groups = {"lining": np.flatnonzero(middle < 4.0), "ring": np.flatnonzero(middle > 4.0)}
+    mesh = replace(mesh, groups=groups)
+    curve = TimeCurve(Scalar(0.05), Scalar(YEAR))
+    plain = replace(concrete(), elastic=Isotropic(E=Scalar(3e10), nu=Scalar(nu)))
+    case = make_case(
+        mesh, analysis=Analysis.AXISYMMETRIC,
+        materials={"lining": replace(plain, **{kind: curve}), "ring": concrete()},
+        groups={"lining": None, "ring": "ring"},
+        supports=(Support("y0", (1,)), Support("y1", (1,))),
+        stages=(
+            Stage("lined", install={"lining": "lining"}),
+            Stage("filled", loads={"water": Pressure("x0", Scalar(pressure))}),
+        ),
+        channels=tuple(displacement(f"r{r:g}", (r, 0.5), (1, 0)) for r in radii),
+        service=StructureInService(0.0, in_air=("x1",), air=AIR),
+    )  # fmt: skip
+    model = service_model(mesh, case, solver=pick_solver("auto"))
+    t, E, step = 1.7 * YEAR, 3e10, 1e-4
+    crept = model.motions(np.zeros(0), np.arange(3), np.full(3, t)).parts["creep"][:, 0]
+    softer, stiffer = (two_rings(E / (1 + x), 2e10, pressure, radii, nu) for x in (step, -step))
+    grown = 0.05 * (1.0 - np.exp(-1.7))
+    grown = grown / (1.0 - grown) if kind == "softening" else grown
+    assert crept == pytest.approx((softer - stiffer) / (2 * step) * grown, rel=2e-3)
 
 
 def test_what_does_not_fit_is_named_all_at_once():

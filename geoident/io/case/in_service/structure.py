@@ -98,6 +98,13 @@ class ServiceSection(Section):
         description="When the service begins: readings before are not used, and the time of "
         "irreversible motions counts from here."
     )
+    loaded: Date | None = Field(
+        None,
+        description="When the sustained loads began to act: creep, ageing and softening of "
+        "materials count from here; `since` if missing. Before the first value of `loads.level` "
+        "its mean acts.",
+        examples=["1965-10-01"],
+    )
     faces: FacesSection = Field(description="Where water and air act.")
     film: FilmCoefficient | None = Field(
         None,
@@ -193,6 +200,7 @@ def build_service(
         water=water.formula() if water else series.get(WATER_TEMPERATURE),
         linear=section.linear,
         settling=tuple(time.factor for time in section.settling or ()),
+        loaded=read_date(section.loaded) if section.loaded else None,
     )
 
 
