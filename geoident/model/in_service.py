@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from geoident.model.actions import HeadLine
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Scalar
 
@@ -186,6 +187,21 @@ _LATEST, _SOONER = 2.15, 1.30
 
 
 @dataclass(frozen=True)
+class Uplift:
+    """Pressure of water under or in the structure, which follows the level of the reservoir.
+
+    Args:
+        falls: how the level falls from that of the reservoir.
+        on: groups of faces on which it acts.
+        pores: groups of elements in whose pores it is.
+    """
+
+    falls: HeadLine
+    on: tuple[str, ...] = ()
+    pores: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class StructureInService:
     """What acts on a finite element model from its last stage on (theory 16.7).
 
@@ -201,6 +217,7 @@ class StructureInService:
         linear: whether every gauge may have a motion that goes on.
         settling: times, s, in which motions of every gauge fade.
         loaded: when the sustained loads began to act, s since 1970; None: when the service began.
+        uplift: pressures that follow the level.
     """
 
     since: float
@@ -214,6 +231,7 @@ class StructureInService:
     linear: bool = False
     settling: tuple[float, ...] = ()
     loaded: float | None = None
+    uplift: tuple[Uplift, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -92,7 +92,7 @@ _FORMS: dict[str, tuple[Callable[[Dual], Dual], Callable[[Dual], Dual]]] = {
 
 
 def _grown(curve: TimeCurve, t: Floats, point: ParameterPoint) -> Dual:
-    """g (k,) at times t (k,) under load, s."""
+    """The growth g (k,) at times t (k,) under load, s."""
     x = _wide(point.number(curve.time).reciprocal()).times(t)
     return _wide(point.number(curve.share)) * _FORMS[curve.law][0](x)
 

@@ -44,7 +44,7 @@ from geoident.forward.in_service.heat import HeatModel, heat_capacity, mean_of_d
 from geoident.forward.model import StagedModel, with_fields
 from geoident.forward.observed import Query
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.actions import PointTemperature, WaterPressure
+from geoident.model.actions import PointTemperature, Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Stage
 from geoident.model.cells import CELLS
@@ -412,15 +412,23 @@ class ServiceModel(StagedModel):
         stages = [*relaxed(base)] if self.service.level is None else []
         if self.service.level is not None:
             for level in levels:
-                parts = 16 if self.mesh.dim == 2 else 4
+                parts, z = 16 if self.mesh.dim == 2 else 4, Scalar(float(level))
                 loads = {
-                    f"water of the service on {group}": WaterPressure(
-                        group, Scalar(float(level)), parts=parts
-                    )
+                    f"water of the service on {group}": WaterPressure(group, z, parts=parts)
                     for group in self.service.wetted
                 }
+                pores = None
+                for uplift in self.service.uplift:
+                    loads |= {
+                        f"uplift on {group}": WaterPressure(
+                            group, z, falls=uplift.falls, parts=parts
+                        )
+                        for group in uplift.on
+                    }
+                    if uplift.pores:
+                        pores = Water(z, groups=uplift.pores, falls=uplift.falls)
                 name = f"water at {level:.9g} m"
-                stages.append(Stage(name, loads=loads, base=base, independent=True))
+                stages.append(Stage(name, loads=loads, water=pores, base=base, independent=True))
                 stages += relaxed(name)
         if self.heat is not None:
             groups = [self.sequence.groups[g] for g in state.materials]

@@ -333,6 +333,12 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             faults.add(("loads", name), "unused-load", message, hint)
     in_time = [name for name, one in section.loads.items() if not isinstance(one, LoadSection)]
     check_service(service, [name for name in in_time if name in known], faults)
+    waters = [section.water, *(stage.water for stage in section.stages)]
+    for n, uplift in enumerate(service.uplift):
+        if uplift.pores and any(waters):
+            message = "the case has 'water' in pores that stands still, and this falls"
+            hint = "Remove 'water': its motion is a constant of each gauge."
+            faults.add(("service", "uplift", n, "pores"), "two-waters", message, hint)
     if section.stages and section.stages[-1].independent:
         message = "the last stage is the one in service, and it is independent"
         hint = "Put the stage of the service last."
@@ -342,6 +348,12 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             message = "a structure in service is elastic"
             hint = "Remove 'yield', or describe the case by stages, without 'service'."
             faults.add(("materials", name, "yield"), "yields", message, hint)
+    for name, structure in section.structures.items():
+        for attribute, key in (("limits", "yield"), ("capacity", "capacity")):
+            if getattr(structure, attribute, None) is not None:
+                message = "a structure in service is elastic: its motions are sums"
+                hint = f"Remove '{key}'; it is elastic without."
+                faults.add(("structures", name, key), "yields", message, hint)
     if service.loaded is not None and not any(
         getattr(material, key) for material in section.materials.values() for key in IN_TIME
     ):

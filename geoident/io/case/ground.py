@@ -75,6 +75,13 @@ class TimeCurveSection(Section):
         description="`logarithmic`: `share` log(1 + t / `time`), which goes on.",
     )
 
+    def check(self, faults: SectionFaults) -> None:
+        """The share is not negative."""
+        if self.share.parameter is None and self.share.factor < 0.0:
+            message = f"'{self.share.text}' is negative"
+            hint = "A modulus that grows is 'ageing', one that falls 'softening'."
+            faults.add(("share",), "out-of-range", message, hint)
+
 
 class _MaterialBase(Section):
     density: Density | None = Field(
