@@ -30,7 +30,7 @@ def creep_motion(s: Floats, since: float, curve: TimeCurve, point: ParameterPoin
         curve: of the material.
         point: the parameters.
     """
-    t, rise = np.arange(len(s)) * DAY, np.diff(s, axis=0)
+    t, rise = DAY * np.arange(len(s), dtype=np.float64), np.diff(s, axis=0)
     ends = _integral(curve, t, point)
     ramp = ((ends[1:] - ends[:-1]) / DAY).columns  # of a rise over a day, by days since it began
     first = Dual(_grown(curve, since + t, point).columns[:, None]) * Dual(s[:1])
@@ -44,7 +44,7 @@ def creep_motion(s: Floats, since: float, curve: TimeCurve, point: ParameterPoin
 
 def ageing_motion(s: Floats, since: float, curve: TimeCurve, point: ParameterPoint) -> Floats:
     """The integral of (1 / (1 + g(t')) - 1) ds(t'), likewise."""
-    middle = since + (np.arange(len(s) - 1) + 0.5) * DAY
+    middle = since + DAY * (np.arange(len(s) - 1, dtype=np.float64) + 0.5)
     less = (_grown(curve, middle, point) + 1.0).reciprocal() + (-1.0)
     steps = Dual(less.columns[:, None]) * Dual(np.diff(s, axis=0))
     motion = np.zeros_like(s)
@@ -54,7 +54,7 @@ def ageing_motion(s: Floats, since: float, curve: TimeCurve, point: ParameterPoi
 
 def softening_motion(s: Floats, since: float, curve: TimeCurve, point: ParameterPoint) -> Floats:
     """(1 / (1 - g(t)) - 1) s(t), likewise."""
-    grown = _grown(curve, since + np.arange(len(s)) * DAY, point)
+    grown = _grown(curve, since + DAY * np.arange(len(s), dtype=np.float64), point)
     more = (-grown + 1.0).reciprocal() + (-1.0)
     return (Dual(more.columns[:, None]) * Dual(s)).columns
 

@@ -25,6 +25,7 @@ from geoident.model.in_service import (
     TimeCurve,
     Uplift,
 )
+from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
 
 ALPHA, K, CAPACITY = 1e-5, 2.0, 2400.0 * 900.0
@@ -92,6 +93,30 @@ def test_periodic_slab(kind, film, thickness):
     assert amplitude == pytest.approx(motion, rel=tolerance)
     late = -np.angle(exact) / WAVE / DAY
     assert lag == pytest.approx(late, abs=0.02 + tolerance * late)
+
+
+def test_a_slab_bends_with_the_linear_part_of_its_temperature():
+    """A tall slab, warm on one side: its curvature is that of the first moment of the wave."""
+    L, low, high = 3.0, 12.0, 18.0
+    mesh = box("quad8", (20, 10), size=(L, 30.0))
+    acting = StructureInService(0.0, in_air=("x1",), constant=("x0",), air=AIR)
+    gauges = tuple(displacement(f"{x}{y}", (x, y), (0, 1)) for y in (low, high) for x in (0.0, L))
+    model = service(mesh, concrete(), acting, supports=(Support("y0", (0, 1)),), channels=gauges)
+    t = DAYS[-366:]
+    parts = [
+        model.motions(np.zeros(0), np.full(366, row), t).parts["temperature"][:, 0]
+        for row in range(4)
+    ]
+    turned = (parts[3] - parts[2]) - (parts[1] - parts[0])
+    columns = np.column_stack([np.ones(366), np.cos(WAVE * t), np.sin(WAVE * t)])
+    _, a, b = np.linalg.lstsq(columns, turned, rcond=None)[0]
+    q = np.sqrt(1j * WAVE * CAPACITY / K)
+    sinh, cosh = np.sinh(q * L), np.cosh(q * L)
+    # first moment of sinh(q x) / sinh(q L) about the middle, by 12 / L^2
+    across = 12 / L**2 * (L * cosh / q / sinh - 1 / q**2 - L / 2 * (cosh - 1) / q / sinh)
+    exact = 1.2 * ALPHA * SWING * across * (high - low)
+    assert np.hypot(a, b) == pytest.approx(abs(exact), rel=3e-3)
+    assert np.arctan2(b, a) / WAVE / DAY == pytest.approx(-np.angle(exact) / WAVE / DAY, abs=0.1)
 
 
 def test_lame_cylinder_with_a_temperature_wave():
@@ -218,6 +243,23 @@ def test_what_was_loaded_long_ago_creeps_on_slowly():
     model, _, _ = reservoir(series("level", np.full(len(DAYS), 5.0)), creeps, loaded=-2.0 * YEAR)
     exact = 0.8 * elastic(5.0) * GROWTHS["exponential"](YEARS + 2.0 * YEAR)
     assert mean_motion(model, YEARS)["creep"] == pytest.approx(exact, rel=2e-4)
+
+
+def test_in_situ_stress_does_not_creep():
+    """Rock that was there before any load is at rest."""
+    rock = replace(material("rock", 2e9, 0.2), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR)))
+    acting = StructureInService(0.0, wetted=("x0",), level=stepped())
+    held = Support("x1", (0,)), Support("y0", (1,))
+    gauge = displacement("D", (0.0, 6.0), (1, 0))
+    crept = [
+        service(
+            box("quad8", (3, 4), size=(3.0, 8.0)), rock, acting, supports=held, channels=(gauge,),
+            in_situ=stress,
+        ).motions(np.zeros(0), np.zeros(4, dtype=int), YEARS).parts["creep"]
+        for stress in (None, HeimStress(K0=Scalar(1.3), vertical=Scalar(6e6)))
+    ]  # fmt: skip
+    assert np.abs(crept[0]).max() > 1e-5
+    assert crept[1] == pytest.approx(crept[0], rel=1e-6)
 
 
 def test_a_dry_wall_does_not_move():
