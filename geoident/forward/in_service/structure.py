@@ -67,6 +67,9 @@ _FINE = 0.01
 _NO_READINGS = ReadingPlaces(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 """What all channels see is asked for, and no reading."""
 
+_TO_COME = 2.0 * YEAR
+"""For which creep is known beyond the loads, s: that of the next year is asked for."""
+
 _REMEMBERED = 3
 """Parameter vectors whose answers are kept: a search asks again where another one ended."""
 
@@ -203,26 +206,28 @@ class ServiceModel(StagedModel):
                 return f"conductivity and heat capacity of {name} must be positive"
         return None
 
-    def motions(self, p: Floats, rows: Ints, times: Floats) -> Motions:
+    def motions(self, p: Floats, rows: Ints, times: Floats, loads: Floats | None = None) -> Motions:
         """What acts makes of readings.
 
         Args:
             p: (n,) parameters, SI.
             rows: (k,) channels.
             times: (k,) when they are read, s since 1970.
+            loads: (k,) times whose level and temperatures act then; None: the same. Creep goes on.
 
         Raises:
             ModelError: there is no solution.
         """
+        loads = times if loads is None else loads
         answers = self._answered(p)
         n = answers.levels.shape[2]
         level, temperature = np.zeros((len(rows), n)), np.zeros((len(rows), n))
         if self.service.level is not None:
-            z = np.clip(self.service.level.at(times), *self.levels[[0, -1]])
+            z = np.clip(self.service.level.at(loads), *self.levels[[0, -1]])
             self._interpolated(answers.levels, z, rows, level)
         if self.heat is not None and answers.warmed is not None:
-            temperature = _between(self._days, answers.warmed, times, rows)
-            temperature[~self.heat.known(times)] = np.nan
+            temperature = _between(self._days, answers.warmed, loads, rows)
+            temperature[~self.heat.known(loads)] = np.nan
         parts = {"level": level, "temperature": temperature}
         if answers.crept is not None:
             parts["creep"] = _between(self._creep_days, answers.crept, times, rows)
@@ -286,7 +291,8 @@ class ServiceModel(StagedModel):
         """
         days, level = self._creep_days, self.service.level
         if level is not None:
-            z = np.clip(mean_of_day(level, days), *self.levels[[0, -1]])
+            past = days - np.maximum(np.ceil((days - level.times[-1]) / YEAR), 0.0) * YEAR
+            z = np.clip(mean_of_day(level, past), *self.levels[[0, -1]])
             if self.loaded < level.times[0]:  # what was before is not known
                 z[0] = np.clip(level.values.mean(), *self.levels[[0, -1]])
             loads = _spline(self.levels, more)(z)
@@ -313,11 +319,14 @@ class ServiceModel(StagedModel):
 
     @cached_property
     def _creep_days(self) -> Floats:
-        """(d,) days under load with a known level, s since 1970."""
+        """(d,) days under load with a known level and some to come, s since 1970.
+
+        The water of those to come is that of the same days of the last year.
+        """
         level, end = self.service.level, max(one.times[-1] for one in self.service.series)
         first = self.loaded if level is None else max(self.loaded, float(level.times[0]))
-        last = end if level is None else level.times[-1]
-        return np.arange(np.ceil(first / DAY), max(np.ceil(last / DAY), first / DAY + 1) + 1) * DAY
+        last = max(end if level is None else float(level.times[-1]), first) + _TO_COME
+        return np.arange(np.ceil(first / DAY), np.ceil(last / DAY) + 1.0) * DAY
 
     @cached_property
     def _fields(self) -> tuple[Floats, Floats]:

@@ -245,6 +245,19 @@ def test_what_was_loaded_long_ago_creeps_on_slowly():
     assert mean_motion(model, YEARS)["creep"] == pytest.approx(exact, rel=2e-4)
 
 
+def test_creep_goes_on_while_loads_of_a_past_year_are_taken():
+    """As for the extremes of the year to come, of which no level is known yet."""
+    creeps = replace(
+        material("concrete", 2e9, 0.0), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR))
+    )
+    model, _, _ = reservoir(series("level", np.full(800, 5.0), DAYS[:800]), creeps)
+    rows, times = np.arange(8), np.full(8, 3.0 * YEAR)
+    parts = model.motions(np.zeros(0), rows, times, times - YEAR).parts
+    assert parts["level"][:, 0].mean() == pytest.approx(elastic(5.0), rel=1e-4)
+    exact = 0.8 * elastic(5.0) * GROWTHS["exponential"](3.0 * YEAR)
+    assert parts["creep"][:, 0].mean() == pytest.approx(exact, rel=2e-4)
+
+
 def test_in_situ_stress_does_not_creep():
     """Rock that was there before any load is at rest."""
     rock = replace(material("rock", 2e9, 0.2), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR)))
