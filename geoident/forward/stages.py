@@ -58,6 +58,8 @@ class ConstructionState:
         locked: structure to the force at which its bars were locked off at an earlier stage.
         supports: what is held, by name.
         held_since: index of the state from which on each of the supports holds or moves so.
+        relaxed: group indices that lose at this stage the stress that they have had since the
+            virgin state, or since their placing.
     """
 
     name: str
@@ -76,6 +78,7 @@ class ConstructionState:
     locked: Mapping[str, Scalar] = field(default_factory=dict)
     supports: Mapping[str, Support] = field(default_factory=dict)
     held_since: Mapping[str, int] = field(default_factory=dict)
+    relaxed: frozenset[int] = frozenset()
 
     @property
     def held(self) -> frozenset[tuple[str, tuple[int, ...]]]:
@@ -102,6 +105,14 @@ class ConstructionSequence:
         present = np.zeros(len(self.groups), dtype=bool)
         present[list(self.states[state].materials)] = True
         return present[self.group_of]
+
+    def placed_since(self, state: int) -> frozenset[int]:
+        """Group indices that were placed at a state or in its history."""
+        placed: set[int] = set()
+        while state:
+            placed |= self.states[state].placed
+            state = self.states[state].base
+        return frozenset(placed)
 
     def elements(self, group: int) -> Ints:
         """Element indices (k,) of a group."""
@@ -429,6 +440,7 @@ def _state_after(
         locked={k: v for k, v in {**before.locked, **before.stressed}.items() if k in kept},
         supports=supports | held,
         held_since=held_since,
+        relaxed=frozenset(index[g] for g in stage.relaxed),
     )
 
 

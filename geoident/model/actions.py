@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from geoident.model.arrays import Floats
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar
@@ -33,18 +35,41 @@ class Traction:
 
 
 @dataclass(frozen=True)
+class Drain:
+    """A row of drains across a line along which the level of the water falls.
+
+    Args:
+        at: (dim,) where, m.
+        left: part of the fall of the whole line that is still to come there.
+    """
+
+    at: tuple[float, ...]
+    left: Scalar
+
+
+@dataclass(frozen=True)
 class HeadLine:
     """Along this line the level of the water falls linearly; beyond its ends it is constant.
+
+    With a drain it falls linearly to the drain, and from there.
 
     Args:
         start: (dim,) where the level is the one of the load, m.
         end: (dim,) where it is ``level``, m.
         level: level of the water at the end, m.
+        drain: between them, or None.
     """
 
     start: tuple[float, ...]
     end: tuple[float, ...]
     level: Scalar
+    drain: Drain | None = None
+
+    def parts(self, positions: Floats) -> Floats:
+        """How far along the line positions (m, dim) are, (m,), from 0 at its start to 1."""
+        start = np.array(self.start)
+        span = np.array(self.end) - start
+        return np.asarray(np.clip((positions - start) @ span / (span @ span), 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -134,11 +159,13 @@ class Water:
         table: level (m) or group of faces below which the pores are full of still water.
         unit_weight: of the water, N/m3.
         groups: element groups with water in their pores; None: all.
+        falls: how the level, a number, falls along a line: seepage; None: still water.
     """
 
     table: Surface
     unit_weight: Scalar = WATER
     groups: tuple[str, ...] | None = None
+    falls: HeadLine | None = None
 
 
 @dataclass(frozen=True)

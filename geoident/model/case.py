@@ -23,7 +23,7 @@ from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
-from geoident.model.in_service import SeasonalModel, StructureInService
+from geoident.model.in_service import SeasonalModel, StructureInService, TimeCurve
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -102,6 +102,9 @@ class Material:
     Its yield surfaces hold together; none: it does not yield. A constant of which there is a field
     varies from place to place; the constant itself is then the mean. One that grows is the number
     from which it grows.
+
+    In service, with the time under load: it creeps by a share of its elastic strain, its modulus
+    grows by a share (ageing), or loses one (softening).
     """
 
     name: str
@@ -114,6 +117,15 @@ class Material:
     conductivity: Scalar | None = None
     heat_capacity: Scalar | None = None
     specific_heat: Scalar | None = None
+    creep: TimeCurve | None = None
+    ageing: TimeCurve | None = None
+    softening: TimeCurve | None = None
+
+    @property
+    def in_time(self) -> dict[str, TimeCurve]:
+        """How it changes in service: ``creep``, ``ageing`` or ``softening`` to its curve."""
+        curves = {"creep": self.creep, "ageing": self.ageing, "softening": self.softening}
+        return {name: curve for name, curve in curves.items() if curve is not None}
 
     @property
     def conducts(self) -> bool:
@@ -135,6 +147,7 @@ class Material:
                 if number is not None
             ),
             *(number for surface in self.yields for number in surface.numbers),
+            *(number for curve in self.in_time.values() for number in (curve.share, curve.time)),
             *(field.mean for field in self.fields),
             *(number for g in self.growths for number in (g.base, *scalars_of(g.law).values())),
         )
@@ -195,6 +208,8 @@ class Stage:
             placing, from this stage on.
         supports: supports that begin to hold at this stage, or move otherwise from it on; None for
             those that let go.
+        relaxed: groups that lose the stress that they have had since the virgin state, or since
+            their placing.
         independent: a load case on its own: nothing builds on it but stages that name it.
         base: name of the earlier stage on which this one builds; None: the last one before it
             that is not independent.
@@ -214,6 +229,7 @@ class Stage:
     water: Water | None = None
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
     supports: Mapping[str, Support | None] = field(default_factory=dict)
+    relaxed: tuple[str, ...] = ()
     independent: bool = False
     base: str | None = None
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
+from geoident.model.actions import HeadLine
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Scalar
 
@@ -79,6 +81,23 @@ class Series:
         """Beginning and end, s, of the gaps that are too long to be bridged."""
         far = np.flatnonzero(np.diff(self.times) > self.bridge)
         return [(float(self.times[k]), float(self.times[k + 1])) for k in far]
+
+
+@dataclass(frozen=True)
+class TimeCurve:
+    """What grows with the time t under load.
+
+    It is share (1 - exp(-t / time)), or share log(1 + t / time).
+
+    Args:
+        share: of the elastic strain, or of the modulus.
+        time: s.
+        law: whether it ends, or goes on with the logarithm.
+    """
+
+    share: Scalar
+    time: Scalar
+    law: Literal["exponential", "logarithmic"] = "exponential"
 
 
 @dataclass(frozen=True)
@@ -168,6 +187,21 @@ _LATEST, _SOONER = 2.15, 1.30
 
 
 @dataclass(frozen=True)
+class Uplift:
+    """Pressure of water under or in the structure, which follows the level of the reservoir.
+
+    Args:
+        falls: how the level falls from that of the reservoir.
+        on: groups of faces on which it acts.
+        pores: groups of elements in whose pores it is.
+    """
+
+    falls: HeadLine
+    on: tuple[str, ...] = ()
+    pores: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class StructureInService:
     """What acts on a finite element model from its last stage on (theory 16.7).
 
@@ -182,6 +216,8 @@ class StructureInService:
         water: temperature of the water; None for no water, or no temperatures.
         linear: whether every gauge may have a motion that goes on.
         settling: times, s, in which motions of every gauge fade.
+        loaded: when the sustained loads began to act, s since 1970; None: when the service began.
+        uplift: pressures that follow the level.
     """
 
     since: float
@@ -194,6 +230,8 @@ class StructureInService:
     water: Series | ReservoirFormula | None = None
     linear: bool = False
     settling: tuple[float, ...] = ()
+    loaded: float | None = None
+    uplift: tuple[Uplift, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -159,7 +159,7 @@ def date(day: float) -> str:
 
 
 def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, every: float = 12.0,
-          fine: bool = False, changes=None, noise: float = 1.0) -> Path:  # fmt: skip
+          fine: bool = False, changes=None, noise: float = 1.0, truth=TRUTH) -> Path:  # fmt: skip
     """The case with its mesh, loads and readings.
 
     Args:
@@ -171,6 +171,7 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
         fine: readings are computed on a mesh of twice as many elements.
         changes: channel to what is added to its readings, a function of the day, mm.
         noise: factor on it.
+        truth: the parameters.
     """
     folder.mkdir(parents=True, exist_ok=True)
     weather = dam(seed, years=years, every=every)
@@ -186,7 +187,7 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
     read = read_case(str(path)).case
     mesh = section(fine=True) if fine else read_mesh(str(folder / "dam.msh"), dim=2)
     model = service_model(mesh, read, solver=pick_solver("auto"))
-    p = np.array([TRUTH[name] for name in model.names])
+    p = np.array([truth[name] for name in model.names])
     start = FIRST.astype("datetime64[s]").astype(float)
     lines = ["gauge,date,value,unit"]
     for row, channel in enumerate(read.channels):

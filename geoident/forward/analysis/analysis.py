@@ -231,6 +231,7 @@ class AnalysisRun:
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
+        self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
         self._collapses: list[CollapseError] = []
 
@@ -331,6 +332,8 @@ class AnalysisRun:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
             self.traces.append(ElasticTrace(task, du, slopes, {}, in_situ[..., 1:], stepped))
+        if any(state.relaxed for state in self._analysis.sequence.states):
+            self._virgin_stress = carried.stress.copy()
         if self._plastic is not None:
             self._plastic.refuse_virgin(task)
 
@@ -351,6 +354,12 @@ class AnalysisRun:
         carried.clear(~system.present)
         for group in state.placed:
             carried.clear(systems.discretization.points_of[group])
+        if state.relaxed:
+            assert self._virgin_stress is not None
+            placed = analysis.sequence.placed_since(number)
+            for group in state.relaxed:
+                at = systems.discretization.points_of[group]
+                carried.stress[:, at] = 0.0 if group in placed else self._virgin_stress[:, at]
         self._structures.begin(state, carried.members, point)
         u[~system.touched] = 0.0
         task = self._task(number, carried, forces)

@@ -33,6 +33,9 @@ class PoreWater:
         self._places = np.array([point.place for point in points]).reshape(-1, on_mesh.mesh.dim)
         self._groups = np.array([self._sequence.groups[point.group] for point in points], object)
         self._pressures: dict[Water, PorePressure] = {}
+        service = on_mesh.case.service  # whose uplift is in pores under every level
+        uplift = () if service is None else service.uplift
+        self._later = [group for one in uplift for group in one.pores]
 
     def at(self, state: int, point: ParameterPoint) -> Floats:
         """Pressure (g, 1 + n) at a state, Pa; zero where there is no water."""
@@ -45,11 +48,12 @@ class PoreWater:
         return np.where(self.wet(state)[:, None], pressure, 0.0)
 
     def wet(self, state: int) -> Bools:
-        """(g,) which points are in groups with water in their pores at a state."""
+        """(g,) which points are in groups with water in their pores at a state, or in service."""
         water = self._sequence.states[state].water
-        if water is None or water.groups is None:
-            return np.full(len(self._groups), water is not None)
-        return np.isin(self._groups, list(water.groups))
+        if water is not None and water.groups is None:
+            return np.ones(len(self._groups), dtype=np.bool_)
+        groups = self._later if water is None else water.groups
+        return np.isin(self._groups, list(groups or ()))
 
 
 class PorePressures(Observable):
@@ -96,5 +100,7 @@ def _dry_fault(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
         code="no-water-there",
         message=f"gauge '{channel.name}' reads the pressure of the water in the pores at "
         f"{format_point(channel.second)}, but the case has such water {where}",
-        hint="give 'water' with the level of its table, or correct its 'groups' or the point",
+        hint="give 'water' with the level of its table, or correct its 'groups' or the point"
+        if on_mesh.case.service is None
+        else "give 'service.uplift' with this group in its 'pores', or correct the point",
     )

@@ -38,19 +38,37 @@ def service_faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
     state, present = on_mesh.sequence.states[number], on_mesh.sequence.present(number)
     what = "edges" if mesh.dim == 2 else "surfaces"
     sound = True
-    places = {"wetted": service.wetted, "air": service.in_air, "foundation": service.constant}
-    for key, groups in places.items():
-        for k, group in enumerate(groups):
-            path: KeyPath = ("service", "faces", key, k)
-            if group not in mesh.facet_groups:
-                named, among = f"group of {what} '{group}'", f"groups of {what}"
-                yield on_mesh.missing_group(path, named, among, mesh.facet_groups)
-                sound = False
-            elif load_patches(mesh, on_mesh.table, group, present) is None:
-                message = f"not all of '{group}' is a free face at the stage '{state.name}'"
-                hint = "Name faces that border the structure on one side only."
-                yield source.fault(path, code="no-free-face", message=message, hint=hint)
-                sound = False
+    acting = {"wetted": service.wetted, "air": service.in_air, "foundation": service.constant}
+    places: list[tuple[KeyPath, str]] = [
+        (("service", "faces", key, k), group)
+        for key, groups in acting.items()
+        for k, group in enumerate(groups)
+    ]
+    places += [
+        (("service", "uplift", n, "on", k), group)
+        for n, uplift in enumerate(service.uplift)
+        for k, group in enumerate(uplift.on)
+    ]
+    for path, group in places:
+        if group not in mesh.facet_groups:
+            named, among = f"group of {what} '{group}'", f"groups of {what}"
+            yield on_mesh.missing_group(path, named, among, mesh.facet_groups)
+            sound = False
+        elif load_patches(mesh, on_mesh.table, group, present) is None:
+            message = f"not all of '{group}' is a free face at the stage '{state.name}'"
+            hint = "Name faces that border the structure on one side only."
+            if path[1] == "uplift":
+                hint += " Under a dam on its rock: 'pores' with the groups of the rock."
+            yield source.fault(path, code="no-free-face", message=message, hint=hint)
+            sound = False
+    for n, uplift in enumerate(service.uplift):
+        there = [on_mesh.sequence.groups[g] for g in state.materials]
+        for k, group in enumerate(uplift.pores):
+            if group not in there:
+                path = ("service", "uplift", n, "pores", k)
+                message = f"there is no group '{group}' at the stage '{state.name}'"
+                hint = f"Those that are there: {', '.join(there)}."
+                yield source.fault(path, code="no-ground-there", message=message, hint=hint)
     if service.level is not None and sound:
         low, high = wetted_heights(on_mesh, service)
         yield from _level_faults(case, service, low, high)

@@ -223,16 +223,16 @@ class HeatModel:
         """Theta (k, m): the air, and the wetted faces at their elevations, at times (k,), s."""
         service = self.service
         assert service.air is not None
-        air = _mean_of_day(service.air, times)
+        air = mean_of_day(service.air, times)
         theta = np.repeat(air[:, None], 1 + len(self.elevations), axis=1)
         if service.level is not None and len(self.elevations):
-            level = _mean_of_day(service.level, times)
+            level = mean_of_day(service.level, times)
             depth = level[:, None] - self.elevations
             if isinstance(service.water, ReservoirFormula):
                 water = service.water.at(times, np.maximum(depth, 0.0))
             else:
                 assert service.water is not None
-                water = np.broadcast_to(_mean_of_day(service.water, times)[:, None], depth.shape)
+                water = np.broadcast_to(mean_of_day(service.water, times)[:, None], depth.shape)
             theta[:, 1:] = np.where(depth >= 0.0, water, theta[:, 1:])
         return theta
 
@@ -352,7 +352,7 @@ def _hats(elevations: Floats, heights: Floats) -> Floats:
     return shares
 
 
-def _mean_of_day(series: Series, times: Floats) -> Floats:
+def mean_of_day(series: Series, times: Floats) -> Floats:
     """Means of a day around times (k,), s; of a series with a value a day or less, its values."""
     t, v = series.times, series.values
     if np.median(np.diff(t)) >= 0.5 * STEP:

@@ -72,22 +72,29 @@ class Effects:
         return np.flatnonzero(np.array(self.effects) == effect)
 
 
-EFFECTS = ("level", "season", "air", "temperature", "irreversible")
-"""All effects, in the order of the columns; ``temperature`` is that of a structure on its mesh."""
+ON_A_MESH = ("temperature", "creep")
+"""Effects of a structure on its mesh: of its temperatures, and of materials that change."""
+
+EFFECTS = ("level", "season", "air", *ON_A_MESH, "irreversible")
+"""All effects, in the order of the columns."""
 
 
-def effects_at(model: SeasonalModel, scales: Scales, times: Floats) -> Effects:
+def effects_at(
+    model: SeasonalModel, scales: Scales, times: Floats, loads: Floats | None = None
+) -> Effects:
     """The effects of a model.
 
     Args:
         model: what acts.
         scales: what level and air count from.
         times: (k,) s since 1970.
+        loads: (k,) times whose level and air act then; None: the same.
     """
+    loads = times if loads is None else loads
     columns: list[tuple[str, str, Floats]] = [("constant", "", np.ones(len(times)))]
     if model.level is not None:
         span = scales.level_high - scales.level_low
-        relative = (model.level.at(times) - scales.level_low) / span
+        relative = (model.level.at(loads) - scales.level_low) / span
         columns += [
             (f"level^{power}" if power > 1 else "level", "level", relative**power)
             for power in range(1, model.powers + 1)
@@ -98,7 +105,7 @@ def effects_at(model: SeasonalModel, scales: Scales, times: Floats) -> Effects:
         columns.append((f"sin {part}", "season", np.sin(part * year)))
     if model.air is not None:
         columns += [
-            (f"air {_days(lag)}", "air", model.air.lagged(times, lag) - scales.air_mean)
+            (f"air {_days(lag)}", "air", model.air.lagged(loads, lag) - scales.air_mean)
             for lag in model.lags
         ]
     columns += [(name, "irreversible", v) for name, v in lasting_motions(model, times)]

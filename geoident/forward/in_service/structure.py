@@ -3,10 +3,12 @@
 From the last stage on the structure is elastic and stays as it is, so what a gauge sees is a sum of
 what the water and the temperatures do to it (theory 16.7),
 
-    y(t) = h(z(t)) + sum_j w_j q_j(t)
+    y(t) = h(z(t)) + sum_j w_j q_j(t) + c(t)
 
 with h the answer to the pressure of the water below a level z, w_j that to a temperature field V_j
-and q_j(t) its amplitude on a day (`heat`). All of these answers are states of one staged analysis:
+and q_j(t) its amplitude on a day (`heat`). c(t) is what materials that creep, age or soften add, to
+the first order: a sum over the load so far of the answers to their stress taken away under the
+water at each level (`creep`). All of these answers are states of one staged analysis:
 load cases that build on the last stage, which share its factorization and carry their derivatives.
 Between levels h is a cubic spline; there are as many levels as keep its error below a hundredth of
 the accuracy of the gauges. So a fit needs one factorization for each parameter vector, and nothing
@@ -17,7 +19,7 @@ All readings are relative to a constant of their gauge.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -37,16 +39,17 @@ from geoident.forward.in_service.checks import (
     service_faults,
     wetted_heights,
 )
-from geoident.forward.in_service.heat import HeatModel, heat_capacity
+from geoident.forward.in_service.creep import MOTIONS, curve_fault
+from geoident.forward.in_service.heat import HeatModel, heat_capacity, mean_of_day
 from geoident.forward.model import StagedModel, with_fields
 from geoident.forward.observed import Query
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.actions import PointTemperature, WaterPressure
+from geoident.model.actions import PointTemperature, Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Stage
 from geoident.model.cells import CELLS
 from geoident.model.dual import ParameterPoint
-from geoident.model.in_service import YEAR, StructureInService
+from geoident.model.in_service import DAY, YEAR, StructureInService
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
@@ -63,6 +66,9 @@ _FINE = 0.01
 
 _NO_READINGS = ReadingPlaces(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
 """What all channels see is asked for, and no reading."""
+
+_TO_COME = 2.0 * YEAR
+"""For which creep is known beyond the loads, s: that of the next year is asked for."""
 
 _REMEMBERED = 3
 """Parameter vectors whose answers are kept: a search asks again where another one ended."""
@@ -94,17 +100,16 @@ class Motions:
     """What acts makes of some readings (k), SI, without the constants of the gauges.
 
     Args:
-        level: (k, 1 + n) the part of the water, with derivatives; NaN where it is not known.
-        temperature: (k, 1 + n) that of the temperatures.
+        parts: ``level``, ``temperature`` and, where a material changes, ``creep``, what each makes
+            of them: (k, 1 + n) with derivatives, NaN where it is not known.
     """
 
-    level: Floats
-    temperature: Floats
+    parts: Mapping[str, Floats]
 
     @property
     def total(self) -> Floats:
-        """(k, 1 + n) both."""
-        return self.level + self.temperature
+        """(k, 1 + n) their sum."""
+        return np.asarray(sum(self.parts.values()))
 
 
 @dataclass(frozen=True)
@@ -113,13 +118,13 @@ class _Answers:
 
     Args:
         levels: (l, n_channels, 1 + n) of the water at the levels.
-        fields: (r, n_channels, 1 + n) of the temperature fields.
-        days: (d, n_channels, 1 + n) of the temperatures of all days; None for none.
+        warmed: (d, n_channels, 1 + n) of the temperatures of all days; None for none.
+        crept: (d, n_channels, 1 + n) of creep, ageing and softening on all days; None for none.
     """
 
     levels: Floats
-    fields: Floats
-    days: Floats | None
+    warmed: Floats | None = None
+    crept: Floats | None = None
 
 
 class ServiceModel(StagedModel):
@@ -185,10 +190,16 @@ class ServiceModel(StagedModel):
 
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
-        if (fault := super().domain_fault(p)) is not None or self.service.air is None:
+        if (fault := super().domain_fault(p)) is not None:
             return fault
         point = ParameterPoint(self.values(p), ())
-        for name in set(self.sequence.states[self.last].materials.values()):
+        longest = float(self._creep_days[-1] - self.loaded) if self.creeping else 0.0
+        for name in self.creeping:
+            for kind, curve in self.case.materials[name].in_time.items():
+                if (fault := curve_fault(kind, curve, longest, point)) is not None:
+                    return f"{name}: {fault}"
+        names = self.sequence.states[self.last].materials.values() if self.service.air else ()
+        for name in set(names):
             material = self.case.materials[name]
             assert material.conductivity is not None
             sizes = point.number(material.conductivity), heat_capacity(material, point)
@@ -196,35 +207,37 @@ class ServiceModel(StagedModel):
                 return f"conductivity and heat capacity of {name} must be positive"
         return None
 
-    def motions(self, p: Floats, rows: Ints, times: Floats) -> Motions:
+    def motions(self, p: Floats, rows: Ints, times: Floats, loads: Floats | None = None) -> Motions:
         """What acts makes of readings.
 
         Args:
             p: (n,) parameters, SI.
             rows: (k,) channels.
             times: (k,) when they are read, s since 1970.
+            loads: (k,) times whose level and temperatures act then; None: the same. Creep goes on.
 
         Raises:
             ModelError: there is no solution.
         """
+        loads = times if loads is None else loads
         answers = self._answered(p)
         n = answers.levels.shape[2]
         level, temperature = np.zeros((len(rows), n)), np.zeros((len(rows), n))
         if self.service.level is not None:
-            z = np.clip(self.service.level.at(times), *self.levels[[0, -1]])
+            z = np.clip(self.service.level.at(loads), *self.levels[[0, -1]])
             self._interpolated(answers.levels, z, rows, level)
-        if self.heat is not None and answers.days is not None:
-            for row in np.unique(rows):
-                at = np.flatnonzero(rows == row)
-                for c in range(n):
-                    values = answers.days[:, row, c]
-                    temperature[at, c] = np.interp(times[at], self._days, values)
-            temperature[~self.heat.known(times)] = np.nan
-        parts = (
-            self.instrument_errors.scaled(part, self.values(p), self.names, rows)
-            for part in (level, temperature)
+        if self.heat is not None and answers.warmed is not None:
+            temperature = _between(self._days, answers.warmed, loads, rows)
+            temperature[~self.heat.known(loads)] = np.nan
+        parts = {"level": level, "temperature": temperature}
+        if answers.crept is not None:
+            parts["creep"] = _between(self._creep_days, answers.crept, times, rows)
+        return Motions(
+            {
+                name: self.instrument_errors.scaled(part, self.values(p), self.names, rows)
+                for name, part in parts.items()
+            }
         )
-        return Motions(*parts)
 
     def _interpolated(self, table: Floats, z: Floats, rows: Ints, into: Floats) -> None:
         """Splines of a table (l, n_channels, 1 + n) at levels z (k,) and channels (k,)."""
@@ -250,16 +263,71 @@ class ServiceModel(StagedModel):
         observed = loaded.observe(p, Query(_NO_READINGS, states - 1), adjoints=False)
         seen = observed.seen[self.last + 1 :] - observed.seen[self.last]
         number = len(self.levels) if self.service.level is not None else 0
-        levels, fields = seen[:number], seen[number:]
-        if self.heat is None:
-            return _Answers(levels, fields, None)
+        fields = seen[max(number, 1) * len(self.creeping) + number :]
+        under = seen[: len(seen) - len(fields)].reshape(max(number, 1), -1, *seen.shape[1:])
+        levels, more = (under[:, 0], under[:, 1:] - under[:, :1]) if number else (seen[:0], under)
         point = ParameterPoint(self.values(p), self.names)
+        return _Answers(
+            levels,
+            None if self.heat is None else self._warmed(self.heat, fields, point),
+            self._crept(more, point) if self.creeping else None,
+        )
+
+    def _warmed(self, heat: HeatModel, fields: Floats, point: ParameterPoint) -> Floats:
+        """What temperatures make of all days, from that of their fields (s, n_channels, 1 + n)."""
         q = np.einsum(
-            "sj,djn->dsn", self._fields[1], self.heat.amplitudes(point, self._theta), optimize=True
+            "sj,djn->dsn", self._fields[1], heat.amplitudes(point, self._theta), optimize=True
         )
         days = np.einsum("djn,jc->dcn", q, fields[..., 0], optimize=True)
         days[..., 1:] += np.einsum("dj,jcn->dcn", q[..., 0], fields[..., 1:], optimize=True)
-        return _Answers(levels, fields, days)
+        return np.asarray(days)
+
+    def _crept(self, more: Floats, point: ParameterPoint) -> Floats:
+        """The same of creep, ageing and softening.
+
+        Args:
+            more: (l, m, n_channels, 1 + n) the answers to the stress of each of m materials taken
+                away, under the water at each level.
+            point: the parameters.
+        """
+        days, level = self._creep_days, self.service.level
+        if level is not None:
+            past = days - np.maximum(np.ceil((days - level.times[-1]) / YEAR), 0.0) * YEAR
+            z = np.clip(mean_of_day(level, past), *self.levels[[0, -1]])
+            if self.loaded < level.times[0]:  # what was before is not known
+                z[0] = np.clip(level.values.mean(), *self.levels[[0, -1]])
+            loads = _spline(self.levels, more)(z)
+        else:
+            loads = np.repeat(more, len(days), axis=0)
+        total = np.zeros((len(days), *more.shape[2:]))
+        since = float(days[0] - self.loaded)
+        for k, name in enumerate(self.creeping):
+            for kind, curve in self.case.materials[name].in_time.items():
+                total += MOTIONS[kind](loads[:, k], since, curve, point)
+        return total
+
+    @cached_property
+    def creeping(self) -> tuple[str, ...]:
+        """Materials of the structure in service that creep, age or soften."""
+        names = dict.fromkeys(self.sequence.states[self.last].materials.values())
+        return tuple(name for name in names if self.case.materials[name].in_time)
+
+    @cached_property
+    def loaded(self) -> float:
+        """When the sustained loads began to act, s since 1970."""
+        service = self.service
+        return service.since if service.loaded is None else service.loaded
+
+    @cached_property
+    def _creep_days(self) -> Floats:
+        """(d,) days under load with a known level and some to come, s since 1970.
+
+        The water of those to come is that of the same days of the last year.
+        """
+        level, end = self.service.level, max(one.times[-1] for one in self.service.series)
+        first = self.loaded if level is None else max(self.loaded, float(level.times[0]))
+        last = max(end if level is None else float(level.times[-1]), first) + _TO_COME
+        return np.arange(np.ceil(first / DAY), np.ceil(last / DAY) + 1.0) * DAY
 
     @cached_property
     def _fields(self) -> tuple[Floats, Floats]:
@@ -327,30 +395,52 @@ class ServiceModel(StagedModel):
             model = self._under(levels)
             if self.service.level is None or number >= _MOST_LEVELS:
                 return levels, model
-            query = Query(_NO_READINGS, self.last + number, derivatives=False)
-            observed = model.observe(start, query)
-            seen = observed.seen[self.last + 1 : self.last + 1 + number, :, 0]
+            each = 1 + len(self.creeping)
+            last = self.last + number * each
+            observed = model.observe(start, Query(_NO_READINGS, last, derivatives=False))
+            seen = observed.seen[self.last + 1 :: each, :, 0]
             if np.all(_spline_error(levels, seen) < _FINE * accuracy):
                 return levels, model
             number = 2 * number - 1
 
     def _under(self, levels: Floats) -> StagedModel:
-        """The case with load cases behind the last stage: water at levels, temperature fields."""
+        """The case with load cases behind the last stage.
+
+        Water at each level and, after it, the stress of each material that creeps taken away; then
+        temperature fields.
+        """
         case, base = self.case, self.case.stage_names[-1]
-        stages = []
+        state = self.sequence.states[self.last]
+
+        def relaxed(under: str) -> Iterator[Stage]:
+            for name in self.creeping:
+                of_it = (g for g, material in state.materials.items() if material == name)
+                groups = tuple(self.sequence.groups[g] for g in of_it)
+                words = f"creep of {name}, {under}"
+                yield Stage(words, relaxed=groups, base=under, independent=True)
+
+        stages = [*relaxed(base)] if self.service.level is None else []
         if self.service.level is not None:
             for level in levels:
-                parts = 16 if self.mesh.dim == 2 else 4
+                parts, z = 16 if self.mesh.dim == 2 else 4, Scalar(float(level))
                 loads = {
-                    f"water of the service on {group}": WaterPressure(
-                        group, Scalar(float(level)), parts=parts
-                    )
+                    f"water of the service on {group}": WaterPressure(group, z, parts=parts)
                     for group in self.service.wetted
                 }
+                pores = None
+                for uplift in self.service.uplift:
+                    loads |= {
+                        f"uplift on {group}": WaterPressure(
+                            group, z, falls=uplift.falls, parts=parts
+                        )
+                        for group in uplift.on
+                    }
+                    if uplift.pores:
+                        pores = Water(z, groups=uplift.pores, falls=uplift.falls)
                 name = f"water at {level:.9g} m"
-                stages.append(Stage(name, loads=loads, base=base, independent=True))
+                stages.append(Stage(name, loads=loads, water=pores, base=base, independent=True))
+                stages += relaxed(name)
         if self.heat is not None:
-            state = self.sequence.states[self.last]
             groups = [self.sequence.groups[g] for g in state.materials]
             for number, values in enumerate(self._at_points(self._fields[0])):
                 field = PointTemperature(values)
@@ -374,6 +464,16 @@ class ServiceModel(StagedModel):
             for block, geometry in zip(mesh.blocks, geometries, strict=True)
         ]
         yield from np.ascontiguousarray(np.concatenate(parts).T)
+
+
+def _between(days: Floats, table: Floats, times: Floats, rows: Ints) -> Floats:
+    """Of a table (d, n_channels, 1 + n) on days (d,), at times (k,) and channels (k,): linear."""
+    values = np.empty((len(rows), table.shape[2]))
+    for row in np.unique(rows):
+        at = np.flatnonzero(rows == row)
+        for c in range(table.shape[2]):
+            values[at, c] = np.interp(times[at], days, table[:, row, c])
+    return values
 
 
 def _spline(levels: Floats, table: Floats) -> CubicSpline:

@@ -13,10 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.forward.in_situ.surfaces import Depths
-from geoident.model.actions import HeadLine, Water, WaterPressure
+from geoident.model.actions import Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Scalar
 
 
 class PorePressure:
@@ -32,9 +33,16 @@ class PorePressure:
         self._unit_weight = water.unit_weight
         self._depths = Depths(mesh, water.table, positions)
         self.n_outside = self._depths.n_outside
+        self._falling: FacePressure | None = None
+        if water.falls is not None:
+            assert isinstance(water.table, Scalar)
+            load = WaterPressure("", water.table, water.unit_weight, water.falls)
+            self._falling = FacePressure(load, positions)
 
     def at(self, point: ParameterPoint) -> Dual:
         """Pressure (m,), Pa, zero above the table."""
+        if self._falling is not None:
+            return self._falling.at(point)
         return self._depths.at(point).positive_part() * point.number(self._unit_weight)
 
 
@@ -43,16 +51,27 @@ class FacePressure:
 
     def __init__(self, load: WaterPressure, positions: Floats) -> None:
         self._load = load
-        self._height = positions[:, -1]
-        self._along = None if load.falls is None else _parts_of(load.falls, positions)
+        self._height, line = positions[:, -1], load.falls
+        if line is None:
+            return
+        along = line.parts(positions)
+        self._left, self._by_drain = 1.0 - along, np.zeros_like(along)
+        if line.drain is not None:
+            at = float(line.parts(np.array([line.drain.at]))[0])
+            self._left = np.interp(along, [0.0, at, 1.0], [1.0, 0.0, 0.0])
+            self._by_drain = np.interp(along, [0.0, at, 1.0], [0.0, 1.0, 0.0])
 
     def at(self, point: ParameterPoint) -> Dual:
         """Pressure (m,), Pa, zero above the level."""
         load = self._load
         level = Dual(point.number(load.level).columns[None])
-        if load.falls is not None and self._along is not None:
+        if load.falls is not None:
             end = Dual(point.number(load.falls.level).columns[None])
-            level = level.times(1 - self._along) + end.times(self._along)
+            left = point.constant(self._left)
+            if load.falls.drain is not None:
+                drain = Dual(point.number(load.falls.drain.left).columns[None])
+                left = left + drain.times(self._by_drain)
+            level = end + (level - end) * left
         depth = level.plus(-self._height)
         return depth.positive_part() * point.number(load.unit_weight)
 
@@ -68,10 +87,3 @@ def is_wet(water: Water | None, groups: Ints, names: Sequence[str]) -> Bools:
     if water is None or water.groups is None:
         return np.full(len(groups), water is not None)
     return np.isin(groups, [names.index(name) for name in water.groups if name in names])
-
-
-def _parts_of(line: HeadLine, positions: Floats) -> Floats:
-    """How far along a line positions are, (m,), from 0 at its start to 1 at its end."""
-    start = np.array(line.start)
-    span = np.array(line.end) - start
-    return np.asarray(np.clip((positions - start) @ span / (span @ span), 0.0, 1.0))

@@ -30,6 +30,9 @@ _LEAST_WHITE = 1e-3
 
 
 _ROUNDING = 1e-9
+_NO_DRIFT = 1e-300
+"""Stands for no drift, whose logarithm the search begins at a bound of."""
+
 """What is added to the diagonal of a correlation that may be singular."""
 
 
@@ -282,7 +285,8 @@ class _NoiseSearch:
         if not start.lasting:  # it may have one that was not worth its numbers
             time = np.exp(bounds[2].mean())
             start = replace(start, lasting=_HIDDEN * start.white, time=float(time))
-        t = np.clip(np.log([start.white, start.lasting, start.time, start.drift]), *bounds.T)
+        sizes = [start.white, start.lasting, start.time, max(start.drift, _NO_DRIFT)]
+        t = np.clip(np.log(sizes), *bounds.T)
         here = minus_two_log(t)
         draws = []
         for number in range(_LIKELY * _THINNED):

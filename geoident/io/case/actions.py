@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
@@ -24,6 +25,7 @@ from geoident.io.schema.values import (
     UnitWeight,
 )
 from geoident.model.actions import (
+    Drain,
     HeadLine,
     Load,
     PointForce,
@@ -40,6 +42,26 @@ from geoident.model.parameter import Scalar
 _WATER_WEIGHT = "Of the water; 9.81 kN/m3 if missing."
 
 
+class DrainSection(Section):
+    """A row of drains: up to it the level falls linearly, and from it to the end."""
+
+    builds = Drain
+
+    at: Coordinates = Field(description="Where the line meets it.", examples=["[8 m, 0 m]"])
+    left: Coefficient = Field(
+        description="Part of the whole fall of the level that is left there, 0 to 1: 0 for a drain "
+        "that takes all, 1 for one that takes nothing of the level of the load.",
+        examples=["0.35", "$drain"],
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """It is a part."""
+        if self.left.parameter is None and not 0.0 <= self.left.factor <= 1.0:
+            message = f"'{self.left.text}' is no part from 0 to 1"
+            hint = "0.35: at the drains, about a third of the fall is still to come."
+            faults.add(("left",), "out-of-range", message, hint)
+
+
 class FallSection(Section):
     """Uplift: the level of the water falls linearly along a line, and is constant beyond it."""
 
@@ -50,11 +72,20 @@ class FallSection(Section):
     )
     end: Coordinates = Field(alias="to", description="Where it has fallen to `level`.")
     level: Length = Field(description="Level of the water there.")
+    drain: DrainSection | None = Field(None, description="Drains between the two.")
 
     def check(self, faults: SectionFaults) -> None:
-        """The line has a length."""
-        if [x.factor for x in self.start] == [x.factor for x in self.end]:
+        """The line has a length, and its drain is between its ends."""
+        start, end = ([x.factor for x in place] for place in (self.start, self.end))
+        if start == end:
             faults.add(("to",), "zero-length", "the line begins and ends at one point")
+        elif self.drain is not None and len(start) == len(end) == len(self.drain.at):
+            at = np.array([x.factor for x in self.drain.at]) - start
+            along = np.array(end) - start
+            if not 0.0 < at @ along / (along @ along) < 1.0:
+                message = "the drain is not between the ends of the line"
+                hint = "Give a point between 'from' and 'to'."
+                faults.add(("drain", "at"), "out-of-range", message, hint)
 
 
 class WaterLoadSection(Section):

@@ -33,7 +33,7 @@ from geoident.io.case.fit import FitSection
 from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
-from geoident.io.case.ground import MaterialSection, build_materials
+from geoident.io.case.ground import IN_TIME, MaterialSection, build_materials
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
 from geoident.io.case.in_service.structure import (
@@ -299,6 +299,12 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
                 "'model: {kind: seasonal}'. In stages write numbers."
             )
             faults.add(("loads", name), "no-time", message, hint)
+    for name, material in section.materials.items() if section.service is None else ():
+        for key in IN_TIME:
+            if getattr(material, key) is not None:
+                message = "the case has stages, and no time that passes under load"
+                hint = "Remove it, or add 'service': a structure in service on its mesh."
+                faults.add(("materials", name, key), "no-time", message, hint)
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
             message = "a plain reading is nowhere, so geoident cannot compute it"
@@ -327,6 +333,12 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             faults.add(("loads", name), "unused-load", message, hint)
     in_time = [name for name, one in section.loads.items() if not isinstance(one, LoadSection)]
     check_service(service, [name for name in in_time if name in known], faults)
+    waters = [section.water, *(stage.water for stage in section.stages)]
+    for n, uplift in enumerate(service.uplift):
+        if uplift.pores and any(waters):
+            message = "the case has 'water' in pores that stands still, and this falls"
+            hint = "Remove 'water': its motion is a constant of each gauge."
+            faults.add(("service", "uplift", n, "pores"), "two-waters", message, hint)
     if section.stages and section.stages[-1].independent:
         message = "the last stage is the one in service, and it is independent"
         hint = "Put the stage of the service last."
@@ -336,6 +348,18 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             message = "a structure in service is elastic"
             hint = "Remove 'yield', or describe the case by stages, without 'service'."
             faults.add(("materials", name, "yield"), "yields", message, hint)
+    for name, structure in section.structures.items():
+        for attribute, key in (("limits", "yield"), ("capacity", "capacity")):
+            if getattr(structure, attribute, None) is not None:
+                message = "a structure in service is elastic: its motions are sums"
+                hint = f"Remove '{key}'; it is elastic without."
+                faults.add(("structures", name, key), "yields", message, hint)
+    if service.loaded is not None and not any(
+        getattr(material, key) for material in section.materials.values() for key in IN_TIME
+    ):
+        message = f"no material has {', '.join(IN_TIME[:-1])} or {IN_TIME[-1]}"
+        hint = "Remove it, or add creep: {share: 0.8, time: 3 years} to a material."
+        faults.add(("service", "loaded"), "unused-key", message, hint)
     fit = section.fit
     for key in ("ladder", "model_error", "keep_reduced"):
         if key in fit.model_fields_set and getattr(fit, key):

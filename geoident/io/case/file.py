@@ -41,6 +41,7 @@ from geoident.io.case.references import check_references
 from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, paths_of
+from geoident.io.schema.section import Context
 from geoident.io.schema.values import kind_of, tied_parameter
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.head import refuse_no_case
@@ -51,7 +52,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.io.text.yaml_writer import yaml_text
-from geoident.model.case import Case, KeyPath
+from geoident.model.case import Analysis, Case, KeyPath
 from geoident.model.external import ExternalSource, RunTable
 from geoident.model.in_service import SeasonalModel, Series
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
@@ -212,7 +213,8 @@ def _build(
     if section.service is not None and with_mesh and not wrong:
         water = section.loads.get(WATER_TEMPERATURE)
         formula = water if isinstance(water, ReservoirSection) else None
-        service = build_service(section.service, series, formula, faults)
+        context = Context(("service",), Analysis(section.analysis), faults)
+        service = build_service(section.service, series, formula, context)
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
     in_time = elsewhere if isinstance(elsewhere, SeasonalModel) else service

@@ -31,6 +31,7 @@ from geoident.io.schema.values import (
     Ratio,
     SpecificHeat,
     Stress,
+    Time,
     scalar_of,
 )
 from geoident.model.case import Material
@@ -45,8 +46,41 @@ from geoident.model.ground import (
     bounded,
     breach,
 )
+from geoident.model.in_service import TimeCurve
 
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
+
+
+IN_TIME = ("creep", "ageing", "softening")
+"""Keys of a material by which it changes in service."""
+
+
+class TimeCurveSection(Section):
+    """What grows with the time under load: `share` (1 - exp(-t / `time`)), or with the logarithm.
+
+    It counts from `service.loaded` on.
+    """
+
+    builds = TimeCurve
+
+    share: Coefficient = Field(
+        description="Of creep, the creep coefficient: that part of the elastic strain is added in "
+        "the end. Of ageing, the part by which the modulus grows; of softening, the part that it "
+        "loses.",
+        examples=["0.8", "$phi"],
+    )
+    time: Time = Field(description="In which it grows.", examples=["3 years", "$tau"])
+    law: Literal["exponential", "logarithmic"] = Field(
+        "exponential",
+        description="`logarithmic`: `share` log(1 + t / `time`), which goes on.",
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """The share is not negative."""
+        if self.share.parameter is None and self.share.factor < 0.0:
+            message = f"'{self.share.text}' is negative"
+            hint = "A modulus that grows is 'ageing', one that falls 'softening'."
+            faults.add(("share",), "out-of-range", message, hint)
 
 
 class _MaterialBase(Section):
@@ -66,6 +100,24 @@ class _MaterialBase(Section):
         None,
         description="Heat per mass and degree, in place of `heat_capacity`: times the density.",
         examples=["900 J/kgK"],
+    )
+    creep: TimeCurveSection | None = Field(
+        None,
+        description="Of a structure in service: further strain under sustained loads, those of the "
+        "stages and the water as it was day by day.",
+        examples=["{share: $phi, time: 3 years}"],
+    )
+    ageing: TimeCurveSection | None = Field(
+        None,
+        description="Of a structure in service: its modulus grows, and what is loaded later "
+        "strains less.",
+        examples=["{share: 0.2, time: 2 years}"],
+    )
+    softening: TimeCurveSection | None = Field(
+        None,
+        description="Of a structure in service: its modulus falls, and what is loaded strains "
+        "further.",
+        examples=["{share: $loss, time: 10 years}"],
     )
     yields: YieldSections | None = Field(
         None,
@@ -299,6 +351,7 @@ def build_materials(
         _check_start(bounded(elastic, growths), section, parameters, place)
         materials[name] = section.to_model(
             Material,
+            place,
             name=name,
             elastic=elastic,
             yields=build_yields(section.yields, elastic, stronger, parameters, place.at("yield")),

@@ -22,8 +22,9 @@ class SeasonalFit:
 
     Args:
         terms: names of the q terms, ``constant`` first.
-        effects: to which effect each belongs: ``level``, ``season``, ``air``, ``temperature`` or
-            ``irreversible``; empty for a constant, and for parameters that all gauges share.
+        effects: to which effect each belongs: ``level``, ``season``, ``air``, ``temperature``,
+            ``creep`` or ``irreversible``; empty for a constant, and for parameters that all gauges
+            share.
         coefficients: (n_gauges, q) in the unit of the gauge, by K for the air, by year for
             ``linear``.
         covariance: (n_gauges, q + 2, q + 2) of the coefficients and, last, of the lasting error and
@@ -51,6 +52,8 @@ class SeasonalFit:
         explained: (n_gauges,) part of the variance of the readings that the effects explain.
         temperature, temperature_sd: like ``air``, of the temperature of a structure on its mesh;
             None where there is no mesh.
+        creep, creep_sd: like ``irreversible``, of materials that creep, age or soften on a mesh;
+            None where none does.
     """
 
     terms: tuple[str, ...] = field(metadata=column("term", name="term"))
@@ -88,6 +91,12 @@ class SeasonalFit:
         default=None, metadata=column("gauge", dimension="gauge", optional=True)
     )
     temperature_sd: Floats | None = field(
+        default=None, metadata=column("gauge", dimension="gauge", optional=True)
+    )
+    creep: Floats | None = field(
+        default=None, metadata=column("gauge", dimension="gauge", optional=True)
+    )
+    creep_sd: Floats | None = field(
         default=None, metadata=column("gauge", dimension="gauge", optional=True)
     )
 

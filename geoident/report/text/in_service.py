@@ -21,12 +21,12 @@ from geoident.units import size_in
 
 TITLE = "Effects on the gauges"
 
-_EFFECTS = ("level", "season", "air", "temperature", "irreversible")
+_EFFECTS = ("level", "season", "air", "temperature", "creep", "irreversible")
 
 WHAT = (
     "Level, season, air, temperature: range of the readings that they cause, with its 95 % "
-    "interval; "
-    "irreversible: motion from the first reading to the last. Scatter: standard deviation of a "
+    "interval; creep (with ageing and softening of materials), irreversible: motion from the first "
+    "reading to the last. Scatter: standard deviation of a "
     "reading about what is explained; of it 'lasting' fades within the time shown. Drift: a slow "
     "motion that no effect explains, as far as the readings leave it possible; standard deviation "
     "of a year."
@@ -96,7 +96,7 @@ def effects_table(result: Result) -> TextTable:
                 f"{100.0 * fit.explained[i]:.0f} %",
             ]
         )  # fmt: skip
-    return TextTable(header, rows, right="lrrrrrrlrrrrr").filled
+    return TextTable(header, rows, right="lrrrrrrrlrrrrr").filled
 
 
 def _with_interval(value: float, sd: float, size: float, digits: int) -> str:

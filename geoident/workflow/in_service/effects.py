@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -15,8 +15,18 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import SeasonalModel
 from geoident.model.results.result import Result
 
-EffectsOf = Callable[[Ints, Floats], Effects]
-"""Effects on k readings, by the numbers (k,) of their channels and their times (k,), s."""
+
+class EffectsOf(Protocol):
+    """Effects on readings."""
+
+    def __call__(self, rows: Ints, times: Floats, loads: Floats | None = None) -> Effects:
+        """Those on k readings.
+
+        Args:
+            rows: (k,) numbers of their channels.
+            times: (k,) when they are read, s.
+            loads: (k,) times whose level and temperatures act then; None: the same.
+        """
 
 
 def channel_rows(case: Case, table: ReadingTable) -> Ints:
@@ -29,12 +39,12 @@ def effects_of_fit(case: Case, model: ObservedModel, fit: Result) -> EffectsOf:
     """The effects that a fit has coefficients of."""
     if isinstance(model, ServiceModel):
         p = fit.parameters.values
-        return lambda rows, times: structure_effects(model, p, rows, times)
+        return lambda rows, times, loads=None: structure_effects(model, p, rows, times, loads)
     seasonal, acting = fit.seasonal, case.elsewhere
     assert seasonal is not None
     assert isinstance(acting, SeasonalModel)
     scales = Scales(seasonal.level_low, seasonal.level_high, seasonal.air_mean)
-    return lambda _, times: effects_at(acting, scales, times)
+    return lambda rows, times, loads=None: effects_at(acting, scales, times, loads)
 
 
 def all_is_known(case: Case, model: ObservedModel, times: Floats) -> Bools:
@@ -46,27 +56,27 @@ def all_is_known(case: Case, model: ObservedModel, times: Floats) -> Bools:
     return effects_at(acting, Scales.of(acting), times).known
 
 
-def structure_effects(model: ServiceModel, p: Floats, rows: Ints, times: Floats) -> Effects:
+def structure_effects(
+    model: ServiceModel, p: Floats, rows: Ints, times: Floats, loads: Floats | None = None
+) -> Effects:
     """The effects on readings of a structure on its mesh.
 
-    A constant and what does not come back, of each gauge; the motion by level and temperature,
-    whose coefficients are one; and its derivatives by the parameters.
+    A constant and what does not come back, of each gauge; the parts of the motion, whose
+    coefficients are one; and its derivatives by the parameters.
 
     Args:
         model: of the structure.
         p: (n,) parameters, SI.
         rows: (k,) numbers of the channels.
         times: (k,) s.
+        loads: (k,) times whose level and temperatures act then; None: the same.
     """
-    motions = model.motions(p, rows, np.nan_to_num(times))
+    motions = model.motions(p, rows, np.nan_to_num(times), loads)
     own = list(lasting_motions(model.service, times))
     total = motions.total
     columns = [("constant", "", np.ones(len(times)))]
     columns += [(name, "irreversible", values) for name, values in own]
-    columns += [
-        ("level", "level", motions.level[:, 0]),
-        ("temperature", "temperature", motions.temperature[:, 0]),
-    ]
+    columns += [(name, name, part[:, 0]) for name, part in motions.parts.items()]
     columns += [(name, "", total[:, 1 + h]) for h, name in enumerate(model.names)]
     names, effects, values = zip(*columns, strict=True)
     shared = len(columns) - 1 - len(own)

@@ -9,7 +9,14 @@ import numpy as np
 from scipy.special import bdtr
 
 from geoident.errors import ExitCode, Fault, InputError
-from geoident.forward.in_service.seasonal import EFFECTS, Effects, Scales, effects_at, independent
+from geoident.forward.in_service.seasonal import (
+    EFFECTS,
+    ON_A_MESH,
+    Effects,
+    Scales,
+    effects_at,
+    independent,
+)
 from geoident.identify.in_time.innovations import Filter
 from geoident.identify.in_time.noise import PROCESSES
 from geoident.identify.in_time.regression import (
@@ -135,7 +142,7 @@ class GaugeFit:
         motion = X @ self.regression.b[own]
         low, high = int(np.argmin(motion)), int(np.argmax(motion))
         if effect == "irreversible":
-            low, high = 0, len(motion) - 1
+            low, high = 0, -1
         step = X[high] - X[low]
         C = self.regression.covariance[np.ix_(own, own)]
         return float(motion[high] - motion[low]), float(np.sqrt(step @ C @ step))
@@ -208,8 +215,7 @@ def seasonal_fit(fits: Sequence[GaugeFit | None], effects: Effects, scales: Scal
             "explained",
         )
     }
-    # only a structure on its mesh has a temperature
-    named = [name for name in EFFECTS if name != "temperature" or name in effects.effects]
+    named = [name for name in EFFECTS if name not in ON_A_MESH or name in effects.effects]
     columns |= {name: unknown.copy() for effect in named for name in (effect, f"{effect}_sd")}
     states = q + PROCESSES
     coefficients, covariance = np.full((n, q), np.nan), np.full((n, states, states), np.nan)

@@ -95,16 +95,12 @@ def _next_years(
     first = max((series.times[0] for series in acting.series), default=now - YEAR)
     years = range(1, 1 + max(1, int((now - first) // YEAR)))
     rows = np.full(len(times), gauge.number)
-    coming = effects_of(rows, times)
-    shared = np.setdiff1d(np.arange(len(coming.names)), coming.own)
-    loads = np.union1d(np.concatenate([coming.of("level"), coming.of("air")]), shared)
     possible = []
     for back in years:
-        columns = coming.columns.copy()
-        columns[:, loads] = effects_of(rows, times - back * YEAR).columns[:, loads]
+        columns = effects_of(rows, times, times - back * YEAR).columns
         if np.isfinite(columns).all(axis=1).mean() >= _KNOWN:
             possible.append(columns[:, gauge.terms])
-        if not loads.size:
+        if not acting.series:
             break
     if not possible:
         return times, np.zeros((0, len(times), len(gauge.terms)))

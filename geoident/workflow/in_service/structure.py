@@ -35,10 +35,11 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
+from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.diagnosis import parameter_table
-from geoident.workflow.estimating.finished import Finished, job_at_hand, write
+from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.in_service.effects import all_is_known, channel_rows, structure_effects
 from geoident.workflow.in_service.fit import (
     FURTHER,
@@ -52,8 +53,10 @@ from geoident.workflow.in_service.fit import (
     too_few,
     with_reasons,
 )
+from geoident.workflow.in_service.logged_motions import LoggedMotions
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model, job_provenance
 from geoident.workflow.running.plausible import implausible_findings
 from geoident.workflow.running.readings import LATER, select_readings, unused_notes
@@ -76,15 +79,16 @@ def fit_structure(job: Job, control: Control) -> Finished:
 
     Raises:
         InputError, ModelError, OutputError: see the commands' exit codes.
-        Interrupted: a stop was asked for; nothing is kept.
+        Interrupted: a stop was asked for; a checkpoint is there.
     """
     if (before := job_at_hand(job)) is not None:
         return before
     model = build_model(job.inputs, solver=job.request.solver)
     assert isinstance(model, ServiceModel)
-    result = job.joined(_result(job, model, control))
-    force = job.request.force
-    return write(result, job.place, job.existing, inputs=job.inputs.files, force=force)
+    with evaluation_log(job, control, model) as log:
+        result = job.joined(_result(job, model, control, log))
+        force = job.request.force
+        return write(result, job.place, job.existing, inputs=job.inputs.files, force=force)
 
 
 @dataclass(frozen=True)
@@ -113,7 +117,7 @@ class StructureGaugeFit(GaugeFit):
     """What is known of a gauge, with the parameters that it shares.
 
     Args:
-        own: number q of its own terms among ``terms``; then come level, temperature, and the
+        own: number q of its own terms among ``terms``; then come the parts of the motion, and the
             parameters that are known.
         motions: at its m readings, with the derivatives by these.
         C: (r, r) their covariance.
@@ -127,9 +131,9 @@ class StructureGaugeFit(GaugeFit):
     def end(self) -> GaugeState:
         """What is known of the gauge after its last reading."""
         state = state_with_parameters(self.regression, self.motions.total[:, 1:], self.C)
-        q = self.own  # level and temperature have the coefficient one, which is certain
-        mean = np.insert(state.mean, q, [1.0, 1.0])
-        P = np.insert(np.insert(state.P, [q, q], 0.0, axis=0), [q, q], 0.0, axis=1)
+        q, number = self.own, len(self.motions.parts)  # whose coefficient is one, and certain
+        mean = np.insert(state.mean, q, np.ones(number))
+        P = np.insert(np.insert(state.P, [q] * number, 0.0, axis=0), [q] * number, 0.0, axis=1)
         return replace(state, mean=mean, P=P)
 
     @property
@@ -138,11 +142,13 @@ class StructureGaugeFit(GaugeFit):
         return self.regression.y + self.motions.total[:, 0]
 
     def size(self, effects: Effects, effect: str) -> tuple[float, float] | None:
-        """The range of the readings that an effect causes, with its standard deviation."""
-        if effect not in ("level", "temperature"):
+        """The same; creep does not come back either."""
+        if effect not in self.motions.parts:
             return super().size(effects, effect)
-        motion = getattr(self.motions, effect)
+        motion = self.motions.parts[effect]
         low, high = int(np.argmin(motion[:, 0])), int(np.argmax(motion[:, 0]))
+        if effect == "creep":
+            low, high = 0, -1
         step = motion[high] - motion[low]
         if step[0] == 0.0:
             return None
@@ -158,15 +164,17 @@ class _Fitted:
         assessment: how well the parameters are known.
         noises: of each gauge.
         motions: of all g readings, gauge by gauge.
+        counts: what it has cost.
     """
 
     outcome: Outcome
     assessment: Assessment
     noises: tuple[Noise, ...]
     motions: Motions
+    counts: Counts
 
 
-def _result(job: Job, model: ServiceModel, control: Control) -> Result:
+def _result(job: Job, model: ServiceModel, control: Control, log: Log) -> Result:
     case = model.case
     selected = select_readings(case, model)
     known = all_is_known(case, model, selected.time)
@@ -176,23 +184,23 @@ def _result(job: Job, model: ServiceModel, control: Control) -> Result:
     gauges = list(_gauges(model, table))
     if not gauges:
         raise InputError([too_few(case, table, 1 + len(_own_columns(model, table)))])
-    fitted = _fitted(job, model, gauges, control)
+    fitted = _fitted(job, model, gauges, control, log)
     control.finish()
     p, assessment = fitted.outcome.values, fitted.assessment
     certain = np.isfinite(assessment.sd)
     effects = structure_effects(model, p, channel_rows(case, table), table.time)
     fits: list[GaugeFit | None] = [None] * len(case.channels)
-    q = len(effects.own)
+    q, parts = len(effects.own), len(fitted.motions.parts)
     for gauge, noise, at in zip(gauges, fitted.noises, _slices(gauges), strict=True):
         columns = np.concatenate([[0], 1 + np.flatnonzero(certain)])
-        motions = Motions(
-            fitted.motions.level[at][:, columns], fitted.motions.temperature[at][:, columns]
-        )
+        motions = Motions({k: part[at][:, columns] for k, part in fitted.motions.parts.items()})
         left = gauge.y - motions.total[:, 0]
         likely = likely_noises(gauge.times, left, gauge.X, noise)
         fits[gauge.number] = StructureGaugeFit(
             rows=gauge.rows,
-            terms=np.concatenate([gauge.terms, [q, q + 1], q + 2 + np.flatnonzero(certain)]),
+            terms=np.concatenate(
+                [gauge.terms, q + np.arange(parts), q + parts + np.flatnonzero(certain)]
+            ),
             regression=TimeRegression(gauge.times, left, gauge.X, noise, likely=likely),
             own=len(gauge.terms),
             motions=motions,
@@ -227,7 +235,7 @@ def _result(job: Job, model: ServiceModel, control: Control) -> Result:
         provenance=job_provenance(job),
         parameters=parameter_table(case.parameters, p, assessment),
         gauges=gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan)),
-        counts=model.counts,
+        counts=fitted.counts,
         history=fitted.outcome.iterations,
         singular_values=assessment.singular_values,
         seasonal=seasonal,
@@ -263,15 +271,17 @@ def _slices(gauges: Sequence[_Gauge]) -> list[slice]:
     return [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
 
 
-def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Control) -> _Fitted:
+def _fitted(
+    job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Control, log: Log
+) -> _Fitted:
     """Search after search, each with the noise that the one before has left."""
     case, slices = model.case, _slices(gauges)
     rows = np.concatenate([np.full(len(gauge.rows), gauge.number) for gauge in gauges])
     times, y = (np.concatenate([getattr(g, name) for g in gauges]) for name in ("times", "y"))
+    logged = LoggedMotions(model, rows, times, log, control)
 
     def motion(p: Floats) -> tuple[Floats, Floats]:
-        control.within()
-        total = model.motions(p, rows, times).total
+        total = logged.at(p).total
         return total[:, 0], total[:, 1:]
 
     noises = tuple(Noise(case.channels[gauge.number].accuracy) for gauge in gauges)
@@ -285,7 +295,7 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
             for noise, gauge in zip(noises, gauges, strict=True)
         ]
         response = ProjectedResponse(
-            model.names, motion, model.admissible, lambda: model.counts, slices, projections
+            model.names, motion, model.admissible, lambda: logged.counts, slices, projections
         )
         measured = response.projected(y[:, None])[:, 0]
         problem = Problem(response, measured, np.ones(len(y)), case.parameters)
@@ -302,7 +312,7 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
         methods = tuple(continued(methods))
         v, jacobian = response.evaluate(outcome.values)
         assessment = assess(problem, outcome.values, jacobian, v)
-        motions = model.motions(outcome.values, rows, times)
+        motions = logged.at(outcome.values)
         left = y - motions.total[:, 0]
         after = tuple(
             fitted_noise(gauge.times, left[at], gauge.X)
@@ -314,7 +324,7 @@ def _fitted(job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Co
         ):  # fmt: skip
             break
         noises, before = after, outcome
-    return _Fitted(outcome, assessment, noises, motions)
+    return _Fitted(outcome, assessment, noises, motions, logged.counts)
 
 
 def _alike(one: Noise, other: Noise) -> bool:

@@ -12,7 +12,22 @@ import pytest
 from support.dam_on_mesh import CASE, FIRST, TRUTH, write
 from support.service_dam import YEAR
 
+import geoident
 from tests.support.commands import run_command
+
+GAUGES = ("P58", "P30", "IP", "L58", "EH:a20")
+
+
+def without_temperatures(case, *, keep=False):
+    """Only the level acts; parameters of heat stay if asked for, or go."""
+    case = case.replace("  air: {file: loads.csv}\n", "").replace("  film: 20 W/m2K\n", "")
+    case = case[: case.index("  water_temperature")] + case[case.index("service:") :]
+    case = case.replace(", air: [downstream, crest, ground]", "")
+    if not keep:
+        rows = case.splitlines(keepends=True)
+        case = "".join(row for row in rows if not row.startswith(("  alpha:", "  k:")))
+        case = case.replace("expansion: $alpha, conductivity: $k,", "expansion: 1e-5 1/K,")
+    return case
 
 
 def run(command, *arguments, code=0):
@@ -103,10 +118,7 @@ def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path
 
 def test_parameters_that_readings_cannot_tell_are_not_numbers(tmp_path):
     """Without temperatures nothing depends on expansion and conductivity."""
-    case = CASE.replace("  air: {file: loads.csv}\n", "").replace("  film: 20 W/m2K\n", "")
-    start = case.index("  water_temperature")
-    case = case[:start] + case[case.index("service:") :]
-    case = case.replace(", air: [downstream, crest, ground]", "")
+    case = without_temperatures(CASE, keep=True)
     said = run("fit", write(tmp_path, case=case), code=4)
     assert said["status"] == "not-determined"
     assert {n for n, q in said["parameters"].items() if not q["determined"]} >= {"alpha", "k"}
@@ -142,3 +154,57 @@ def test_commands_on_fits_of_stages_are_refused(fitted, command):
     done = run_command(command, str(folder / "dam.fit.h5"))
     assert done.exit_code == 3
     assert "structure in service" in done.output
+
+
+def test_an_interrupted_fit_goes_on_where_it_was(tmp_path):
+    """As with Ctrl-C: what was computed is kept, and the answer is that of a whole fit."""
+    path = write(tmp_path, years=7.0)
+    cut, whole = tmp_path / "cut.h5", tmp_path / "whole.h5"
+    begun = []
+
+    def stop(step):
+        begun.append(step)
+        if step.number == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        geoident.fit(path, output=cut, progress=stop)
+    assert cut.with_suffix(".checkpoint").exists()
+    resumed, complete = geoident.fit(path, output=cut), geoident.fit(path, output=whole)
+    assert not cut.with_suffix(".checkpoint").exists()
+    for name, one in complete.parameters.items():
+        assert resumed.parameters[name].value == one.value
+    one, other = (run("show", file)["counts"] for file in (cut, whole))
+    assert one["evaluations"] == other["evaluations"]
+    assert one["factorizations"] < other["factorizations"]
+
+
+def test_a_fit_that_ran_out_of_time_goes_on(tmp_path):
+    path = write(tmp_path, years=7.0)
+    assert run("fit", path, "--max-time", "0s", code=4)["status"] == "out-of-budget"
+    assert (tmp_path / "dam.fit.checkpoint").exists()
+    assert run("fit", path)["status"] == "converged"
+
+
+def test_one_creep_of_the_concrete_explains_all_gauges(tmp_path):
+    """Under its weight and the water; the motion of each gauge is told beside that of the level."""
+    case = without_temperatures(CASE)
+    case = case.replace(
+        "scale: log}\nmaterials:",
+        "scale: log}\n  phi: {start: 0.3, bounds: [0, 3]}\n"
+        "  tau: {start: 3 years, bounds: [0.2 years, 20 years], scale: log}\nmaterials:",
+    )
+    case = case.replace("E: $E_dam,", "E: $E_dam, creep: {share: $phi, time: $tau},")
+    truth = {**TRUTH, "phi": 0.9, "tau": 1.5 * YEAR * 86400.0}
+    case = case.replace("  linear: true\n", "")
+    still = dict.fromkeys(GAUGES, lambda t: -0.15 * t / YEAR)  # what all readings have there
+    path = write(tmp_path, case=case, truth=truth, years=7.0, changes=still)
+    said = run("fit", path)
+    assert said["status"] == "converged"
+    for name, one in said["parameters"].items():
+        assert abs(one["value"] - truth[name]) < 3.5 * one["sd"], name
+        assert one["sd"] < 0.25 * truth[name], name
+    own = said["seasonal"]["gauges"]["P58"]
+    assert 0 < own["creep_sd"] < 0.2 * abs(own["creep"])
+    shown = run_command("show", str(tmp_path / "dam.fit.h5")).stdout
+    assert "creep" in shown.split("Effects on the gauges")[1].splitlines()[1]

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from geoident.io.case.actions import FallSection
 from geoident.io.case.readings import Date
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     CaseNumber,
     FilmCoefficient,
@@ -22,7 +23,7 @@ from geoident.io.schema.values import (
 from geoident.io.text.dates import DateError, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, shorten
-from geoident.model.in_service import ReservoirFormula, Series, StructureInService
+from geoident.model.in_service import ReservoirFormula, Series, StructureInService, Uplift
 
 WATER_TEMPERATURE = "water_temperature"
 
@@ -86,6 +87,33 @@ class FacesSection(Section):
     )
 
 
+class UpliftSection(Section):
+    """Water under the structure: its level falls from that of the reservoir along a line.
+
+    On faces of the mesh it is a pressure. Where dam and rock hang together in the mesh there is
+    no face between them: give the groups of the rock, in whose pores the water is.
+    """
+
+    one_of = (Alternatives("on", "pores", hint="Give faces or pores; a list may have both."),)
+    builds = Uplift
+
+    on: list[Name] | None = Field(
+        None, description="Groups of lines (2-D) or surfaces (solid) on which it acts."
+    )
+    pores: list[Name] | None = Field(
+        None,
+        description="Element groups in whose pores it is. Pressure and seepage act on them, and "
+        "their surface pushes what stands on it.",
+        examples=[["rock"]],
+    )
+    falls: FallSection = Field(
+        description="How the level falls: `from` is where it is that of the reservoir.",
+        examples=[
+            "{from: [0 m, 0 m], to: [46 m, 0 m], level: 2 m, drain: {at: [6 m, 0 m], left: 0.35}}"
+        ],
+    )
+
+
 class ServiceSection(Section):
     """A structure in service, on its mesh as the last stage leaves it.
 
@@ -98,7 +126,17 @@ class ServiceSection(Section):
         description="When the service begins: readings before are not used, and the time of "
         "irreversible motions counts from here."
     )
+    loaded: Date | None = Field(
+        None,
+        description="When the sustained loads began to act: creep, ageing and softening of "
+        "materials count from here; `since` if missing. Before the first value of `loads.level` "
+        "its mean acts.",
+        examples=["1965-10-01"],
+    )
     faces: FacesSection = Field(description="Where water and air act.")
+    uplift: list[UpliftSection] = Field(
+        [], description="Water under or in the structure that follows the level of the reservoir."
+    )
     film: FilmCoefficient | None = Field(
         None,
         description="Film coefficient of the faces in the air. Without it they have the "
@@ -124,6 +162,15 @@ class ServiceSection(Section):
                 if first.setdefault(group, key) != key:
                     message = f"'{group}' is '{first[group]}' as well"
                     faults.add(("faces", key), "two-places", message, "Keep one of them.")
+        for n, uplift in enumerate(self.uplift):
+            for group in uplift.on or ():
+                if first.get(group) == "wetted":
+                    message = f"on '{group}' the reservoir acts already: it is 'wetted'"
+                    faults.add(("uplift", n, "on"), "two-places", message, "Keep one of them.")
+        in_pores = [n for n, uplift in enumerate(self.uplift) if uplift.pores]
+        for n in in_pores[1:]:
+            message = "water in pores is given twice, and falls along one line only"
+            faults.add(("uplift", n, "pores"), "two-waters", message, "Name all groups in one.")
 
 
 def check_service(section: ServiceSection, given: Collection[str], faults: SectionFaults) -> None:
@@ -159,6 +206,10 @@ def check_service(section: ServiceSection, given: Collection[str], faults: Secti
         for name in sorted({"level", WATER_TEMPERATURE} & set(given)):
             message, hint = "no face is wetted", "Name these faces: service.faces.wetted."
             faults.add(("loads", name), "unused-load", message, hint)
+    if section.uplift and not faces.wetted:
+        message = "uplift follows the level of the reservoir, and no face is wetted"
+        hint = "Name the faces in front of which the water stands: service.faces.wetted."
+        faults.add(("service", "uplift"), "no-level", message, hint)
     if section.film and "air" not in given:
         message = "no temperature of the air acts"
         faults.add(("service", "film"), "unused-key", message, "Remove it, or add loads.air.")
@@ -168,7 +219,7 @@ def build_service(
     section: ServiceSection,
     series: Mapping[str, Series],
     water: ReservoirSection | None,
-    faults: Faults,
+    context: Context,
 ) -> StructureInService:
     """What acts on the structure, for the model.
 
@@ -176,12 +227,12 @@ def build_service(
         section: the key ``service``.
         series: the loads that change in time, by name.
         water: formula of the temperature of the water; None where it is a series, or not given.
-        faults: takes what is wrong.
+        context: of the section.
     """
     faces = section.faces
     for name in ("air", WATER_TEMPERATURE):
         if name in series:
-            _refuse_other_units(name, series[name], faults)
+            _refuse_other_units(name, series[name], context.faults)
     return StructureInService(
         since=read_date(section.since),
         wetted=tuple(faces.wetted),
@@ -193,6 +244,10 @@ def build_service(
         water=water.formula() if water else series.get(WATER_TEMPERATURE),
         linear=section.linear,
         settling=tuple(time.factor for time in section.settling or ()),
+        loaded=read_date(section.loaded) if section.loaded else None,
+        uplift=tuple(
+            uplift.for_model(context.at("uplift", n)) for n, uplift in enumerate(section.uplift)
+        ),
     )
 
 
