@@ -36,6 +36,7 @@ from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_f
 from geoident.workflow.in_service.effects import channel_rows, effects_of_fit
 from geoident.workflow.in_service.fit import (
     explained,
+    far_readings,
     judged,
     rows_in_time,
     unknown_later,
@@ -434,23 +435,13 @@ def _wrong_finding(gauge: WatchedGauge, case: Case) -> Finding:
     """Readings of a gauge that are far off alone."""
     channel = case.channels[gauge.gauge.number]
     at = gauge.wrong
-    far = at[np.argsort(-np.abs(gauge.e[at]))][:_NAMED]
-    named = [
-        f"{date_text(float(gauge.filter.times[k]))[:10]} ({gauge.e[k]:+.0f} sd)"
-        for k in np.sort(far)
-    ]
-    more = f" and {len(at) - len(far)} more" if len(at) > len(far) else ""
     what = "A single reading" if len(at) == 1 else "Single readings"
     return Finding(
         "far-reading",
         channel.name,
         f"{what} of {channel.name} far off, after which all is as before: "
-        f"{', '.join(named)}{more}. Repeat them, or mark them as bad.",
+        f"{far_readings(gauge.filter.times[at], gauge.e[at])}. Repeat them, or mark them as bad.",
     )
-
-
-_NAMED = 5
-"""Wrong readings of a gauge that are named."""
 
 
 def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:
