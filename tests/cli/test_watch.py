@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -209,8 +208,7 @@ def test_a_day_of_looks_takes_no_more_memory_and_no_more_files(tunnel):
     assert max(opened[2:]) <= opened[1]
     assert files[-1] == files[1]
     assert sizes[-1] == sizes[6]
-    added = [after - before for before, after in pairwise(sizes[1:7])]
-    assert max(added) < 2 * min(added) < 10_000  # as much by each, whatever came before
+    assert sizes[6] - sizes[1] < 5 * 3_000  # 1 kB an update, and what the format adds now and then
 
 
 def test_an_alarm_is_passed_on_once_and_again_if_that_fails(tunnel):

@@ -26,6 +26,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import YEAR
 from geoident.model.results.alarms import AlarmState
+from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
 from geoident.model.results.in_service import ChangeRow, PowerRow
@@ -410,13 +411,18 @@ def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
             when += f" ({date_text(one.earliest)[:10]} to {date_text(one.latest)[:10]})"
         sizes = ", ".join(f"{row.gauge} {row.text}" for row in own)
         seen = f"seen since {date_text(one.shown)[:10]}"
-        if len(own) == 1:
+        as_none = len(own) == 1 and abs(one.size) < NORMAL_95 * one.sd
+        if as_none:
+            sentence = f"{one.gauge} moves otherwise since {when}, {seen}, but as no {one.kind} "
+            sentence += f"would ({one.text} at best). The other gauges do not show it: check "
+            sentence += "this one."
+        elif len(own) == 1:
             sentence = f"A {one.kind} of {sizes} since {when}, {seen}. "
             sentence += "The other gauges do not show it: check this one."
         else:
             sentence = f"A {one.kind} of several gauges since {when}, {seen}: {sizes}. "
             sentence += "The structure, or what acts on it, has changed."
-        if one.odds < _SURE:
+        if one.odds < _SURE and not as_none:
             other = "drift" if one.kind == "step" else "step"
             sentence += f" It may also be a {other}: more readings will tell."
         if not one.lasts:
