@@ -286,6 +286,7 @@ def test_of_a_limit_the_chance_is_told_and_whether_readings_will_settle_it(site)
         ("K1", 1, "Parameters: K0"),
         ("CV > 3 kPa at full", 1, "is a pressure"),
         ("K0", 0.5, "the cheapest candidate costs 1"),
+        ("K0", 0, "The budget of 0 buys nothing"),
     ],
 )
 def test_what_cannot_be_planned_is_refused(wanted, budget, words, site):
