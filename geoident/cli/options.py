@@ -242,6 +242,15 @@ def on_result(result: str, *others: str) -> Steps:
     return tuple(line(command, result) for command in ("show", "report", *others))
 
 
+def on_fit(result: str) -> Steps:
+    """Commands that take the result of a fit, of a structure in service ``control`` among them."""
+    from geoident.io.result.file import read_identity  # noqa: PLC0415 - help must not wait for it
+
+    written = read_identity(result)
+    in_service = written is not None and "seasonal" in written.contents.split()
+    return on_result(result, "control" if in_service else "predict")
+
+
 def result_of(kind: str, case: str, options: Options) -> str:
     """The path of the result that a command has written.
 

@@ -43,6 +43,12 @@ _ALARM_TIME = 600.0
 _PASSING = ("being-written", "missing-file", "unreadable-file")
 """Faults that may be gone at the next look though no file has changed since."""
 
+_TOLD = (
+    "new-readings", "alarm", "change", "changed-readings", "decision",
+    "unit", "opposite-sign", "zero", "exchanged",
+)  # fmt: skip
+"""Findings that are told at once: what has happened, what it asks for, and what to correct."""
+
 Say = Callable[[str, str, bool], None]
 """Takes a case, a line on it for people, and whether it is an error."""
 
@@ -78,7 +84,7 @@ class Answer:
         said += [
             finding["sentence"]
             for finding in self.object.get("findings", ())
-            if finding["kind"] in ("new-readings", "alarm", "change", "changed-readings")
+            if finding["kind"] in _TOLD
         ]
         said = said if any(said) else self.errors.strip().splitlines()[-1:]
         return " ".join(" ".join(said).split()) or f"ended with exit code {self.code}"

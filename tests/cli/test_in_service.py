@@ -75,6 +75,9 @@ def test_the_state_and_the_change_are_those_of_the_truth(dam):
     (step,) = [row for row in result.changes if row.kind == "step" and row.gauge == "P1"]
     assert step.size == pytest.approx(1e-3 * STEP, abs=3.0 * step.sd)
     assert 5.0 * step.sd < 1e-3 * STEP
+    read = {BEGIN + timedelta(days=day) for day in range(10, 1820, 10)}
+    seen = (date(1970, 1, 1) + timedelta(seconds=step.shown)).isoformat()
+    assert seen in {str(day) for day in read}  # a day on which it was read
     (wrong,) = [row for row in result.changes if row.kind == "reading"]
     assert wrong.gauge == "P2"
     assert wrong.size == pytest.approx(1e-3 * WRONG, abs=3.0 * wrong.sd)

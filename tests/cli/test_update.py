@@ -50,7 +50,9 @@ def updated(fitted, tmp_path_factory):
     return folder
 
 
-def test_the_p_value_is_that_of_least_squares_and_the_answer_that_of_a_fit(tunnel, tmp_path):
+def test_the_p_value_is_that_of_least_squares_and_the_answer_that_of_a_fit(
+    tunnel, tmp_path, verification
+):
     write_readings(tunnel, rows(*DAYS))
     done = run_command("update", tunnel / "case.yaml", "--json", "-q")
     assert done.exit_code == 0, done.output
@@ -59,6 +61,7 @@ def test_the_p_value_is_that_of_least_squares_and_the_answer_that_of_a_fit(tunne
     assert (before["new"], before["judged"], after["new"], after["judged"]) == (6, 0, 6, 6)
     truth = chdtrc(6, after["objective"] - before["objective"])
     assert after["p_value"] == pytest.approx(truth, rel=1e-3)
+    verification("update-p", "", ["one parameter"], exact=[truth], found=[after["p_value"]])
     assert found["findings"] == [] or "new-readings" not in {f["kind"] for f in found["findings"]}
     alone = write_tunnel(tmp_path, *DAYS)
     assert run_command("fit", alone, "-q").exit_code == 0
@@ -70,7 +73,7 @@ def test_the_p_value_is_that_of_least_squares_and_the_answer_that_of_a_fit(tunne
     assert kept.lower95 < 8e9 < kept.upper95
 
 
-def test_the_p_value_where_only_a_prior_separates_two_parameters(tmp_path):
+def test_the_p_value_where_only_a_prior_separates_two_parameters(tmp_path, verification):
     """Along p0 / E the readings are the same: their errors are correlated by the curve of that."""
     case = write_tunnel(tmp_path, "day 1", "day 2")
     case.write_text(with_unknown_stress(case.read_text(encoding="utf-8")), encoding="utf-8")
@@ -79,6 +82,7 @@ def test_the_p_value_where_only_a_prior_separates_two_parameters(tmp_path):
     before, after = update(case).updates
     truth = chdtrc(6, after.objective - before.objective)
     assert after.p_value == pytest.approx(truth, rel=0.05)
+    verification("update-p", "prior", ["two parameters"], exact=[truth], found=[after.p_value])
 
 
 def with_unknown_stress(text):
@@ -135,11 +139,12 @@ def test_the_history_has_every_answer_and_survives_the_file(updated, tmp_path):
     assert {row.update for row in found.updates.predictions} == {0, 1}  # then all was read
 
 
-def test_the_history_is_shown_as_of_a_date(fitted, updated):
+@pytest.mark.parametrize("given", ["date", "update 0"])
+def test_the_history_is_shown_as_of_a_date_or_an_update(fitted, updated, given):
     first = read_data(fitted / "case.fit.h5")
     path = updated / "case.fit.h5"
-    when = read_data(path).updates.steps[0].made
-    done = run_command("show", path, "--as-of", when.replace("+00:00", "Z"), "--json")
+    made = read_data(path).updates.steps[0].made.replace("+00:00", "Z")
+    done = run_command("show", path, "--as-of", made if given == "date" else given, "--json")
     assert done.exit_code == 0, done.output
     shown = json.loads(done.stdout)
     assert shown["parameters"]["E"]["value"] == first.parameters.values[0]
@@ -153,7 +158,12 @@ def test_the_history_is_shown_as_of_a_date(fitted, updated):
 
 
 @pytest.mark.parametrize(
-    ("date", "said"), [("2001-01-01", "There was no fit"), ("yesterday", "not a date")]
+    ("date", "said"),
+    [
+        ("2001-01-01", "There was no fit"),
+        ("yesterday", "not a date"),
+        ("update 99", "There was no update 99"),
+    ],
 )
 def test_a_date_without_a_fit_is_refused(updated, date, said):
     done = run_command("show", updated / "case.fit.h5", "--as-of", date)

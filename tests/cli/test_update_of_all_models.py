@@ -58,7 +58,10 @@ def test_a_seasonal_model_is_updated_and_judged_by_gauge(tmp_path):
     good = update(case).updates[-1]
     assert (good.new, good.judged, good.belong, good.case_changed) == (18, 18, True, False)
     assert 0.005 < good.p_value < 0.995
-    history = update(write_dam(tmp_path, 1200)).data.updates
+    done = run_command("update", write_dam(tmp_path, 1200))
+    assert "geoident control" in done.stderr  # of what to do next
+    assert "geoident predict" not in done.stderr
+    history = read_result(tmp_path / "case.fit.h5").updates
     low, high = history.values_of("P1: level")[1:3]
     truth = 1e-3 * 0.3 * 24.0  # mm a metre, over a range of 24 m
     assert (low < 1.02 * truth).all()

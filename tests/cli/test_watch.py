@@ -154,43 +154,61 @@ def test_two_watchers_make_one_update(tunnel):
         assert any("another geoident updates it now" in text for text in said)
 
 
-@pytest.mark.slow  # half a minute; other looks: the tests above
-def test_hundreds_of_looks_take_no_more_memory_and_a_signal_ends_them(tunnel):
-    watch = subprocess.Popen(
-        [*WATCH, ".", "--every", "0.01s"],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    path = Path(f"/proc/{watch.pid}/statm")
-    if not path.exists():
+# Time passes only while the watch waits: a day of looks, 10 min apart. For six hours its
+# readings are replaced by rename every hour, then nothing comes; at midnight a signal ends it.
+A_DAY = """\
+import json, os, signal, subprocess, sys, time
+from pathlib import Path
+sys.path[:], rows, now = PATH, ROWS, [time.time()]
+begin, hours = now[0], 0
+def sleep(seconds):
+    global hours
+    now[0] += seconds
+    if now[0] < begin + 3600.0 * (hours + 1):
+        return
+    hours += 1
+    place = Path("/proc/self")
+    print(json.dumps([
+        hours, int((place / "statm").read_text().split()[1]), len(os.listdir(place / "fd")),
+        os.stat("case.fit.h5").st_size, sorted(os.listdir()),
+    ]), flush=True)
+    if hours <= 6:
+        text = rows.replace("HOURS", str(hours))
+        Path("new").write_text(text)
+        os.replace("new", "readings.csv")
+    elif hours == 24:
+        os.kill(os.getpid(), signal.SIGTERM)
+time.time = time.monotonic = lambda: now[0]
+time.sleep = sleep
+from geoident.cli.app import main
+main()
+"""
+
+
+@pytest.mark.slow  # a minute; other looks: the tests above
+def test_a_day_of_looks_takes_no_more_memory_and_no_more_files(tunnel):
+    """144 looks by the clock that the command sees, and what six updates add to the result."""
+    if not Path("/proc/self/statm").exists():
         pytest.skip("the memory of another process is read from /proc")
-    try:
-        write_readings(tunnel, rows("day 1", "day 2", "day 4"))
-        _until(lambda: updates(tunnel) == 1)
-        time.sleep(3.0)
-        first = _pages(path)
-        write_readings(tunnel, rows("day 1", "day 2", "day 4", "day 8"))
-        _until(lambda: updates(tunnel) == 2)
-        time.sleep(6.0)  # some hundred looks
-        assert _pages(path) < first + 300  # of 4 KiB
-    finally:
-        watch.send_signal(signal.SIGTERM)
-        out, said = watch.communicate(timeout=60)
-    assert watch.returncode == 143
-    assert out == "case.fit.h5\ncase.fit.h5\n"
-    assert said.count("belong to the model") == 2
-
-
-def _pages(path):
-    return int(path.read_text().split()[1])
-
-
-def _until(done, most=120.0):
-    end = time.monotonic() + most
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.1)
+    first, *others = rows("day 1", "day 2")
+    text = "\n".join([HEADER, first.replace(",mm", "HOURS,mm"), *others, ""])
+    program = A_DAY.replace("PATH", repr(sys.path)).replace("ROWS", repr(text))
+    day = subprocess.run(
+        [sys.executable, "-c", program, "watch", ".", "--every", "10min"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert day.returncode == 143, day.stderr
+    assert day.stderr.count("1 reading has changed since the last result") == 6, day.stderr
+    lines = day.stdout.splitlines()
+    hours = [json.loads(line) for line in lines if line.startswith("[")]
+    assert (len(hours), lines.count("case.fit.h5")) == (24, 6)
+    assert updates(tunnel) == 6
+    _, pages, opened, sizes, files = zip(*hours, strict=True)
+    assert max(pages[2:]) < pages[1] + 300  # of 4 KiB
+    assert max(opened[2:]) <= opened[1]
+    assert files[-1] == files[1]
+    assert sizes[-1] == sizes[6]
+    assert sizes[6] - sizes[1] < 5 * 3_000  # 1 kB an update, and what the format adds now and then
 
 
 def test_an_alarm_is_passed_on_once_and_again_if_that_fails(tunnel):

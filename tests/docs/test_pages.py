@@ -30,7 +30,7 @@ def begun(page):
     meshes = [c.line for c in page.commands if c.line.startswith("gmsh ")]
     fits = [c.line.split(" -o ")[0] for c in page.commands if c.line.startswith("geoident fit ")]
     checks = [line.replace(" fit ", " check ", 1) for line in dict.fromkeys(fits)]
-    assert meshes
+    assert meshes or page.like
     assert checks
     files = "".join(
         f"<!-- file: {name} -->\n```yaml\n{text}```\n\n" for name, text in page.files.items()

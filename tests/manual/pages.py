@@ -10,8 +10,9 @@ what a fenced block is:
     <!-- exit: 4 -->              the exit code of the commands below, 0 if not said
     <!-- run: long -->            the commands below take long, and what later ones print does not
                                   depend on them: only the slow tests run them
+    <!-- append: readings.csv -->  the block below is added to the end of this file
     <!-- like: ../tutorials/dam.md -->
-                                  the page begins with the files of another page
+                                  the page begins with the files of another page, or of a folder
 
 Blocks of ``console`` hold lines ``$ command``, each followed by its output; left-out parts are
 lines ``...``.
@@ -28,7 +29,7 @@ DOCS = Path(__file__).resolve().parents[2] / "geoident" / "docs"
 GAP = "..."
 
 _BLOCK = re.compile(
-    r"(?P<notes>(?:^<!-- (?:file|show|exit|run): .*? -->\n)*)"
+    r"(?P<notes>(?:^<!-- (?:file|append|show|exit|run): .*? -->\n)*)"
     r"^```(?P<language>\w+)\n(?P<body>(?:.*\n)*?)^```$",
     re.MULTILINE,
 )
@@ -36,7 +37,9 @@ _NOTE = re.compile(r"<!-- (\w+): (.*?) -->")
 _PICTURE = re.compile(r"!\[[^\]]*\]\(([^)\s]+)\)")
 _LIKE = re.compile(r"^<!-- like: (\S+) -->$", re.MULTILINE)
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-_TIMES = re.compile(r"\b\d[\d.]*(?= (?:s|min|h|ms|MB|kB)\b)")
+_TIMES = re.compile(
+    r"\b\d[\d.]*(?= (?:s|min|h|ms|MB|kB)\b)|\b\d{4}-\d\d-\d\d[ T]\d\d:\d\d(?::\d\d)?(?:\+00:00)?"
+)
 CLOSE = 0.02  # of the numbers that are compared
 ROUNDING = 1e-6  # numbers below are what an iteration leaves
 
@@ -62,10 +65,11 @@ class Command:
 
 @dataclass(frozen=True)
 class File:
-    """A file that a page shows whole."""
+    """A file that a page shows whole, or lines that are added to it."""
 
     name: str
     text: str
+    added: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,11 @@ class Page:
     @property
     def files(self) -> dict[str, str]:
         """Names of the files that it shows, each with its last text."""
-        return {step.name: step.text for step in self.steps if isinstance(step, File)}
+        texts: dict[str, str] = {}
+        for step in self.steps:
+            if isinstance(step, File):
+                texts[step.name] = (texts[step.name] if step.added else "") + step.text
+        return texts
 
     @property
     def commands(self) -> list[Command]:
@@ -97,7 +105,7 @@ class Page:
 
     @property
     def like(self) -> Path | None:
-        """The page whose files it begins with."""
+        """The page or the folder whose files it begins with."""
         found = _LIKE.search(self.text)
         return self.path.parent / found[1] if found else None
 
@@ -213,6 +221,8 @@ def _steps(found: re.Match[str]) -> list[File | Command]:
     notes = dict(_NOTE.findall(found["notes"]))
     if "file" in notes:
         return [File(notes["file"], found["body"])]
+    if "append" in notes:
+        return [File(notes["append"], found["body"], added=True)]
     if found["language"] != "console":
         return []
     show = tuple(re.split(r", ", notes["show"])) if "show" in notes else None

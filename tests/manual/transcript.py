@@ -53,19 +53,27 @@ def run_page(page: Page, folder: Path, *, long: bool = True) -> AnalysisRun:
         folder: the folder.
         long: also those that take long.
     """
-    before = () if page.like is None else read_page(page.like).folder.iterdir()
-    for file in (*before, *given_files(page)):
+    for file in (*_files_before(page), *given_files(page)):
         if file.suffix not in PICTURES:
             shutil.copy(file, folder / file.name)
     outputs, codes = [], []
     for step in page.steps:
         if isinstance(step, File):
-            (folder / step.name).write_text(step.text, encoding="utf-8")
+            with (folder / step.name).open("a" if step.added else "w", encoding="utf-8") as file:
+                file.write(step.text)
         elif long or not step.long:
             output, code = run_command(step.line, folder)
             outputs.append(output)
             codes.append(code)
     return AnalysisRun(folder, tuple(outputs), tuple(codes), long)
+
+
+def _files_before(page: Page) -> list[Path]:
+    """The files of the page or folder that a page begins with."""
+    if page.like is None:
+        return []
+    folder = page.like if page.like.is_dir() else read_page(page.like).folder
+    return sorted(file for file in folder.iterdir() if file.is_file())
 
 
 def given_files(page: Page) -> list[Path]:
@@ -143,9 +151,10 @@ def _made(run: AnalysisRun, picture: Path) -> Path | None:
 
 
 def _drawn(run: AnalysisRun) -> dict[str, Picture]:
-    """The figures of the report of the result, by name."""
-    path = run.folder / "case.fit.h5"
-    return {p.name: p for p in album(read_result(path)).all} if path.exists() else {}
+    """The figures of the report of the result, by name; of a control those of its status page."""
+    named = (run.folder / f"case.{command}.h5" for command in ("control", "fit"))
+    path = next((path for path in named if path.exists()), None)
+    return {p.name: p for p in album(read_result(path)).all} if path else {}
 
 
 def _gmsh(words: list[str]) -> int:

@@ -68,16 +68,17 @@ def planned(budget, wanted, **more):
     )
 
 
-def test_the_horizontal_diameter_tells_most_and_that_at_60_degrees_nothing(site):
+def test_the_horizontal_diameter_tells_most_and_that_at_60_degrees_nothing(site, verification):
     write(site, [90, 60, 45, 0, 30])
     plan = planned(1, "K0")
     assert plan.chosen == ("D0",)
     assert [row.rank for row in plan.data.plan.gauges] == [1, 0, 0, 0, 0]
     rows = {row.gauge: row for row in plan.data.plan.gauges}
-    for angle in (0, 30, 45, 60, 90):  # two readings, of half and of all of the motion
-        told = (0.25 + 1.0) * by_ratio(angle) ** 2 / SD**2
-        part = 1.0 - 1.0 / (1.0 + 0.2**2 * told)
-        assert rows[f"D{angle}"].alone == pytest.approx(part, rel=1e-6, abs=1e-9)
+    angles = (0, 30, 45, 60, 90)  # two readings of each, of half and of all of the motion
+    told = np.array([(0.25 + 1.0) * by_ratio(angle) ** 2 / SD**2 for angle in angles])
+    exact, found = 1.0 - 1.0 / (1.0 + 0.2**2 * told), [rows[f"D{a}"].alone for a in angles]
+    assert found == pytest.approx(exact, rel=1e-6, abs=1e-9)
+    verification("plan-diameters", "", angles, exact=exact, found=found)
     (target,) = plan.targets
     assert target.sd == pytest.approx(0.2)
     assert target.sd_plan == pytest.approx((0.2**-2 + 1.25 * by_ratio(0) ** 2 / SD**2) ** -0.5)
@@ -285,6 +286,7 @@ def test_of_a_limit_the_chance_is_told_and_whether_readings_will_settle_it(site)
         ("K1", 1, "Parameters: K0"),
         ("CV > 3 kPa at full", 1, "is a pressure"),
         ("K0", 0.5, "the cheapest candidate costs 1"),
+        ("K0", 0, "The budget of 0 buys nothing"),
     ],
 )
 def test_what_cannot_be_planned_is_refused(wanted, budget, words, site):

@@ -11,6 +11,7 @@ from geoident.cli.options import (
     Steps,
     for_one,
     line,
+    on_fit,
     on_result,
     overrides,
     result_of,
@@ -34,14 +35,9 @@ def _next(arguments: Arguments, options: Options) -> Steps:
         if options.dry_run:
             return (line("fit", case, *overrides(options)),)
         from geoident.io.project.head import is_project
-        from geoident.io.result.file import read_identity
 
         result = result_of("fit", case, options)
-        if is_project(case):
-            return on_result(result)
-        written = read_identity(result)
-        in_service = written is not None and "seasonal" in written.contents.split()
-        return on_result(result, "control" if in_service else "predict")
+        return on_result(result) if is_project(case) else on_fit(result)
 
     return for_one(arguments["cases"], steps)
 

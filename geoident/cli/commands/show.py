@@ -33,8 +33,9 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option("--csv", "as_csv", is_flag=True, help="All tables as CSV, one below the other.")
 @click.option(
     "--as-of",
-    metavar="DATE",
-    help="Of a fit with updates: as it was at the end of this day (UTC), such as 2025-03-21.",
+    metavar="DATE|UPDATE",
+    help="Of a fit with updates: as it was at the end of this day (UTC), such as 2025-03-21, or "
+    "after one of them, such as 'update 3'.",
 )
 @takes("as_json", after=_next)
 def command(results: tuple[str, ...], as_csv: bool, as_of: str | None, options: Options) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.options import Arguments, Options, Steps, on_result, result_of, takes
+from geoident.cli.options import Arguments, Options, Steps, on_fit, result_of, takes
 
 EPILOG = """\b
 Examples:
@@ -19,7 +19,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     path = arguments["path"]
     if not path.endswith(".h5"):
         path = result_of("fit", path, options)
-    return on_result(path, "predict")
+    return on_fit(path)
 
 
 @click.command(epilog=EPILOG)

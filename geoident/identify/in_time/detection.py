@@ -68,7 +68,7 @@ class Change:
     Args:
         kind: ``step`` or ``drift``.
         gauges: numbers of the gauges that show it.
-        shown: from when on it was seen, s.
+        shown: day whose readings show it first, s.
         since: when it most likely began, s.
         earliest: beginning of the 95 % interval of that, s.
         latest: its end, s.
@@ -223,7 +223,9 @@ class Detector:
         return Change(
             kind=KINDS[kind],
             gauges=tuple(gauges[i] for i in showing),
-            shown=float(self.dates[self._shown(surprise > threshold, float(self.begun[low]))]),
+            shown=float(
+                self.dates[self._shown(surprise > threshold, float(self.begun[low]))] - DAY
+            ),
             since=float(self.begun[first]),
             earliest=float(self.begun[low]) - apart,
             latest=float(self.begun[min(high, len(odds) - 1)]) + apart,

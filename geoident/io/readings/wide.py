@@ -21,6 +21,7 @@ _USUAL = {
     "moment per length": "kNm/m",
     "angle": "mm/m",
     "strain": "microstrain",
+    "temperature": "degC",
 }
 
 

@@ -26,6 +26,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.in_service import YEAR
 from geoident.model.results.alarms import AlarmState
+from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
 from geoident.model.results.in_service import ChangeRow, PowerRow
@@ -36,6 +37,7 @@ from geoident.workflow.estimating.from_fit import CONTROLLED, FitTask, plan_on_f
 from geoident.workflow.in_service.effects import channel_rows, effects_of_fit
 from geoident.workflow.in_service.fit import (
     explained,
+    far_readings,
     judged,
     rows_in_time,
     unknown_later,
@@ -409,13 +411,18 @@ def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
             when += f" ({date_text(one.earliest)[:10]} to {date_text(one.latest)[:10]})"
         sizes = ", ".join(f"{row.gauge} {row.text}" for row in own)
         seen = f"seen since {date_text(one.shown)[:10]}"
-        if len(own) == 1:
+        as_none = len(own) == 1 and abs(one.size) < NORMAL_95 * one.sd
+        if as_none:
+            sentence = f"{one.gauge} moves otherwise since {when}, {seen}, but as no {one.kind} "
+            sentence += f"would ({one.text} at best). The other gauges do not show it: check "
+            sentence += "this one."
+        elif len(own) == 1:
             sentence = f"A {one.kind} of {sizes} since {when}, {seen}. "
             sentence += "The other gauges do not show it: check this one."
         else:
             sentence = f"A {one.kind} of several gauges since {when}, {seen}: {sizes}. "
             sentence += "The structure, or what acts on it, has changed."
-        if one.odds < _SURE:
+        if one.odds < _SURE and not as_none:
             other = "drift" if one.kind == "step" else "step"
             sentence += f" It may also be a {other}: more readings will tell."
         if not one.lasts:
@@ -434,23 +441,13 @@ def _wrong_finding(gauge: WatchedGauge, case: Case) -> Finding:
     """Readings of a gauge that are far off alone."""
     channel = case.channels[gauge.gauge.number]
     at = gauge.wrong
-    far = at[np.argsort(-np.abs(gauge.e[at]))][:_NAMED]
-    named = [
-        f"{date_text(float(gauge.filter.times[k]))[:10]} ({gauge.e[k]:+.0f} sd)"
-        for k in np.sort(far)
-    ]
-    more = f" and {len(at) - len(far)} more" if len(at) > len(far) else ""
     what = "A single reading" if len(at) == 1 else "Single readings"
     return Finding(
         "far-reading",
         channel.name,
         f"{what} of {channel.name} far off, after which all is as before: "
-        f"{', '.join(named)}{more}. Repeat them, or mark them as bad.",
+        f"{far_readings(gauge.filter.times[at], gauge.e[at])}. Repeat them, or mark them as bad.",
     )
-
-
-_NAMED = 5
-"""Wrong readings of a gauge that are named."""
 
 
 def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:

@@ -362,18 +362,33 @@ def gauge_findings(
             "record: an effect is missing, and motions of that length cannot be told from errors.",
         )
     for name, fit in known:
-        residual = fit.regression.residual / np.hypot(
-            fit.regression.noise.white, fit.regression.noise.lasting
-        )
-        for k in np.flatnonzero(np.abs(residual) > _FAR):
-            when = date_text(float(fit.regression.times[k]))
+        noise = fit.regression.noise
+        residual = fit.regression.residual / np.hypot(noise.white, noise.lasting)
+        far = np.flatnonzero(np.abs(residual) > _FAR)
+        if far.size:
             yield Finding(
                 "far-reading",
                 name,
-                f"{name} on {when} is {residual[k]:+.1f} standard deviations off: if it is wrong, "
-                "mark it as bad.",
+                f"{name} is far off on {far_readings(fit.regression.times[far], residual[far])}: "
+                "what is wrong, mark as bad.",
             )
     yield from _later_findings(later, table)
+
+
+def far_readings(times: Floats, sd: Floats) -> str:
+    """Dates of single readings that are far off, of many the farthest.
+
+    Args:
+        times: (n,) s since 1970.
+        sd: (n,) how far off each is, standard deviations.
+    """
+    far = np.sort(np.argsort(-np.abs(sd))[:_NAMED])
+    named = ", ".join(f"{date_text(float(times[k]))[:10]} ({sd[k]:+.0f} sd)" for k in far)
+    return named + (f" and {len(sd) - len(far)} more" if len(sd) > len(far) else "")
+
+
+_NAMED = 5
+"""Far readings of a gauge that are named."""
 
 
 def _not_told(known: Sequence[tuple[str, GaugeFit]], effects: Effects) -> dict[str, list[str]]:

@@ -470,8 +470,9 @@ def _plan(request: Request, command: str, *further: str) -> Job:
     try:
         inputs = load_inputs(request.case, overrides=overrides, text=request.text)
     except InputError:
-        # what is wrong with the case itself is said first, and a seasonal model refused as such
+        # what is wrong with the case itself is said first, and what is in service refused as such
         inputs = load_inputs(request.case, overrides=request.overrides, text=request.text)
+        require_stages(inputs.case)
         if not isinstance(inputs.case.elsewhere, SeasonalModel):
             raise
     case = inputs.case

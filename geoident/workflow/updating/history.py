@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -197,33 +198,35 @@ def _predictions(number: int, result: Result) -> Iterator[PastPrediction]:
 _OF_PREDICTION = ("mean", "sd", "lower95", "upper95")
 
 
-def as_of(result: Result, date: str) -> Result:
-    """A fit as it was at a date: its parameters, bands and predictions then.
+def as_of(result: Result, when: str) -> Result:
+    """A fit as it was at a date, or after an update: its parameters, bands and predictions then.
 
     What only the last fit knows (fields, diagnostics, what the model says of readings) is left out.
     A date without time of day is its end; one without an offset is in UTC, as `UpdateStep.made`.
 
     Args:
         result: with a history.
-        date: ISO 8601.
+        when: a date, ISO 8601, or ``update 3``.
 
     Raises:
-        UsageError: there is no history, or no fit so early; or the text is no date.
+        UsageError: there is no history, or no fit so early; or the text is neither.
     """
-    try:
-        until = read_date(date) - (utc_offset(date) or 0.0)
-    except DateError:
-        hint = "write it as 2025-03-21 or 2025-03-21T16:00"
-        raise UsageError(f"'{date}' is not a date: {hint}.") from None
-    if len(date.strip()) <= len("2025-03-21"):
-        until += DAY - 1.0  # times are kept in whole seconds
+    number = re.fullmatch(r"\s*update\s+(\d+)\s*", when)
+    until = 0.0 if number else _end_of(when)
     history = result.updates
     if history is None:
         raise UsageError("The result has no history yet: the first update begins one.")
-    made = [_seconds(step.made) for step in history.steps]
-    last = max((k for k, when in enumerate(made) if when <= until), default=None)
-    if last is None:
-        raise UsageError(f"There was no fit on {date}: the first was made {history.steps[0].made}.")
+    if number:
+        last = int(number[1])
+        if last > history.last:
+            raise UsageError(f"There was no update {last}: the last one is update {history.last}.")
+    else:
+        made = [_seconds(step.made) for step in history.steps]
+        before = [k for k, time in enumerate(made) if time <= until]
+        if not before:
+            first = history.steps[0].made
+            raise UsageError(f"There was no fit on {when}: the first was made {first}.")
+        last = before[-1]
     if last == history.last:
         return result
     then = history
@@ -236,7 +239,7 @@ def as_of(result: Result, date: str) -> Result:
         status=step.status,
         exit_code=result.exit_code,
         method=result.method,
-        reason=f"As of {date}: update {last} of {history.last}, made {step.made}",
+        reason=f"As of {when}: update {last} of {history.last}, made {step.made}",
         objective=step.objective,
         findings=said if step.finding else (),
         case_text=result.case_text,
@@ -248,6 +251,18 @@ def as_of(result: Result, date: str) -> Result:
         prediction=_prediction_then(result.gauges, then),
         updates=then,
     )
+
+
+def _end_of(date: str) -> float:
+    """The last second of a date, since 1970."""
+    try:
+        until = read_date(date) - (utc_offset(date) or 0.0)
+    except DateError:
+        hint = "write it as 2025-03-21, 2025-03-21T16:00 or 'update 3'"
+        raise UsageError(f"'{date}' is not a date: {hint}.") from None
+    if len(date.strip()) <= len("2025-03-21"):
+        until += DAY - 1.0  # times are kept in whole seconds
+    return until
 
 
 def _seconds(made: str) -> float:

@@ -257,7 +257,7 @@ def _judgement(
             each.append(
                 joint_p_value(replace(e, z=e.z[at], correlation=e.correlation[np.ix_(at, at)]))
             )
-        return float(weight @ each)
+        return max(float(weight @ each), np.finfo(float).tiny)  # no chance is none: it is less
 
     scored = np.logical_and.reduce([one for one, _ in errors])
     gauge = np.array([table.gauge[k] for k in rows])

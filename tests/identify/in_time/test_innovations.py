@@ -1,7 +1,7 @@
 """Innovations are those of the joint normal distribution of old and new readings."""
 
 import numpy as np
-from support.in_time import DRIFTING, covariance, drawn, effects
+from support.in_time import DAY, DRIFTING, covariance, drawn, effects
 
 from geoident.identify.in_time.innovations import Filter, single_wrong
 from geoident.identify.in_time.regression import TimeRegression
@@ -22,7 +22,7 @@ def conditional(t, y, X, k, regression):
     return mean, S[k:, k:] - G @ S[:k, k:] + D @ regression.covariance @ D.T
 
 
-def test_innovations_are_whitened_by_the_conditional_covariance():
+def test_innovations_are_whitened_by_the_conditional_covariance(verification):
     t, y, X, k, regression = old_and_new()
     mean, V = conditional(t, y, X, k, regression)
     root = np.linalg.cholesky(V)
@@ -30,6 +30,8 @@ def test_innovations_are_whitened_by_the_conditional_covariance():
     e = (y[k:] - filtered.predicted(y[k:])) / filtered.sd
     np.testing.assert_allclose(e, np.linalg.solve(root, y[k:] - mean), rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(filtered.sd, np.diag(root), rtol=1e-8)
+    exact = np.linalg.solve(root, y[k:] - mean)
+    verification("innovations", "", (t[k:] - t[k - 1]) / DAY, exact=exact, found=e)
     steps = np.tril(np.ones((len(t) - k, len(t) - k)))
     np.testing.assert_allclose(filtered.effects(steps), np.linalg.solve(root, steps), atol=1e-10)
 

@@ -5,6 +5,7 @@ from which the fit begins, with noise that lasts.
 """
 
 import json
+import shlex
 
 import h5py
 import numpy as np
@@ -136,16 +137,42 @@ def test_only_gauges_with_enough_readings_are_fitted(tmp_path):
     assert "cannot be fitted" in finding["sentence"]
 
 
+PROJECT = """format: geoident-project/1
+title: Two blocks
+sections:
+  - {name: left, case: dam.yaml}
+  - {name: right, case: dam.yaml}
+shared: [E_rock]
+"""
+
+
 @pytest.mark.parametrize(
-    "words",
-    ["backtest {}", "scan {}", "simulate {}", "check {} --identifiability", "check {} --mesh-error",
-     "export {} --format pest", "plan {} --candidates c.yaml --budget 1 --for E_dam"],
+    ("words", "why"),
+    [
+        ("backtest dam.yaml", "have dates, not stages"),
+        ("scan dam.yaml", "have dates, not stages"),
+        ("simulate dam.yaml", "have dates, not stages"),
+        ("check dam.yaml --identifiability", "have dates, not stages"),
+        ("check dam.yaml --mesh-error", "have dates, not stages"),
+        ("export dam.yaml --format pest -o control", "have dates, not stages"),
+        ("export dam.yaml --format dakota -o study", "have dates, not stages"),
+        ("plan dam.yaml --candidates c.yaml --budget 1 --for E_dam", "have dates, not stages"),
+        ("fit project.yaml", "have dates, not stages"),
+        ("fit dam.yaml --set fit.model_error=0.1", "it does not fit readings in time"),
+        ("check dam.yaml --set 'decision={if: P58 > 3 mm at in service, then: drain}'",
+         "a decision is on the reading of a stage"),
+    ],
 )  # fmt: skip
-def test_commands_of_stages_are_refused(fitted, words):
+def test_what_goes_stage_by_stage_is_refused(fitted, monkeypatch, words, why):
     folder, _ = fitted
-    done = run_command(*words.format(folder / "dam.yaml").split())
+    monkeypatch.chdir(folder)
+    (folder / "project.yaml").write_text(PROJECT)
+    files = set(folder.iterdir())
+    done = run_command(*shlex.split(words))
     assert done.exit_code == 3, done.output
-    assert "structure in service have dates" in done.output or "readings in time" in done.output
+    assert why in done.output
+    assert "    " in done.output  # with what to do in its place
+    assert set(folder.iterdir()) == files
 
 
 @pytest.mark.parametrize("command", ["predict", "sample"])

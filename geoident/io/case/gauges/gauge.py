@@ -235,6 +235,16 @@ class GaugeBase(Section):
                 hint = "Give one of them, or another name."
                 message = f"'{name}' is the name of an alarm value, too"
                 faults.add((key, name), "duplicate", message, hint)
+            elif name == "amber" and self._before(given, (getattr(self, key) or {}).get("red")):
+                message = f"'{given.text}' warns after the red value has been reached"
+                faults.add((key, name), "out-of-range", message, "Exchange amber and red.")
+
+    @staticmethod
+    def _before(amber: CaseNumber, red: CaseNumber | None) -> bool:
+        """Red is reached before amber, in the same direction."""
+        if red is None or red.dimension != amber.dimension:
+            return False
+        return abs(amber.factor) > abs(red.factor) and amber.factor * red.factor > 0.0
 
     def _alarm_values(self) -> Iterator[tuple[str, str, CaseNumber]]:
         """Key, name and value of all alarm values."""
