@@ -19,7 +19,7 @@ from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_
 from geoident.io.result.file import read_result as read_file
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
-from geoident.model.results.in_service import ChangeRow, PowerRow
+from geoident.model.results.in_service import ChangeRow, ParameterChangeRow, PowerRow
 from geoident.model.results.plan import GaugePlan, PlanTarget
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
@@ -228,6 +228,14 @@ class ControlResult(ResultFile):
     def changes(self) -> tuple[ChangeRow, ...]:
         """Steps and drifts that the readings show, SI; one of several gauges has a row for each."""
         return self.data.changes
+
+    @property
+    def parameter_changes(self) -> tuple[ParameterChangeRow, ...]:
+        """Parameters of a structure on its mesh that have changed, SI.
+
+        Of those that cannot be told apart there is a row for each, the most probable one first.
+        """
+        return self.data.parameter_changes
 
     @property
     def power(self) -> tuple[PowerRow, ...]:

@@ -37,8 +37,8 @@ def control(
             that are later than the fit.
         false_alarms: how often chance alone may raise an alarm, of all gauges together.
         power: changes of which is asked whether they would be seen, and how late, such as
-            ``P2 drifts 1 mm/year``, ``P1, P2 step 2 mm`` or ``all soften 20 %``; they need no new
-            readings.
+            ``P2 drifts 1 mm/year``, ``P1, P2 step 2 mm``, ``all soften 20 %``, or on a mesh
+            ``E_rock falls 20 %``; they need no new readings.
         output: file or existing folder of the result; ``CASE.control.h5`` beside the fit if None.
         seed: of the simulated noise from which the threshold follows.
         force: overwrite a result of other input.

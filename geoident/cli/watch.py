@@ -95,6 +95,8 @@ class Answer:
         if self.object.get("kind") == "control":
             changes = [row for row in self.object.get("changes", ()) if row["lasts"]]
             rows = {(row["kind"], row["gauge"]) for row in changes}
+            parameters = [row for row in self.object.get("parameter_changes", ()) if row["lasts"]]
+            rows |= {("change", row["parameter"]) for row in parameters}
             values = self.object.get("alarms", ())
             rows |= {(row["level"], row["gauge"]) for row in values if row["reached"]}
             return sorted(" ".join(row) for row in rows)

@@ -155,6 +155,12 @@ def _in_service(result: Result) -> NamedAmounts:
     for row in result.changes:
         item = f"{row.kind} of {row.gauge}, {date_text(row.since)}"
         yield Place("changes", item, "size"), Amount(row.size, row.dimension, row.unit)
+    for changed in result.parameter_changes:
+        item = f"{changed.parameter}, {date_text(changed.since)}"
+        yield (
+            Place("changes", item, "after"),
+            Amount(changed.after, changed.dimension, changed.unit),
+        )
 
 
 def _grid(result: Result) -> NamedAmounts:

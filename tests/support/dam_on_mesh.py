@@ -7,12 +7,14 @@ elsewhere.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from geoident.fem.solvers import pick_solver
-from geoident.forward.in_service.structure import service_model
+from geoident.forward.in_service.structure import ServiceModel, service_model
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
 from geoident.model.mesh import Mesh
@@ -158,8 +160,33 @@ def date(day: float) -> str:
     return str(FIRST + int(day))
 
 
+def _motion(
+    model: ServiceModel, values: Mapping[str, float], row: int, times: np.ndarray
+) -> np.ndarray:
+    """(k,) what a channel reads, mm: the water in full, temperatures less their mean."""
+    p = np.array([values[name] for name in model.names])
+    acting = model.motions(p, np.full(len(times), row), times)
+    return 1e3 * (acting.total[:, 0] - acting.parts["temperature"][:, 0].mean())
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What happens to the dam.
+
+    Args:
+        changes: channel to what is added to its readings, a function of the day, mm.
+        day: from which on parameters have other values.
+        becomes: these, by name, SI.
+    """
+
+    changes: Mapping[str, Callable[[np.ndarray], np.ndarray]] = field(default_factory=dict)
+    day: float = 0.0
+    becomes: Mapping[str, float] = field(default_factory=dict)
+
+
 def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, every: float = 12.0,
-          fine: bool = False, changes=None, noise: float = 1.0, truth=TRUTH) -> Path:  # fmt: skip
+          fine: bool = False, noise: float = 1.0, truth: Mapping[str, float] = TRUTH,
+          noises: int = 0, also: Mapping[str, Happening] | None = None) -> Path:  # fmt: skip
     """The case with its mesh, loads and readings.
 
     Args:
@@ -169,13 +196,14 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
         years: of service.
         every: days between readings.
         fine: readings are computed on a mesh of twice as many elements.
-        changes: channel to what is added to its readings, a function of the day, mm.
         noise: factor on it.
         truth: the parameters.
+        noises: other seeds for the noise alone.
+        also: files with the same readings, to which something happens.
     """
     folder.mkdir(parents=True, exist_ok=True)
     weather = dam(seed, years=years, every=every)
-    rng = np.random.default_rng(seed + 100)
+    rng = np.random.default_rng(seed + 100 + 1000 * noises)
     level = 12.0 + (weather.level - 70.0) / 55.0 * 45.0
     rows = zip(weather.days, level, weather.air, strict=True)
     (folder / "loads.csv").write_text(
@@ -187,19 +215,31 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
     read = read_case(str(path)).case
     mesh = section(fine=True) if fine else read_mesh(str(folder / "dam.msh"), dim=2)
     model = service_model(mesh, read, solver=pick_solver("auto"))
-    p = np.array([truth[name] for name in model.names])
+    files = {"readings.csv": Happening(), **(also or {})}
+    lines = {name: ["gauge,date,value,unit"] for name in files}
     start = FIRST.astype("datetime64[s]").astype(float)
-    lines = ["gauge,date,value,unit"]
-    for row, channel in enumerate(read.channels):
+    read_on, errors = [], []
+    for channel in read.channels:
         days = np.round(np.arange(rng.uniform(0, every), weather.days[-1] - 1, every))
-        times = start + days * 86400.0
-        motion = 1e3 * model.motions(p, np.full(len(days), row), times).total[:, :1]
         size = 1e3 * channel.accuracy * noise
-        y = motion[:, 0] + 0.15 * days / YEAR + rng.uniform(-3, 3)
-        y += 0.8 * size * rng.standard_normal(len(days)) + lasting(days, 0.6 * size, 25.0, rng)
-        if changes and channel.name in changes:
-            y += changes[channel.name](days)
-        lines += [f"{channel.name},{date(d)},{v:.4f},mm" for d, v in zip(days, y, strict=True)]
-    (folder / "readings.csv").write_text("\n".join(lines) + "\n")
+        error = 0.15 * days / YEAR + rng.uniform(-3, 3)
+        error += 0.8 * size * rng.standard_normal(len(days)) + lasting(days, 0.6 * size, 25.0, rng)
+        read_on.append(days)
+        errors.append(error)
+    for name, happening in files.items():
+        for row, channel in enumerate(read.channels):
+            days = read_on[row]
+            times = start + days * 86400.0
+            y = _motion(model, truth, row, times) + errors[row]
+            if happening.becomes:
+                after = _motion(model, {**truth, **happening.becomes}, row, times) + errors[row]
+                y = np.where(days > happening.day, after, y)
+            if channel.name in happening.changes:
+                y = y + happening.changes[channel.name](days)
+            lines[name] += [
+                f"{channel.name},{date(d)},{v:.4f},mm" for d, v in zip(days, y, strict=True)
+            ]
+    for name, rows_of_file in lines.items():
+        (folder / name).write_text("\n".join(rows_of_file) + "\n")
     path.write_text(case)
     return path

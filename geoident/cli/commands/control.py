@@ -40,7 +40,8 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     metavar="CHANGE",
     multiple=True,
     help="Tell whether a change would be seen, and how late: 'P2 drifts 1 mm/year', 'P1, P2 step "
-    "2 mm', 'all soften 20 %'; may be repeated. Needs no new readings.",
+    "2 mm', 'all soften 20 %', on a mesh 'E_rock falls 20 %'; may be repeated. Needs no new "
+    "readings.",
 )
 @click.option(
     "--on-alarm",
@@ -60,10 +61,10 @@ def command(
     """Hold new readings of a structure in service against its fit.
 
     Each reading is judged before it is used. Steps and drifts are looked for, of single gauges and
-    of several at once, with the date at which they began. The state is green; amber where the last
-    readings show that a gauge has changed; red where the structure has, or an alarm value is
-    reached. Single wrong readings are named, and over with the next.
-    Amber and red end with exit code 8. Writes RESULT.control.h5 and prints its path.
+    of several at once, on a mesh also changes of its parameters, with the date at which they began.
+    The state is green; amber where the last readings show that a gauge has changed; red where the
+    structure has, or an alarm value is reached. Single wrong readings are named, and over with the
+    next. Amber and red end with exit code 8. Writes RESULT.control.h5 and prints its path.
     """
     from geoident.cli.error_boundary import failures_as_json
     from geoident.cli.jobs import run_control

@@ -51,6 +51,7 @@ TABLES = (
     "seasonal",
     "judged",
     "changes",
+    "parameter-changes",
     "power",
     "backtest",
     "backtest-parameters",

@@ -33,7 +33,7 @@ def simulated_readings(
         rng: random numbers.
     """
     size = len(state.mean)
-    drawn = state.mean + rng.standard_normal((number, size)) @ state.root.T
+    drawn = state.mean + state.drawn(rng.standard_normal((number, size)).T).T
     load = rng.integers(len(columns), size=number)
     readings = np.einsum("smq,sq->sm", columns[load], drawn[:, :-PROCESSES])
     noise = [likely[k] for k in rng.integers(len(likely), size=number)]

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky
 
 from geoident.identify.in_time.noise import PROCESSES, Noise, TimeCovariance
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 from geoident.model.in_service import YEAR
 
 WORTH = 6.0
@@ -52,17 +52,26 @@ class GaugeState:
     mean: Floats
     P: Floats
 
-    @property
-    def root(self) -> Floats:
-        """(q + 2, q + 2) lower factor of P, which may be singular.
+    def drawn(self, normal: Floats, first: Ints | None = None) -> Floats:
+        """(q + 2, s) errors of the mean, of standard normal numbers (q + 2, s).
 
-        The triangular one: its columns mean the same for every gauge with these terms, so that
-        draws of several gauges may be correlated column by column.
+        By the triangular factor of P, which may be singular: its columns mean the same for every
+        gauge with these terms, so that draws of several gauges may be correlated column by column.
+
+        Args:
+            normal: independent random numbers.
+            first: terms that come before the others: they depend on the first numbers alone; None
+                for no such order.
         """
         size = np.sqrt(np.diag(self.P))  # a modulus and a motion are too far apart for one matrix
         scale = np.where(size > 0.0, size, 1.0)
         R = self.P / np.outer(scale, scale) + _ROUNDING * np.eye(len(size))
-        return np.asarray(size[:, None] * cholesky(R, lower=True))
+        order = np.arange(len(size))
+        if first is not None:
+            order = np.concatenate([first, np.setdiff1d(order, first)])
+        errors = np.empty_like(normal)
+        errors[order] = cholesky(R[np.ix_(order, order)], lower=True) @ normal
+        return np.asarray(size[:, None] * errors)
 
 
 @dataclass(frozen=True)

@@ -111,15 +111,18 @@ def sound_innovations(
     number: int,
     rng: np.random.Generator,
     likely: Sequence[Sequence[Noise]] | None = None,
+    shared: Sequence[Ints] = (),
 ) -> list[Floats]:
     """(m, number) simulated innovations of each gauge, in which nothing changes.
 
     Args:
         filters: one for each gauge.
         together: how their errors go together.
-        likely: noises of each gauge, one of which each period has; None for those of the filters.
         number: of simulated periods.
         rng: random numbers.
+        likely: noises of each gauge, one of which each period has; None for those of the filters.
+        shared: of each gauge, numbers of the terms whose coefficients all gauges have in common;
+            empty for none.
     """
     moments, places = _moments([f.times for f in filters])
     white, slow = (
@@ -136,8 +139,11 @@ def sound_innovations(
     parts = [[(a.white, a.lasting, a.time, a.drift) for a in own] for own in chosen]
     own_error, lasting, fades, drift = np.array(parts).transpose(2, 0, 1)  # each (n, number)
     independent = draws(slow, max(len(f.state.mean) for f in filters))
+    first_terms = shared or [np.zeros(0, dtype=np.int64)] * n
+    common = rng.standard_normal((len(first_terms[0]), number))
     start = [
-        f.state.root @ own[: len(f.state.mean)] for f, own in zip(filters, independent, strict=True)
+        f.state.drawn(np.vstack([common, own[: len(f.state.mean) - len(common)]]), first)
+        for f, own, first in zip(filters, independent, first_terms, strict=True)
     ]
     x, s = np.stack([one[-PROCESSES:] for one in start], axis=1)  # each (n, number)
     errors = [

@@ -101,6 +101,13 @@ class SeasonalFit:
     )
 
     @property
+    def shared(self) -> Ints:
+        """Numbers of the terms that are parameters of all gauges, as far as they are known."""
+        parameters = np.flatnonzero(np.array(self.effects) == "")[1:]
+        known = np.isfinite(self.coefficients[:, parameters]).any(axis=0)
+        return np.asarray(parameters[known])
+
+    @property
     @derived("gauge", dimension="gauge")
     def scatter(self) -> Floats:
         """(n_gauges,) standard deviation of a reading about what the effects explain."""
@@ -173,6 +180,63 @@ class ChangeRow:
         return (
             f"{size:+.{places}f}{interval} {shown_unit(self.unit, self.dimension)}".rstrip() + rate
         )
+
+
+@dataclass(frozen=True)
+class ParameterChangeRow:
+    """A parameter of a structure on its mesh that has changed, or that may have as well.
+
+    Args:
+        change: number of the change, from 1: of several parameters that cannot be told apart there
+            is a row for each, the most probable one first.
+        parameter: its name.
+        gauges: names of those that show it.
+        shown: from when on it was seen, s since 1970.
+        since: when it most likely began, s since 1970.
+        earliest: beginning of the 95 % interval of that.
+        latest: end of it.
+        before: value of the fit, SI.
+        after: value since then, SI.
+        lower95: lower end of the 95 % interval of that, before being given.
+        upper95: upper end.
+        odds: probability that it is this parameter, and no other one and no change of gauges.
+        surprise: -log10 of the probability that chance does as much.
+        lasts: the last reading still shows it.
+        unit: in which people see the parameter.
+        dimension: key of `geoident.units.DIMENSIONS`.
+    """
+
+    change: int
+    parameter: str
+    gauges: str
+    shown: float = field(metadata=column(unit="s since 1970-01-01"))
+    since: float = field(metadata=column(unit="s since 1970-01-01"))
+    earliest: float = field(metadata=column(unit="s since 1970-01-01"))
+    latest: float = field(metadata=column(unit="s since 1970-01-01"))
+    before: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
+    after: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
+    lower95: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
+    upper95: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
+    odds: float
+    surprise: float
+    lasts: bool
+    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+    @property
+    def text(self) -> str:
+        """By how much it fell or rose, with the 95 % interval: ``fell by 22 % (15 to 30 %)``."""
+        way = "fell" if self.after < self.before else "rose"
+        sign = np.sign(self.after - self.before) or 1.0
+        of = in_unit(1.0, self.unit, self.dimension) if not self.before else 100 / abs(self.before)
+        unit = "%" if self.before else shown_unit(self.unit, self.dimension)
+        size, *ends = (
+            float(sign * of * (x - self.before)) for x in (self.after, self.lower95, self.upper95)
+        )
+        low, high = sorted(ends)
+        places = max(0, 1 - int(np.floor(np.log10(max(high - low, 1e-12)))))
+        places = min(places, 1 if self.before else 3)
+        return f"{way} by {size:.{places}f} {unit} ({low:.{places}f} to {high:.{places}f} {unit})"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,13 @@ from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
 from geoident.model.results.decisions import DecisionState, TellingReading
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, Judged, PowerRow, SeasonalFit
+from geoident.model.results.in_service import (
+    ChangeRow,
+    Judged,
+    ParameterChangeRow,
+    PowerRow,
+    SeasonalFit,
+)
 from geoident.model.results.left_out import LeftOutTable
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
@@ -938,6 +944,10 @@ class Result:
     judged: Judged | None = field(default=None, metadata=column(group="judged", optional=True))
     changes: tuple[ChangeRow, ...] = field(
         default=(), metadata=column("change", group="changes", optional=True)
+    )
+    parameter_changes: tuple[ParameterChangeRow, ...] = field(
+        default=(),
+        metadata=column("parameter_change", group="parameter_changes", optional=True),
     )
     power: tuple[PowerRow, ...] = field(
         default=(), metadata=column("planned_change", group="power", optional=True)

@@ -17,7 +17,7 @@ from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats
 from geoident.model.in_service import DAY
 from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.in_service import ChangeRow
+from geoident.model.results.in_service import ChangeRow, ParameterChangeRow
 from geoident.model.results.result import Result
 from geoident.report.drawing.style import (
     ACCENT,
@@ -59,9 +59,9 @@ def time_pictures(result: Result) -> tuple[Picture, ...]:
         else ""
     )
     changed = (
-        " Vertical lines: when steps and drifts began, in the 95 % interval of that; crosses: "
+        " Vertical lines: when changes began, in the 95 % interval of that; crosses: "
         "single readings that are wrong, at the rim where they are farther off."
-        if result.changes
+        if result.changes or result.parameter_changes
         else ""
     )
     hollow = "read before, or not used" if result.kind == "control" else "not used"
@@ -108,7 +108,7 @@ def _legend(result: Result, names: Sequence[str]) -> list[object]:
         handles.append(key("expected", color=COMPUTED, ls="--", lw=1.0))
         handles.append(Patch(color=COMPUTED, alpha=0.22, lw=0, label="95 % band"))
     own = [row for row in result.changes if row.gauge in names]
-    if any(row.kind != "reading" for row in own):
+    if any(row.kind != "reading" for row in own) or result.parameter_changes:
         handles.append(key("change", color=ACCENT, lw=1.2))
     if any(row.kind == "reading" for row in own):
         handles.append(key("wrong reading", color=ACCENT, marker="x", ls="", ms=4))
@@ -151,7 +151,7 @@ def _draw_gauge(axes: Axes, result: Result, name: str) -> None:
             axes.plot(days[here], read[here], "o", ms=2.2, mew=0.5, color=edge, mfc=face,
                       rasterized=int(here.sum()) > _MANY)  # fmt: skip
     _draw_wrong(axes, days[wrong], read[wrong], limits, judged[2][wrong])
-    _draw_changes(axes, [row for row in result.changes if row.gauge == name])
+    _draw_changes(axes, result, name)
     for alarm in result.alarms:
         if alarm.gauge == name:
             axes.axhline(size * alarm.value, **_ALARM)
@@ -201,13 +201,17 @@ def _draw_wrong(
                       va="bottom" if up else "top")  # fmt: skip
 
 
-def _draw_changes(axes: Axes, rows: Sequence[ChangeRow]) -> None:
-    """A line where each step or drift began, in the interval of that, with its size and date."""
-    for k, row in enumerate(row for row in rows if row.kind != "reading"):
+def _draw_changes(axes: Axes, result: Result, name: str) -> None:
+    """A line where each change of a gauge began, in the interval of that, with size and date."""
+    rows: list[tuple[str, ChangeRow | ParameterChangeRow]] = [
+        (row.parameter, row) for row in result.parameter_changes if name in row.gauges.split(", ")
+    ]
+    rows += [(r.kind, r) for r in result.changes if r.gauge == name and r.kind != "reading"]
+    for k, (what, row) in enumerate(rows):
         if row.latest > row.earliest:
             axes.axvspan(row.earliest / DAY, row.latest / DAY, color=ACCENT, alpha=0.13, lw=0)
         axes.axvline(row.since / DAY, color=ACCENT, lw=1.2)
-        words = f"{row.kind} {row.text}, {date_text(row.since)[:10]}"
+        words = f"{what} {row.text}, {date_text(row.since)[:10]}"
         axes.annotate(words, (row.since / DAY, 0.97 - 0.13 * k), xytext=(3, 0),
                       xycoords=("data", "axes fraction"), textcoords="offset points",
                       fontsize=SMALL - 0.5, color=ACCENT, va="top")  # fmt: skip

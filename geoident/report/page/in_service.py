@@ -68,8 +68,9 @@ def power(result: Result) -> tuple[Block, ...]:
 
 
 def changed(result: Result) -> tuple[Block, ...]:
-    """Steps and drifts, and single wrong readings."""
+    """Parameters, steps and drifts, and single wrong readings."""
     return (
+        TitledTable("Parameters that have changed", in_service.parameter_changes_table(result)),
         TitledTable("Steps and drifts", in_service.changes_table(result)),
         TitledTable("Single wrong readings", in_service.wrong_table(result)),
     )

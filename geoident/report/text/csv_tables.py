@@ -20,7 +20,12 @@ from geoident.model.results.result import Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import predictions, step_parameters
 from geoident.report.text.gauges import each_reading, predicted_readings
-from geoident.report.text.in_service import judged_readings, listed_changes, seasonal_sheet
+from geoident.report.text.in_service import (
+    judged_readings,
+    listed_changes,
+    listed_parameter_changes,
+    seasonal_sheet,
+)
 from geoident.report.text.parameters import headers, parameters_sheet
 from geoident.report.text.posterior import draws_sheet, posterior_sheet
 from geoident.report.text.residuals import compared_readings, diagnostics_sheet
@@ -247,6 +252,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "seasonal": seasonal_sheet,
     "judged": lambda result: sheet(judged_readings(result), ROW),
     "changes": lambda result: sheet(listed_changes(result), ROW),
+    "parameter-changes": lambda result: sheet(listed_parameter_changes(result), ROW),
     "power": lambda result: sheet(result.power, ROW),
     "backtest": lambda result: sheet(predictions(result), ROW),
     "backtest-parameters": lambda result: sheet(step_parameters(result), ROW),

@@ -12,12 +12,12 @@ from geoident.io.text.dates import date_text
 from geoident.model.in_service import DAY
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.columns import ROW, column
-from geoident.model.results.in_service import ChangeRow
+from geoident.model.results.in_service import ChangeRow, ParameterChangeRow
 from geoident.model.results.result import Result
 from geoident.report.text.gauges import moment_text, predicted_texts, reading_text
 from geoident.report.text.layout import TextTable, decimals, section, sentence
 from geoident.report.text.rows import CsvTable, beside, objects, sheet
-from geoident.units import size_in
+from geoident.units import in_unit, shown_unit, size_in
 
 TITLE = "Effects on the gauges"
 
@@ -129,15 +129,16 @@ def judged_table(result: Result) -> TextTable:
 def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
     """Gauge with new readings to its state and to what led there; nothing but of a control.
 
-    A gauge is red whose last readings show a change of several, or that has reached an alarm value,
-    amber with a change of its own, or with a value named amber that it has reached, or another one
-    that it will more probably reach within a year than not.
+    A gauge is red whose last readings show a change of several or of a parameter, or that has
+    reached an alarm value, amber with a change of its own, or with a value named amber that it has
+    reached, or another one that it will more probably reach within a year than not.
     """
     if result.kind != "control" or result.judged is None:
         return {}
     judged = np.isfinite(result.judged.innovation)
     named = {result.gauges.readings.channel[k] for k in np.flatnonzero(judged)}
     several = {rows[0].change for rows in changes(result) if len(rows) > 1}
+    parameters = [rows[0] for rows in parameter_changes(result) if rows[0].lasts]
     states = {}
     for name in result.gauges.channels:
         if name not in named:
@@ -151,14 +152,17 @@ def gauge_states(result: Result) -> Mapping[str, tuple[str, str]]:
         ]  # fmt: skip
         lasting = [row for row in own if row.lasts]
         wrong = sum(row.kind == "reading" for row in own)
+        of_structure = [row for row in parameters if name in row.gauges.split(", ")]
         why = [
             *reached,
+            *(f"{row.parameter} {row.text} since {_day(row.since)}" for row in of_structure),
             *(f"{row.kind}{' of several' * (row.change in several)} since {_day(row.since)}"
               for row in lasting),
             *([f"{wrong} wrong {'reading' if wrong == 1 else 'readings'}"] if wrong else []),
         ]  # fmt: skip
         own_states = {a.state for a in alarms} | {AMBER for _ in lasting}
         is_red = RED in own_states or any(row.change in several for row in lasting)
+        is_red |= bool(of_structure)
         state = RED if is_red else AMBER if AMBER in own_states else GREEN
         states[name] = state, "; ".join(why)
     return states
@@ -168,6 +172,30 @@ def changes(result: Result) -> list[list[ChangeRow]]:
     """Steps and drifts, each with a row for every gauge that shows it."""
     rows = [row for row in result.changes if row.kind != "reading"]
     return [list(own) for _, own in groupby(rows, key=lambda row: row.change)]
+
+
+def parameter_changes(result: Result) -> list[list[ParameterChangeRow]]:
+    """Changes of parameters, each with a row for every parameter that it may be."""
+    rows = result.parameter_changes
+    return [list(own) for _, own in groupby(rows, key=lambda row: row.change)]
+
+
+def parameter_changes_table(result: Result) -> TextTable:
+    """A row for each parameter that has changed, or that may have as well."""
+    header = (
+        "no.", "parameter", "probability", "change", "before", "since then", "unit", "began on",
+        "95 % interval", "seen since", "gauges", "now",
+    )  # fmt: skip
+    rows = []
+    for row in result.parameter_changes:
+        values = (in_unit(x, row.unit, row.dimension) for x in (row.before, row.after))
+        rows.append(
+            [str(row.change), row.parameter, f"{row.odds:.0%}", row.text,
+             *(f"{x:.3g}" for x in values), shown_unit(row.unit, row.dimension), _day(row.since),
+             f"{_day(row.earliest)} to {_day(row.latest)}", _day(row.shown), row.gauges,
+             "still there" if row.lasts else "no longer"]
+        )  # fmt: skip
+    return TextTable(header, rows, right="rlrlrrlrrrll").filled
 
 
 def changes_table(result: Result) -> TextTable:
@@ -267,12 +295,15 @@ def next_steps(result: Result) -> list[str]:
             f"The next year more probably reaches {', '.join(near)} than not: decide now what is "
             "to be done then, and whether the level can be kept lower."
         )
-    if several:
-        gauges = list(dict.fromkeys(row.gauge for rows in several for row in rows))
+    parameters = [rows[0] for rows in parameter_changes(result)]
+    if several or parameters:
+        named = [row.gauge for rows in several for row in rows]
+        named += [name for row in parameters for name in row.gauges.split(", ")]
+        first = min([row.earliest for row in parameters] + [rows[0].earliest for rows in several])
         steps.append(
-            f"Read {', '.join(gauges)} again by hand, look at the structure there, and at what "
-            f"acts on it since {_day(min(rows[0].earliest for rows in several))}: works, level, "
-            "frost, seepage. Tell whoever is responsible for its safety."
+            f"Read {', '.join(dict.fromkeys(named))} again by hand, look at the structure there, "
+            f"and at what acts on it since {_day(first)}: works, level, frost, seepage. Tell "
+            "whoever is responsible for its safety."
         )
     if single:
         steps.append(
@@ -400,6 +431,44 @@ class ListedChange:
     lasts: bool
     unit: str = field(metadata=column(dimension=ROW))
     dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+
+@dataclass(frozen=True)
+class ListedParameterChange:
+    """A change of a parameter with its dates (ISO 8601); else as `ParameterChangeRow`."""
+
+    change: int
+    parameter: str
+    gauges: str
+    since: str
+    earliest: str
+    latest: str
+    shown: str
+    before: float = field(metadata=column(dimension=ROW))
+    after: float = field(metadata=column(dimension=ROW))
+    lower95: float = field(metadata=column(dimension=ROW))
+    upper95: float = field(metadata=column(dimension=ROW))
+    odds: float
+    surprise: float
+    lasts: bool
+    unit: str = field(metadata=column(dimension=ROW))
+    dimension: str = field(metadata=column(hidden=("csv", "json")))
+
+
+def listed_parameter_changes(result: Result) -> list[ListedParameterChange]:
+    """Every parameter that has changed, or that may have as well."""
+    changes = []
+    for row in result.parameter_changes:
+        times = (row.since, row.earliest, row.latest, row.shown)
+        since, earliest, latest, shown = (moment_text(t) or "" for t in times)
+        changes.append(
+            ListedParameterChange(
+                row.change, row.parameter, row.gauges, since, earliest, latest, shown, row.before,
+                row.after, row.lower95, row.upper95, row.odds, row.surprise, row.lasts, row.unit,
+                row.dimension,
+            )
+        )  # fmt: skip
+    return changes
 
 
 def listed_changes(result: Result) -> list[ListedChange]:

@@ -28,7 +28,12 @@ from geoident.report.text.alarms import alarms_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.surface import surface_object
 from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
-from geoident.report.text.in_service import judged_readings, listed_changes, seasonal_object
+from geoident.report.text.in_service import (
+    judged_readings,
+    listed_changes,
+    listed_parameter_changes,
+    seasonal_object,
+)
 from geoident.report.text.plan import plan_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.residuals import compared_readings, diagnostics_object
@@ -122,6 +127,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
         "changes": objects(listed_changes(result), ROW) or None,
+        "parameter_changes": objects(listed_parameter_changes(result), ROW) or None,
         "updates": updates_object(result),
         "power": result.power and objects(result.power, ROW),
         "grid": result.grid and grid_object(result.grid),

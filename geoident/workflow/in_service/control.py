@@ -15,6 +15,7 @@ from scipy.special import log_ndtr
 from geoident.errors import ExitCode, Fault, InputError, Location, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.in_service.seasonal import Effects
+from geoident.forward.in_service.structure import ServiceModel
 from geoident.forward.observed import ObservedModel
 from geoident.identify.in_time.detection import Change, Detector
 from geoident.identify.in_time.innovations import Filter, single_wrong
@@ -29,7 +30,7 @@ from geoident.model.results.alarms import AlarmState
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.costs import NO_COST
 from geoident.model.results.findings import Finding
-from geoident.model.results.in_service import ChangeRow, PowerRow
+from geoident.model.results.in_service import ChangeRow, ParameterChangeRow, PowerRow
 from geoident.model.results.result import GaugeTable, Result
 from geoident.units import UnitError, read_quantity
 from geoident.workflow.estimating.finished import Finished, job_at_hand
@@ -43,8 +44,14 @@ from geoident.workflow.in_service.fit import (
     unknown_later,
     with_reasons,
 )
-from geoident.workflow.in_service.fitted_gauges import FittedGauge, Sound, fitted_gauges
+from geoident.workflow.in_service.fitted_gauges import (
+    STANDARD,
+    FittedGauge,
+    Sound,
+    fitted_gauges,
+)
 from geoident.workflow.in_service.limits import Ahead, with_next_year
+from geoident.workflow.in_service.parameter_changes import ChangingStructure
 from geoident.workflow.in_service.power import PlannedChange, power_of, read_change
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
@@ -149,12 +156,7 @@ def plan_control(request: ControlRequest) -> ControlTask:
         force=request.force,
         fresh=request.fresh,
     )
-    fitted = np.flatnonzero(np.isfinite(fit.seasonal.white)).tolist()
-    has_level = "level" in fit.seasonal.effects
-    planned = tuple(
-        read_change(text, inputs.case.channels, fitted, has_level=has_level)
-        for text in request.power
-    )
+    planned = tuple(read_change(text, inputs.case, fit) for text in request.power)
     purpose = "; ".join([f"{request.false_alarms:g}", *request.power])
     job = plan_on_fit("control", purpose, asked, fit, inputs)
     return ControlTask(fit=fit, job=job, request=request, planned=planned)
@@ -182,17 +184,42 @@ def control(task: ControlTask, controlling: Control) -> Finished:
         raise InputError([_nothing_new(case, task, table)])
     rng = np.random.default_rng(task.request.seed)
     controlling.monitor.detail("simulating false alarms")
+    structure = ChangingStructure(model, task.fit) if isinstance(model, ServiceModel) else None
+
+    def sound_of(gauges: Sequence[FittedGauge]) -> Sound:
+        parameters = [
+            structure.derivatives(gauge, gauge.standard, STANDARD)
+            for gauge in gauges
+            if structure is not None
+        ]
+        return Sound(gauges, task.request.false_alarms, rng, parameters)
+
+    parameter_rows: list[ParameterChangeRow] = []
     changes: list[Change] = []
     if watched:
-        sound = Sound([new.gauge for new in watched], task.request.false_alarms, rng)
-        detector = Detector([new.filter for new in watched], sound.detector.together)
-        changes = detector.changes([new.e for new in watched], sound.threshold)
-    rows = (*_rows(changes, watched, case), *_wrong_rows(watched, case, table, len(changes)))
+        sound = sound_of([new.gauge for new in watched])
+        parameters = [
+            structure.derivatives(new.gauge, new.filter) for new in watched if structure is not None
+        ]
+        detector = Detector([new.filter for new in watched], sound.detector.together, parameters)
+        left = [new.e for new in watched]
+        if structure is not None:
+            parameter_rows, left = _parameter_changes(
+                structure, detector, left, sound.threshold, [new.gauge for new in watched]
+            )
+        changes = detector.changes(left, sound.threshold)
+    number = len({row.change for row in parameter_rows})
+    rows = (
+        *_rows(changes, watched, case, number),
+        *_wrong_rows(watched, case, table, number + len(changes)),
+    )
     power: tuple[PowerRow, ...] = ()
     if task.planned:
         if len(watched) < len(fitted):
-            sound = Sound(fitted, task.request.false_alarms, rng)
-        power = tuple(power_of(one, sound, effects, case.channels) for one in task.planned)
+            sound = sound_of(fitted)
+        power = tuple(
+            power_of(one, sound, effects, case.channels, structure) for one in task.planned
+        )
     table = replace(table, computed=explained(fit, task.fit.gauges.channels, table, effects))
     gauges = gauge_table(case, table, np.full((len(case.channels), len(case.stages)), np.nan))
     alarms = with_next_year(
@@ -202,7 +229,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
         effects_of,
         rng,
     )
-    state = _state(changes, alarms) if watched else NOT_JUDGED
+    state = _state(changes, parameter_rows, alarms) if watched else NOT_JUDGED
     return task.write(
         Result(
             kind="control",
@@ -213,6 +240,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             objective=float("nan"),
             findings=(
                 *alarm_findings(alarms, dated=True),
+                *_parameter_findings(parameter_rows),
                 *_findings(rows),
                 *_wrong_findings(watched, case),
             ),
@@ -224,6 +252,7 @@ def control(task: ControlTask, controlling: Control) -> Finished:
             counts=NO_COST,
             judged=judged(table, [(new.rows, new.filter) for new in watched]),
             changes=rows,
+            parameter_changes=tuple(parameter_rows),
             power=power,
             alarms=alarms,
             notes=(*case.notes, *unused_notes(table)),
@@ -331,10 +360,31 @@ def _new_readings(table: ReadingTable, fit: Result) -> ReadingTable:
     return replace(table, reason=tuple(reasons), used=used)
 
 
+def _parameter_changes(
+    structure: ChangingStructure,
+    detector: Detector,
+    e: Sequence[Floats],
+    threshold: float,
+    gauges: Sequence[FittedGauge],
+) -> tuple[list[ParameterChangeRow], list[Floats]]:
+    """One parameter after the other that has changed, and the innovations that they leave."""
+    rows: list[ParameterChangeRow] = []
+    left = list(e)
+    for number in range(1, len(structure.known) + 1):
+        change = detector.parameter_change(left, threshold)
+        if change is None:
+            break
+        own, effects = structure.rows(change, number, detector, gauges)
+        rows += own
+        left = [x - effect for x, effect in zip(left, effects, strict=True)]
+    return rows, left
+
+
 def _rows(
-    changes: Sequence[Change], watched: Sequence[WatchedGauge], case: Case
+    changes: Sequence[Change], watched: Sequence[WatchedGauge], case: Case, before: int
 ) -> Iterator[ChangeRow]:
-    for number, change in enumerate(changes, 1):
+    """Steps and drifts, numbered after the changes that went before."""
+    for number, change in enumerate(changes, before + 1):
         for i, size, sd in zip(change.gauges, change.size, change.sd, strict=True):
             channel = case.channels[watched[i].gauge.number]
             yield ChangeRow(
@@ -361,7 +411,11 @@ def _wrong_rows(
         )  # fmt: skip
 
 
-def _state(changes: Sequence[Change], alarms: Sequence[AlarmState]) -> str:
+def _state(
+    changes: Sequence[Change],
+    parameters: Sequence[ParameterChangeRow],
+    alarms: Sequence[AlarmState],
+) -> str:
     """Red where the last readings show that the structure has changed, amber where gauges have.
 
     A single wrong reading is over with the next one, and a change that is no longer seen as well.
@@ -369,6 +423,7 @@ def _state(changes: Sequence[Change], alarms: Sequence[AlarmState]) -> str:
     """
     lasting = [len(change.gauges) for change in changes if change.lasts]
     states = {alarm.state for alarm in alarms} | {RED if n > 1 else AMBER for n in lasting}
+    states |= {RED for row in parameters if row.lasts}
     return next((state for state in (RED, AMBER) if state in states), GREEN)
 
 
@@ -400,17 +455,45 @@ def _reason(
     )
 
 
+def _dates(row: ChangeRow | ParameterChangeRow) -> tuple[str, str]:
+    """When a change began, with the interval of that, and since when it was seen."""
+    when = date_text(row.since)[:10]
+    if row.latest > row.earliest:
+        when += f" ({date_text(row.earliest)[:10]} to {date_text(row.latest)[:10]})"
+    return when, f"seen since {date_text(row.shown)[:10]}"
+
+
+def _parameter_findings(rows: Sequence[ParameterChangeRow]) -> Iterator[Finding]:
+    """A sentence for each change of parameters, with all that it may be."""
+    for _, group in groupby(rows, key=lambda row: row.change):
+        one, *others = group
+        when, seen = _dates(one)
+        sentence = f"{one.parameter} {one.text} since {when}, {seen} by {one.gauges}. "
+        sentence += "The structure, or what acts on it, has changed."
+        for row in others:
+            sentence += (
+                f" It cannot be told from {row.parameter}: that {row.text}, with a probability of "
+                f"{row.odds:.0%}."
+            )
+        if (rest := 1.0 - one.odds - sum(row.odds for row in others)) > 1.0 - _SURE:
+            sentence += f" With a probability of {rest:.0%} gauges have moved by themselves."
+        if not one.lasts:
+            sentence += _GONE
+        names = ", ".join(row.parameter for row in (one, *others))
+        yield Finding("change", names, sentence, {"since": one.since})
+
+
+_GONE = " The last readings do not show it any more."
+
+
 def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
     """A sentence for each step and drift."""
     changes = (row for row in rows if row.kind != "reading")
     for _, group in groupby(changes, key=lambda row: row.change):
         own = list(group)
         one = own[0]
-        when = date_text(one.since)[:10]
-        if one.latest > one.earliest:
-            when += f" ({date_text(one.earliest)[:10]} to {date_text(one.latest)[:10]})"
+        when, seen = _dates(one)
         sizes = ", ".join(f"{row.gauge} {row.text}" for row in own)
-        seen = f"seen since {date_text(one.shown)[:10]}"
         as_none = len(own) == 1 and abs(one.size) < NORMAL_95 * one.sd
         if as_none:
             sentence = f"{one.gauge} moves otherwise since {when}, {seen}, but as no {one.kind} "
@@ -426,7 +509,7 @@ def _findings(rows: Sequence[ChangeRow]) -> Iterator[Finding]:
             other = "drift" if one.kind == "step" else "step"
             sentence += f" It may also be a {other}: more readings will tell."
         if not one.lasts:
-            sentence += " The last readings do not show it any more."
+            sentence += _GONE
         yield Finding("change", ", ".join(row.gauge for row in own), sentence, {"since": one.since})
 
 

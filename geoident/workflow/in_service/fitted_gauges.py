@@ -38,6 +38,7 @@ class FittedGauge:
         likely: noises that it may have.
         errors: of the fitted readings.
         standard: a filter over dates as usual after them.
+        shared: (h,) which of its terms are parameters that all gauges share.
     """
 
     number: int
@@ -46,6 +47,7 @@ class FittedGauge:
     likely: tuple[Noise, ...]
     errors: FittedErrors
     standard: Filter
+    shared: Ints
 
     @property
     def read_in_a_year(self) -> Floats:
@@ -84,6 +86,7 @@ def fitted_gauges(fit: Result, effects_of: EffectsOf) -> list[FittedGauge]:
                 tuple(Noise(*draw) for draw in draws[np.isfinite(draws[:, 0])].tolist()),
                 FittedErrors.of(state.noise, times, residual),
                 Filter(state, times[usual] + STANDARD, columns[usual]),
+                np.flatnonzero(np.isin(terms, seasonal.shared)),
             )
         )
     return gauges
@@ -111,6 +114,7 @@ class Sound:
         gauges: of a fit.
         between: two false alarms of all of them together, s, on the average.
         rng: random numbers.
+        parameters: what parameters that rise do to the readings of each gauge on these dates.
 
     Attributes:
         innovations: (m, s) simulated, of each gauge.
@@ -118,14 +122,21 @@ class Sound:
     """
 
     def __init__(
-        self, gauges: Sequence[FittedGauge], between: float, rng: np.random.Generator
+        self,
+        gauges: Sequence[FittedGauge],
+        between: float,
+        rng: np.random.Generator,
+        parameters: Sequence[Floats] = (),
     ) -> None:
         self.gauges, self._between = gauges, between
         filters = [gauge.standard for gauge in gauges]
         together = Correlations.of([gauge.errors for gauge in gauges])
         likely = [gauge.likely for gauge in gauges]
-        self.innovations = sound_innovations(filters, together, _SIMULATED, rng, likely)
-        self.detector = Detector(filters).correlated(self.innovations)
+        self.innovations = sound_innovations(
+            filters, together, _SIMULATED, rng, likely, [gauge.shared for gauge in gauges]
+        )
+        usual = Detector(filters, parameters=parameters)
+        self.detector = usual.correlated(self.innovations)
 
     @cached_property
     def threshold(self) -> float:

@@ -12,17 +12,22 @@ from geoident.errors import UsageError
 from geoident.forward.in_service.seasonal import Effects
 from geoident.io.text.wording import did_you_mean
 from geoident.model.arrays import Floats
+from geoident.model.case import Case
 from geoident.model.gauges import Channel
 from geoident.model.in_service import YEAR
 from geoident.model.results.in_service import PowerRow
+from geoident.model.results.result import Result
 from geoident.units import UnitError, read_quantity
 from geoident.workflow.in_service.fitted_gauges import STANDARD, FittedGauge, Sound
+from geoident.workflow.in_service.parameter_changes import ChangingStructure
 
 _EXPECTED = (
-    "expected a change such as 'P2 drifts 1 mm/year', 'P1, P2 step 2 mm' or 'all soften 20 %'"
+    "expected a change such as 'P2 drifts 1 mm/year', 'P1, P2 step 2 mm' or 'all soften 20 %', or "
+    "on a mesh 'E_rock falls 20 %'"
 )
 
-_CHANGE = re.compile(r"\s*(.+?)\s+(drift|step|soften)s?\s+(.+?)\s*")
+_CHANGE = re.compile(r"\s*(.+?)\s+(drift|step|soften|fall|rise)s?\s+(.+?)\s*")
+_OF_PARAMETERS = ("fall", "rise")
 _RATE = re.compile(r"(.+?)\s*(?:/|\bper\b|\ba\b)\s*(day|d|week|month|year|yr|a)")
 _PERCENT = re.compile(r"([0-9]+(?:\.[0-9]*)?)\s*%")
 
@@ -38,23 +43,35 @@ class PlannedChange:
 
     Args:
         text: as it was asked for.
-        kind: ``step``, ``drift`` or ``soften``.
+        kind: ``step``, ``drift`` or ``soften``, of a parameter ``fall`` or ``rise``.
         gauges: numbers of the channels that it concerns.
         size: of each, SI; of a drift by year; of a softening the part by which stiffness falls.
+        parameter: name of the one that changes; empty for a change of gauges.
+        value: that it takes, SI.
     """
 
     text: str
     kind: str
     gauges: tuple[int, ...]
-    size: tuple[float, ...]
+    size: tuple[float, ...] = ()
+    parameter: str = ""
+    value: float = np.nan
 
-    def motion(self, gauge: FittedGauge, effects: Effects) -> Floats:
+    def motion(
+        self, gauge: FittedGauge, effects: Effects, structure: ChangingStructure | None
+    ) -> Floats:
         """(m,) what it adds to the readings on dates as usual, SI, if it begins with them.
 
         Args:
             gauge: one of a fit.
             effects: names of the terms and to which effect each belongs.
+            structure: that the change of a parameter concerns.
         """
+        if self.parameter:
+            assert structure is not None
+            return structure.motion(
+                self.parameter, self.value, gauge, gauge.standard, earlier=STANDARD
+            )
         times, columns = gauge.standard.times, gauge.standard.columns
         if gauge.number not in self.gauges:
             return np.zeros(len(times))
@@ -68,36 +85,86 @@ class PlannedChange:
         return np.asarray((1.0 / (1.0 - size) - 1.0) * motion)
 
 
-def read_change(
-    text: str, channels: Sequence[Channel], fitted: Sequence[int], *, has_level: bool
-) -> PlannedChange:
+def read_change(text: str, case: Case, fit: Result) -> PlannedChange:
     """A change from words such as ``P2 drifts 1 mm/year``.
 
     Args:
         text: the words.
-        channels: of the case.
-        fitted: numbers of those that have a fit.
-        has_level: the model has an effect of the level.
+        case: with the gauges.
+        fit: of them.
 
     Raises:
-        UsageError: the words are no change, or one of a gauge that is not there.
+        UsageError: the words are no change, or one of a gauge or parameter that is not there.
     """
     match = _CHANGE.fullmatch(text)
     if match is None:
         raise UsageError(f"'{text}' is no change; {_EXPECTED}.")
     who, kind, size = match.groups()
+    assert fit.seasonal is not None
+    channels = case.channels
+    fitted = np.flatnonzero(np.isfinite(fit.seasonal.white)).tolist()
+    if kind in _OF_PARAMETERS:
+        value = _value(text, who, size, -1.0 if kind == "fall" else 1.0, case, fit)
+        return PlannedChange(text, kind, tuple(fitted), parameter=who, value=value)
     numbers = _gauges(text, who, channels, fitted)
     if kind == "soften":
         percent = _PERCENT.fullmatch(size)
         if percent is None or not 0.0 < float(percent[1]) < 100.0:
             message = f"'{size}' in '{text}' is no part by which stiffness falls"
             raise UsageError(f"{message}; write one above 0 % and below 100 %, such as 20 %.")
-        if not has_level:
+        if "level" not in fit.seasonal.effects:
             message = f"'{text}' needs an effect of the level, which the model does not have"
             raise UsageError(f"{message}; ask for a step or a drift.")
         return PlannedChange(text, kind, numbers, (float(percent[1]) / 100.0,) * len(numbers))
     sizes = tuple(_size(text, kind, size, channels[number]) for number in numbers)
     return PlannedChange(text, kind, numbers, sizes)
+
+
+def _value(text: str, name: str, size: str, sign: float, case: Case, fit: Result) -> float:
+    """The value that a parameter takes, SI.
+
+    Args:
+        text: all the words.
+        name: the parameter.
+        size: by how much it changes, such as ``20 %`` or ``by 2 GPa``.
+        sign: of the change.
+        case: with the parameters.
+        fit: with their values.
+    """
+    assert fit.seasonal is not None
+    names = [fit.seasonal.terms[k] for k in fit.seasonal.shared]
+    parameters = {parameter.name: parameter for parameter in case.parameters}
+    if not parameters:
+        raise UsageError(
+            f"'{text}' is a change of a parameter, and a seasonal model has none. Ask what gauges "
+            "would show: 'P2 drifts 1 mm/year', 'P1, P2 step 2 mm' or 'all soften 20 %'."
+        )
+    if name not in parameters:
+        hint = did_you_mean(name, list(parameters), what="Parameters of the case")
+        raise UsageError(f"'{name}' in '{text}' is no parameter. {hint}")
+    if name not in names:
+        message = f"the readings do not determine '{name}', so they would not show '{text}'"
+        raise UsageError(f"{message}. {_known(names)}")
+    parameter = parameters[name]
+    before = float(fit.parameters.values[fit.parameters.names.index(name)])
+    amount = size.removeprefix("by ").strip()
+    if (percent := _PERCENT.fullmatch(amount)) is not None:
+        by = float(percent[1]) / 100.0 * abs(before)
+    else:
+        try:
+            by = read_quantity(amount, parameter.dimension).value
+        except UnitError as error:
+            raise UsageError(f"'{amount}' in '{text}', of {name}: {error}") from None
+    value = before + sign * by
+    if not by > 0.0:
+        raise UsageError(f"'{amount}' in '{text}' is no change; write a size above zero.")
+    if parameter.lower > 0.0 >= value:
+        raise UsageError(f"'{text}' leaves nothing of {name}; write less.")
+    return value
+
+
+def _known(names: Sequence[str]) -> str:
+    return f"They determine {', '.join(names)}." if names else "They determine no parameter."
 
 
 def _gauges(
@@ -132,7 +199,11 @@ def _size(text: str, kind: str, size: str, channel: Channel) -> float:
 
 
 def power_of(
-    change: PlannedChange, sound: Sound, effects: Effects, channels: Sequence[Channel]
+    change: PlannedChange,
+    sound: Sound,
+    effects: Effects,
+    channels: Sequence[Channel],
+    structure: ChangingStructure | None,
 ) -> PowerRow:
     """How probably and how late a change is seen that begins with dates as usual.
 
@@ -141,9 +212,17 @@ def power_of(
         sound: what gauges show without it.
         effects: names of the terms and to which effect each belongs.
         channels: of the case.
+        structure: that the change of a parameter concerns.
+
+    Raises:
+        UsageError: the parameter cannot have that value.
     """
+    if structure is not None and change.parameter:
+        why = structure.why_not(change.parameter, change.value)
+        if why is not None:
+            raise UsageError(f"'{change.text}' cannot be: {why}.")
     changed = [
-        own + gauge.standard.effects(change.motion(gauge, effects)[:, None])
+        own + gauge.standard.effects(change.motion(gauge, effects, structure)[:, None])
         for gauge, own in zip(sound.gauges, sound.innovations, strict=True)
     ]
     delay = sound.detector.first_seen(changed, sound.threshold)

@@ -73,6 +73,7 @@ def test_it_is_on_screen_in_json_in_a_table_and_on_the_page(fitted, tmp_path):
         ("P2 steps 1 kPa", "of P2"),
         ("P2 steps 0 mm", "is no change"),
         ("all soften 100 %", "above 0 % and below 100 %"),
+        ("E_rock falls 20 %", "a seasonal model has none. Ask what gauges would show"),
     ],
 )
 def test_words_that_are_no_change_are_refused_with_what_was_expected(fitted, words, expected):

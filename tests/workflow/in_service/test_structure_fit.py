@@ -5,12 +5,13 @@ from which the fit begins, with noise that lasts.
 """
 
 import json
+import re
 import shlex
 
 import h5py
 import numpy as np
 import pytest
-from support.dam_on_mesh import CASE, FIRST, TRUTH, write
+from support.dam_on_mesh import CASE, FIRST, TRUTH, Happening, write
 from support.service_dam import YEAR
 
 import geoident
@@ -37,10 +38,20 @@ def run(command, *arguments, code=0):
     return json.loads(done.stdout)
 
 
+DAY = 7.2 * YEAR
+"""When something happens, of years of which six are fitted."""
+
+LATER = {
+    "drift.csv": Happening({"P30": lambda t: np.where(t > DAY, (t - DAY) / YEAR, 0.0)}),
+    "rock.csv": Happening(day=DAY, becomes={"E_rock": 0.6 * TRUTH["E_rock"]}),
+    "dam.csv": Happening(day=DAY, becomes={"E_dam": 0.75 * TRUTH["E_dam"]}),
+}
+
+
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("dam")
-    return folder, run("fit", write(folder, seed=4, fine=True))
+    return folder, run("fit", write(folder, seed=4, fine=True, also=LATER))
 
 
 def test_parameters_come_back_with_their_intervals(fitted):
@@ -84,17 +95,118 @@ def test_control_of_a_sound_dam_is_green(fitted):
     assert run("control", folder / "dam.fit.h5", "-o", folder / "sound.h5")["status"] == "green"
 
 
+def controlled(fitted, tmp_path, name):
+    """The control of readings to which something has happened, and the path of its result."""
+    folder, out = fitted[0], tmp_path / "later.h5"
+    new = folder / name
+    return run("control", folder / "dam.fit.h5", "--readings", new, "-o", out, code=8), out
+
+
+def days(text):
+    return (np.datetime64(text[:10]) - FIRST).astype(int)
+
+
 def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
-    drift = {"P30": lambda t: np.where(t > 7.2 * YEAR, 1.0 * (t - 7.2 * YEAR) / YEAR, 0.0)}
-    case = write(tmp_path, seed=4, fine=True, changes=drift)
-    run("fit", case)
-    said = run("control", tmp_path / "dam.fit.h5", code=8)
+    said, _ = controlled(fitted, tmp_path, "drift.csv")
     assert said["status"] == "amber"
+    assert "parameter_changes" not in said
     (row,) = (one for one in said["changes"] if one["lasts"])
     assert (row["gauge"], row["kind"]) == ("P30", "drift")
     assert row["size"] * 1e3 == pytest.approx(1.0, abs=3.5 * row["sd"] * 1e3)
-    began = (np.datetime64(row["since"][:10]) - FIRST).astype(int)
-    assert abs(began - 7.2 * YEAR) < 120
+    assert abs(days(row["since"]) - DAY) < 120
+
+
+@pytest.mark.parametrize("name", ["rock", "dam"])
+def test_control_names_the_parameter_that_falls(tmp_path, fitted, name):
+    """Of all gauges together, of a truth of another mesh: which, how much, and since when."""
+    said, out = controlled(fitted, tmp_path, f"{name}.csv")
+    assert said["status"] == "red"
+    (row,) = said["parameter_changes"]
+    assert (row["parameter"], row["lasts"]) == (f"E_{name}", True)
+    assert row["odds"] > 0.9
+    part = {"rock": 0.6, "dam": 0.75}[name]
+    assert row["lower95"] < part * row["before"] < row["upper95"]
+    assert row["upper95"] - row["lower95"] < 0.25 * row["before"]
+    assert days(row["earliest"]) - 5 < DAY < days(row["latest"]) + 5
+    assert days(row["shown"]) - DAY < 90
+    assert not [one for one in said.get("changes", ()) if one["lasts"]]
+    (sentence,) = (f["sentence"] for f in said["findings"] if f["subject"] == f"E_{name}")
+    assert re.match(rf"E_{name} fell by \d+\.?\d* % \(.* to .* %\) since 2017-0", sentence)
+    table = run_command("export", str(out), "--table", "parameter-changes").stdout
+    assert f"E_{name}" in table
+    assert "GPa" in table
+    page = tmp_path / "status.html"
+    assert run_command("report", str(out), "-o", str(page)).exit_code == 0
+    assert "Parameters that have changed" in page.read_text()
+    assert f"E_{name} fell by" in page.read_text().partition("Gauges and their last readings")[2]
+
+
+def test_what_would_be_seen_of_a_parameter_is_told_before(fitted, tmp_path):
+    words = [
+        "E_rock falls 10 %",
+        "E_rock falls 40 %",
+        "E_rock falls by 13.3 GPa",
+        "E_dam rises 1 %",
+    ]
+    asked = [part for text in words for part in ("--power", text)]
+    said = run("control", fitted[0] / "dam.fit.h5", *asked, "-o", tmp_path / "power.h5")
+    little, much, by, hardly = said["power"]
+    assert little["probability"] < 0.6
+    assert much["probability"] > 0.97
+    assert by["probability"] == pytest.approx(much["probability"], abs=0.05)
+    assert 10.0 * 86400.0 < much["median"] < 200.0 * 86400.0
+    assert hardly["probability"] < 0.35  # false alarms: 18 % in two years are stated
+    assert much["gauges"] == "P58, P30, IP, L58, EH.a20"
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("E_rok falls 20 %", "Did you mean 'E_rock'?"),
+        ("E_rock falls 100 %", "leaves nothing of E_rock"),
+        ("E_rock falls 0 %", "write a size above zero"),
+        ("E_rock rises by 2 mm", "of E_rock"),
+    ],
+)
+def test_changes_of_parameters_that_cannot_be_are_refused(fitted, tmp_path, words, expected):
+    out = tmp_path / "power.h5"
+    done = run_command("control", str(fitted[0] / "dam.fit.h5"), "--power", words, "-o", str(out))
+    assert done.exit_code == 2
+    assert expected in " ".join(done.output.split())
+
+
+@pytest.mark.slow  # half a minute a dam
+def test_parameters_that_fall_come_to_light_as_probably_as_told(tmp_path):
+    """Of a dozen dams; as they are they have an alarm as seldom as stated, none of a parameter."""
+    words = {"rock": "E_rock falls 20 %", "dam": "E_dam falls 8 %"}
+    also = {
+        "rock.csv": Happening(day=6.0 * YEAR, becomes={"E_rock": 0.8 * TRUTH["E_rock"]}),
+        "dam.csv": Happening(day=6.0 * YEAR, becomes={"E_dam": 0.92 * TRUTH["E_dam"]}),
+    }
+    told, seen, sound, right = [], [], [], []
+    for number in range(12):
+        folder = tmp_path / str(number)
+        case = write(folder, seed=4, noises=number, years=8.0, fine=True, also=also)
+        run("fit", case)
+        fit, out = str(folder / "dam.fit.h5"), str(folder / "out.h5")
+        asked = [part for text in words.values() for part in ("--power", text)]
+        first = run_command("control", fit, *asked, "--json")
+        said = json.loads(first.stdout)
+        told += [row["probability"] for row in said["power"]]
+        sound.append(first.exit_code == 8 or "changes" in said)
+        assert "parameter_changes" not in said
+        for name in words:
+            done = run_command("control", fit, "--readings", folder / f"{name}.csv", "-o", out,
+                               "--force", "--json")  # fmt: skip
+            later = json.loads(done.stdout)
+            kinds = [row["kind"] for row in later.get("changes", ()) if row["kind"] != "reading"]
+            rows = later.get("parameter_changes", ())
+            seen.append(bool(kinds or rows))
+            right += [row["parameter"] == f"E_{name}" for row in rows[:1]]
+    spread = np.sqrt(np.mean(told) * (1.0 - np.mean(told)) / len(seen))
+    assert np.mean(seen) == pytest.approx(np.mean(told), abs=3.0 * spread)
+    assert np.mean(right) > 0.75
+    assert np.mean(sound) <= 0.6  # 0.18 in two years, and three standard deviations of 12
 
 
 def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path):
