@@ -228,6 +228,7 @@ _INSIDE = 0.05
 
 def _prior(sizes: Floats, free: Bools) -> float:
     """-2 log of the density of the logarithms of sizes (6,)."""
+    sizes = np.where(free, sizes, 1.0)
     parts = (sizes / [PRIOR_SD, 1.0, ZERO_SD, PRIOR_SD, PRIOR_SD, 1.0]) ** 2 - 2.0 * np.log(sizes)
     parts[1] = (np.log(sizes[1]) / ACCURACY_SPREAD) ** 2
     parts[5] = (np.log(sizes[5]) / MEMORY_SPREAD) ** 2
