@@ -43,13 +43,15 @@ class Linearized:
         self.pull = self.covariance.solve(J)
         # what nothing determines stays within its bounds, or within a factor of 20
         width = np.minimum(scaling.upper - scaling.lower, _WIDEST)
-        self.C = np.linalg.inv(J.T @ self.pull + R.T @ R + np.diag(width**-2.0))
+        sizes, vectors = np.linalg.eigh(J.T @ self.pull + R.T @ R + np.diag(width**-2.0))
+        half = vectors / np.sqrt(np.maximum(sizes, _ROUNDING * sizes[-1]))
+        self.C = half @ half.T
         force = self.covariance.solve(d)
         h = J.T @ force - R.T @ rho
         self.objective = float(d @ force + rho @ rho)
         self.least = self.objective - float(h @ self.C @ h)
         self.force = force - self.pull @ (self.C @ h)
-        self.root = self.pull @ np.linalg.cholesky(self.C)
+        self.root = self.pull @ half
 
     def curvature(self, columns: sp.csc_array) -> Floats:
         """The diagonal of a, (k,), of directions u (g, k)."""
@@ -107,5 +109,8 @@ class Linearized:
 
 _WIDEST = 3.0
 """Standard deviation in scaled parameters of what the readings leave open."""
+_ROUNDING = 1e-15
+"""Part of the largest eigenvalue of a matrix below which one is rounding."""
+
 _NOTHING = 1e-9
 """Part of a reading that is rounding where all of it went into the parameters."""

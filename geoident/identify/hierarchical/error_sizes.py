@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -228,6 +229,7 @@ _INSIDE = 0.05
 
 def _prior(sizes: Floats, free: Bools) -> float:
     """-2 log of the density of the logarithms of sizes (6,)."""
+    sizes = np.where(free, sizes, 1.0)
     parts = (sizes / [PRIOR_SD, 1.0, ZERO_SD, PRIOR_SD, PRIOR_SD, 1.0]) ** 2 - 2.0 * np.log(sizes)
     parts[1] = (np.log(sizes[1]) / ACCURACY_SPREAD) ** 2
     parts[5] = (np.log(sizes[5]) / MEMORY_SPREAD) ** 2
@@ -239,6 +241,9 @@ FACTORS_OF_ONE = 10.0 ** np.linspace(-1.2, 1.2, 13)
 
 OFF = 3.0
 """From which factor on they are named."""
+
+_LESS = (1.0, 0.25)
+"""By which the errors of all models may be less than found: one section may have raised them."""
 
 _MODELS = np.array([2.0, 4.0])
 """By which the model error of a section may be larger: the other explanation of a large misfit."""
@@ -263,8 +268,8 @@ def accuracies_off(
     """Sections whose gauges are not as accurate as stated.
 
     One after the other, the likeliest first; the scatter of all others is as found, or less, since
-    one section with wrong accuracies may have raised it. What a larger model error of the section
-    explains better is not said of its gauges.
+    one section with wrong accuracies may have raised it, as it may the errors of all models. What
+    a larger model error of the section explains better is not said of its gauges.
 
     Args:
         likelihood: of the sizes.
@@ -289,15 +294,16 @@ def accuracies_off(
     while len(off) < len(factors) // 2:
         trials: list[tuple[float, int, float, float]] = []
         as_they_are, of_models = np.inf, np.full(len(factors), np.inf)
-        for scatter in scatters.tolist():
-            parts = [part(s, scatter * factor) for s, factor in enumerate(factors.tolist())]
+        for scatter, less in product(scatters.tolist(), _LESS):
+            parts = [part(s, scatter * factor, less) for s, factor in enumerate(factors.tolist())]
             as_they_are = min(as_they_are, likelihood.joined(parts))
             for s in range(len(factors)):
                 for factor in FACTORS_OF_ONE.tolist():
-                    other = [*parts[:s], part(s, scatter * factor), *parts[s + 1 :]]
+                    other = [*parts[:s], part(s, scatter * factor, less), *parts[s + 1 :]]
                     trials.append((likelihood.joined(other), s, factor, scatter))
                 for model in _MODELS.tolist():
-                    other = [*parts[:s], part(s, scatter * factors[s], model), *parts[s + 1 :]]
+                    larger = part(s, scatter * factors[s], less * model)
+                    other = [*parts[:s], larger, *parts[s + 1 :]]
                     of_models[s] = min(of_models[s], likelihood.joined(other))
         best, s, factor, scatter = min(trials)
         above = float(of_models[s] - best)

@@ -340,8 +340,8 @@ def weighed_together(
     scatters = all(each.section.scatters for each in errors)
     gap, J, priors = _linearised(fit, answers, common)
     if common.names:
-        zeros = any(each.zeros.shape[1] for each in errors)
-        free = np.array([True, scatters, scatters and zeros, True, True, True])
+        zeroed = scatters and any(each.zeros.shape[1] for each in errors)
+        free = np.array([True, scatters, zeroed, True, True, True])
         begin = _FIRST if before is None or before == STATED else before
         start = np.where(free, astuple(begin), astuple(STATED))
         of_sizes = sizes_likelihood(gap, J, priors, errors, common)
