@@ -48,7 +48,6 @@ from geoident.forward.analysis.stage_equations import (
 )
 from geoident.forward.analysis.viscous_path import (
     BALANCED,
-    KNOWN,
     NO_LOWER,
     StepBudget,
     first_points,
@@ -122,6 +121,7 @@ def solve(
     *,
     strict: bool = False,
     budget: StepBudget | None = None,
+    at_start: float = BALANCED,
     most_strain: float = np.inf,
 ) -> Balance:
     """The equilibrium of a stage.
@@ -131,6 +131,7 @@ def solve(
         guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
         strict: of non-associated flow only the diffuse one (not localised in bands) counts.
         budget: steps that are left where there is no potential; None for a search of its own.
+        at_start: out-of-balance force up to which the start is in equilibrium.
         most_strain: of yielding points in this stage; an equilibrium beyond it counts as none.
 
     Raises:
@@ -139,10 +140,10 @@ def solve(
     """
     start = _nearest(equations, guesses)
     if equations.associated:
-        balance = _minimise(equations, start)
+        balance = _minimise(equations, start, at_start)
     else:
         budget = budget or StepBudget(SEARCH)
-        balance = _non_associated(equations, start, budget, strict=strict)
+        balance = _non_associated(equations, start, budget, at_start, strict=strict)
     if overstrained(equations, balance.end, most_strain):
         raise NoEquilibrium(balance.end.du)
     return balance
@@ -173,7 +174,7 @@ def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Iterate:
     return min(iterates, key=equations.distance)
 
 
-def _minimise(equations: StageEquations, iterate: Iterate) -> Balance:
+def _minimise(equations: StageEquations, iterate: Iterate, at_start: float) -> Balance:
     """Newton's method for the minimum of Pi.
 
     Raises:
@@ -181,7 +182,7 @@ def _minimise(equations: StageEquations, iterate: Iterate) -> Balance:
     """
     tangent: Tangent | None = None
     for step in range(MOST_STEPS):
-        if iterate.imbalance <= (KNOWN if tangent is None else BALANCED):
+        if iterate.imbalance <= (at_start if tangent is None else BALANCED):
             return Balance(_refined(equations, iterate, tangent), tangent)
         tangent = equations.tangent(iterate)
         d = equations.spread(tangent.solve(iterate.residual))
@@ -302,7 +303,7 @@ def _refuse_mechanism(equations: StageEquations, iterate: Iterate, d: Floats) ->
 
 
 def _non_associated(
-    equations: StageEquations, start: Iterate, budget: StepBudget, *, strict: bool
+    equations: StageEquations, start: Iterate, budget: StepBudget, at_start: float, *, strict: bool
 ) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
@@ -312,7 +313,7 @@ def _non_associated(
     Raises:
         NoEquilibrium: neither leads to an end; with the last equilibrium on the path.
     """
-    direct = newton(equations, start, budget, most=PATIENCE)
+    direct = newton(equations, start, budget, at_start=at_start, most=PATIENCE)
     if direct.converged:
         return direct
     points: list[Balance] = []

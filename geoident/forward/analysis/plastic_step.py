@@ -38,6 +38,7 @@ from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, St
 from geoident.forward.analysis.stage_points import StagePoints, Turning
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
+from geoident.forward.analysis.viscous_path import BALANCED, KNOWN
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.structures.limits import StructureLaws
@@ -130,6 +131,11 @@ class WarmStart:
         """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
         known = self._nearest(task)
         return [] if known is None else [known.du, known.du + known.change(self._values(task))]
+
+    def knows(self, task: StageTask) -> bool:
+        """Whether a stage has been solved at these very parameters: then it is not solved on."""
+        known = self._nearest(task)
+        return known is not None and known.values == self._values(task)
 
     def flow(self, task: StageTask) -> tuple[KnownFlow, ...]:
         """Solutions with balanced overstress to begin with; none where a search is due."""
@@ -260,7 +266,13 @@ class PlasticSteps:
                         raise NoEquilibrium(again.end.du, diffuse=again)
                 else:
                     starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
-                    balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
+                    balance = solve(
+                        equations,
+                        starts,
+                        strict=self.strict,
+                        at_start=BALANCED if self.warm.knows(task) else KNOWN,
+                        most_strain=LARGE_STRAIN,
+                    )
             except NoEquilibrium as error:
                 balance = self._after_failure(task, equations, error)
             end = balance.end

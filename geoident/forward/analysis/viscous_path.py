@@ -121,6 +121,7 @@ def newton(
     budget: StepBudget,
     *,
     balanced: float = BALANCED,
+    at_start: float = 1.0,
     most: int = _MOST_STEPS,
 ) -> Balance:
     """Newton's method under the natural monotonicity test.
@@ -130,12 +131,13 @@ def newton(
         start: first displacements.
         budget: steps that are left to the whole search, less those taken here.
         balanced: out-of-balance force that is enough.
+        at_start: the same of the start, where it is less.
         most: steps at most.
     """
     iterate, tangent = start, None
     share = 1.0
     for _ in range(most):
-        if iterate.imbalance <= (KNOWN if tangent is None else balanced):
+        if iterate.imbalance <= (min(at_start, balanced) if tangent is None else balanced):
             if tangent is not None and tangent.consistent:
                 # Eigenvalues are small: balance to 1e-11 leaves displacements a millionth off.
                 last = _moved(equations, iterate, tangent.solve(iterate.residual))
