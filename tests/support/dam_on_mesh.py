@@ -159,7 +159,8 @@ def date(day: float) -> str:
 
 
 def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, every: float = 12.0,
-          fine: bool = False, changes=None, noise: float = 1.0) -> Path:  # fmt: skip
+          fine: bool = False, changes=None, noise: float = 1.0,
+          truth: str = "") -> Path:  # fmt: skip
     """The case with its mesh, loads and readings.
 
     Args:
@@ -171,6 +172,7 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
         fine: readings are computed on a mesh of twice as many elements.
         changes: channel to what is added to its readings, a function of the day, mm.
         noise: factor on it.
+        truth: text of the case that the readings are of; that of the case without other word.
     """
     folder.mkdir(parents=True, exist_ok=True)
     weather = dam(seed, years=years, every=every)
@@ -182,7 +184,7 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
     )
     write_mesh(folder / "dam.msh", section())
     path = folder / "dam.yaml"
-    path.write_text(case.replace("readings: readings.csv\n", ""))
+    path.write_text((truth or case).replace("readings: readings.csv\n", ""))
     read = read_case(str(path)).case
     mesh = section(fine=True) if fine else read_mesh(str(folder / "dam.msh"), dim=2)
     model = service_model(mesh, read, solver=pick_solver("auto"))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from geoident.forward.in_service.error_shapes import error_shapes
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at, lasting_motions
 from geoident.forward.in_service.structure import ServiceModel, known_at
 from geoident.forward.observed import ObservedModel
@@ -27,13 +28,13 @@ def channel_rows(case: Case, table: ReadingTable) -> Ints:
 
 def effects_of_fit(case: Case, model: ObservedModel, fit: Result) -> EffectsOf:
     """The effects that a fit has coefficients of."""
-    if isinstance(model, ServiceModel):
-        p = fit.parameters.values
-        return lambda rows, times: structure_effects(model, p, rows, times)
     seasonal, acting = fit.seasonal, case.elsewhere
     assert seasonal is not None
-    assert isinstance(acting, SeasonalModel)
     scales = Scales(seasonal.level_low, seasonal.level_high, seasonal.air_mean)
+    if isinstance(model, ServiceModel):
+        p = fit.parameters.values
+        return lambda rows, times: structure_effects(model, p, scales, rows, times)
+    assert isinstance(acting, SeasonalModel)
     return lambda _, times: effects_at(acting, scales, times)
 
 
@@ -46,28 +47,29 @@ def all_is_known(case: Case, model: ObservedModel, times: Floats) -> Bools:
     return effects_at(acting, Scales.of(acting), times).known
 
 
-def structure_effects(model: ServiceModel, p: Floats, rows: Ints, times: Floats) -> Effects:
+def structure_effects(
+    model: ServiceModel, p: Floats, scales: Scales, rows: Ints, times: Floats
+) -> Effects:
     """The effects on readings of a structure on its mesh.
 
     A constant and what does not come back, of each gauge; the motion by level and temperature,
-    whose coefficients are one; and its derivatives by the parameters.
+    whose coefficients are about one, with the shapes of the error of the model; and the derivatives
+    of the motion by the parameters.
 
     Args:
         model: of the structure.
         p: (n,) parameters, SI.
+        scales: what the level counts from.
         rows: (k,) numbers of the channels.
         times: (k,) s.
     """
-    motions = model.motions(p, rows, np.nan_to_num(times))
-    own = list(lasting_motions(model.service, times))
+    times = np.nan_to_num(times)
+    motions = model.motions(p, rows, times)
     total = motions.total
     columns = [("constant", "", np.ones(len(times)))]
-    columns += [(name, "irreversible", values) for name, values in own]
-    columns += [
-        ("level", "level", motions.level[:, 0]),
-        ("temperature", "temperature", motions.temperature[:, 0]),
-    ]
+    columns += [(name, "irreversible", v) for name, v in lasting_motions(model.service, times)]
+    own = len(columns)
+    columns += error_shapes(model, motions, scales, times)
     columns += [(name, "", total[:, 1 + h]) for h, name in enumerate(model.names)]
     names, effects, values = zip(*columns, strict=True)
-    shared = len(columns) - 1 - len(own)
-    return Effects(np.column_stack(values), names, effects, shared)
+    return Effects(np.column_stack(values), names, effects, len(columns) - own)
