@@ -69,7 +69,7 @@ class ErrorsOfModel:
         self._l = size**2
 
     def independent(self, columns: Sequence[Floats], eta: float) -> list[Floats]:
-        """Columns (m, c) of each gauge so that readings with errors of a size eta are independent."""
+        """Columns (m, c) of each gauge, made independent where errors have a size eta."""
         within = np.concatenate([Q.T @ own for Q, own in zip(self._Q, columns, strict=True)])
         shrink = 1.0 / np.sqrt(1.0 + eta**2 * self._l) - 1.0
         less = self._V @ (shrink[:, None] * (self._V.T @ within))
