@@ -33,7 +33,17 @@ def effects_of_fit(case: Case, model: ObservedModel, fit: Result) -> EffectsOf:
     scales = Scales(seasonal.level_low, seasonal.level_high, seasonal.air_mean)
     if isinstance(model, ServiceModel):
         p = fit.parameters.values
-        return lambda rows, times: structure_effects(model, p, scales, rows, times)
+        terms, own = seasonal.terms, seasonal.effects
+
+        def effects_of(rows: Ints, times: Floats) -> Effects:
+            """By the terms of the result, which may be of a version with fewer of them."""
+            effects = structure_effects(model, p, scales, rows, times)
+            columns = dict(zip(effects.names, effects.columns.T, strict=True))
+            nothing = np.zeros(len(times))
+            kept = np.column_stack([columns.get(term, nothing) for term in terms])
+            return Effects(kept, terms, own, len(terms) - len(effects.own))
+
+        return effects_of
     assert isinstance(acting, SeasonalModel)
     return lambda _, times: effects_at(acting, scales, times)
 
