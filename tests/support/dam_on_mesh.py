@@ -185,8 +185,9 @@ class Happening:
 
 
 def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, every: float = 12.0,
-          fine: bool = False, noise: float = 1.0, truth: Mapping[str, float] = TRUTH,
-          noises: int = 0, also: Mapping[str, Happening] | None = None) -> Path:  # fmt: skip
+          fine: bool = False, changes=None, noise: float = 1.0,
+          truth: Mapping[str, float] = TRUTH, physics: str = "", noises: int = 0,
+          also: Mapping[str, Happening] | None = None) -> Path:  # fmt: skip
     """The case with its mesh, loads and readings.
 
     Args:
@@ -197,7 +198,9 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
         every: days between readings.
         fine: readings are computed on a mesh of twice as many elements.
         noise: factor on it.
+        changes: channel to what is added to its readings, a function of the day, mm.
         truth: the parameters.
+        physics: text of the case that the readings are of; that of the case without other word.
         noises: other seeds for the noise alone.
         also: files with the same readings, to which something happens.
     """
@@ -211,11 +214,11 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
     )
     write_mesh(folder / "dam.msh", section())
     path = folder / "dam.yaml"
-    path.write_text(case.replace("readings: readings.csv\n", ""))
+    path.write_text((physics or case).replace("readings: readings.csv\n", ""))
     read = read_case(str(path)).case
     mesh = section(fine=True) if fine else read_mesh(str(folder / "dam.msh"), dim=2)
     model = service_model(mesh, read, solver=pick_solver("auto"))
-    files = {"readings.csv": Happening(), **(also or {})}
+    files = {"readings.csv": Happening(changes or {}), **(also or {})}
     lines = {name: ["gauge,date,value,unit"] for name in files}
     start = FIRST.astype("datetime64[s]").astype(float)
     read_on, errors = [], []

@@ -346,13 +346,13 @@ class ServiceModel(StagedModel):
         """The start, and with each parameter of heat half and twice as large."""
         places = [self.case.start]
         for parameter in self.case.parameters:
-            for factor in _APART if parameter.name in self._of_heat else ():
+            for factor in _APART if parameter.name in self.of_heat else ():
                 moved = np.clip(parameter.start * factor, parameter.lower, parameter.upper)
                 places.append({**self.case.start, parameter.name: float(moved)})
         return tuple(ParameterPoint(values, ()) for values in places)
 
     @cached_property
-    def _of_heat(self) -> frozenset[str]:
+    def of_heat(self) -> frozenset[str]:
         """Parameters on which temperatures depend."""
         materials = [
             self.case.materials[name] for name in self.sequence.states[self.last].materials.values()

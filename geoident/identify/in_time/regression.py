@@ -8,6 +8,9 @@ and the noise from the restricted likelihood, which accounts for what b has take
 readings,
 
     -2 l = log|Sigma| + log|X^T Sigma^-1 X| + (y - X b)^T Sigma^-1 (y - X b)
+
+Some of the columns may have coefficients of mean zero and given standard deviations s, such as
+those of a model error: 1 / s^2 joins X^T Sigma^-1 X, and (b / s)^2 the sum of squares.
 """
 
 from __future__ import annotations
@@ -75,6 +78,35 @@ class GaugeState:
 
 
 @dataclass(frozen=True)
+class Basis:
+    """Columns that span X = Q R (m, q), of which no sum loses digits.
+
+    Args:
+        Q: (m, q).
+        R: (q, q).
+        prior: (k, q) what is known of the coefficients R b before, rows of size one.
+    """
+
+    Q: Floats
+    R: Floats
+    prior: Floats
+
+
+def columns_basis(X: Floats, spread: Floats | None) -> Basis:
+    """The basis of columns X (m, q) whose coefficients have a `TimeRegression.spread`."""
+    q = X.shape[1]
+    if spread is None:
+        return Basis(*np.linalg.qr(X), np.zeros((0, q)))
+    known = np.flatnonzero(np.isfinite(spread))
+    rows = np.zeros((len(known), q))
+    rows[np.arange(len(known)), known] = 1.0 / spread[known]
+    # what the prior adds to the columns is as large as they are, so that R is well conditioned
+    size = float(np.sqrt(np.mean((X[:, known] * spread[known]) ** 2))) if known.size else 1.0
+    Q, R = np.linalg.qr(np.vstack([X, size * rows]))
+    return Basis(Q[: len(X)], R, Q[len(X) :] / size)
+
+
+@dataclass(frozen=True)
 class TimeRegression:
     """Readings of one gauge, what explains them, and their noise.
 
@@ -83,50 +115,51 @@ class TimeRegression:
         y: (m,) readings, SI.
         X: (m, q) of full rank, q < m.
         noise: of the readings.
-        basis: orthonormal columns Q that span X, and R with X = Q R, where they are known.
+        basis: see `columns_basis`, where it is known.
         likely: other noises that the readings leave possible, as often as they are likely.
+        spread: (q,) standard deviations of the coefficients about zero; inf for those of which
+            nothing is known before, None where that is all.
     """
 
     times: Floats
     y: Floats
     X: Floats
     noise: Noise
-    basis: tuple[Floats, Floats] | None = None
+    basis: Basis | None = None
     likely: tuple[Noise, ...] = ()
+    spread: Floats | None = None
 
     @cached_property
     def _errors(self) -> TimeCovariance:
         return TimeCovariance(self.noise, self.times)
 
     @cached_property
-    def _basis(self) -> tuple[Floats, Floats]:
-        """Q and R: no sum over columns of Q loses digits."""
-        return np.linalg.qr(self.X) if self.basis is None else self.basis
+    def _basis(self) -> Basis:
+        return columns_basis(self.X, self.spread) if self.basis is None else self.basis
 
     @cached_property
     def _normal(self) -> tuple[Floats, Floats, Floats]:
-        """Cholesky factor L of N = Q^T Sigma^-1 Q, and Sigma^-1 of Q and of y."""
-        Q, _ = self._basis
+        """Cholesky factor L of N = Q^T Sigma^-1 Q + prior, and Sigma^-1 of Q and of y."""
+        Q, prior = self._basis.Q, self._basis.prior
         solved = self._errors.solve(np.column_stack([Q, self.y]))
-        return cholesky(Q.T @ solved[:, :-1], lower=True), solved[:, :-1], solved[:, -1]
+        normal = Q.T @ solved[:, :-1] + prior.T @ prior
+        return cholesky(normal, lower=True), solved[:, :-1], solved[:, -1]
 
     @cached_property
     def _c(self) -> Floats:
         """(q,) R b, the coefficients of Q."""
-        Q, _ = self._basis
         L, _, y = self._normal
-        return np.asarray(cho_solve((L, True), Q.T @ y))
+        return np.asarray(cho_solve((L, True), self._basis.Q.T @ y))
 
     @cached_property
     def b(self) -> Floats:
         """(q,) the coefficients."""
-        return np.asarray(np.linalg.solve(self._basis[1], self._c), dtype=np.float64)
+        return np.asarray(np.linalg.solve(self._basis.R, self._c), dtype=np.float64)
 
     @cached_property
     def covariance(self) -> Floats:
         """(q, q) C, of the coefficients."""
-        _, R = self._basis
-        root = np.linalg.solve(R, np.linalg.inv(self._normal[0]).T)
+        root = np.linalg.solve(self._basis.R, np.linalg.inv(self._normal[0]).T)
         return np.asarray(root @ root.T)
 
     @property
@@ -138,7 +171,8 @@ class TimeRegression:
     def minus_two_l(self) -> float:
         """-2 l, up to a constant of the columns alone."""
         L, Q, y = self._normal
-        left = float((self.y - self._basis[0] @ self._c) @ (y - Q @ self._c))
+        left = float((self.y - self._basis.Q @ self._c) @ (y - Q @ self._c))
+        left += float(np.sum((self._basis.prior @ self._c) ** 2))
         return self._errors.log_determinant + 2.0 * float(np.log(np.diag(L)).sum()) + left
 
     @property
@@ -165,15 +199,15 @@ def regression_in_time(times: Floats, y: Floats, X: Floats) -> TimeRegression:
         y: (m,) readings, SI.
         X: (m, q) of full rank, q < m, a constant among the columns.
     """
-    noise = fitted_noise(times, y, X)
-    likely = likely_noises(times, y, X, noise)
-    return TimeRegression(times, y, X, noise, likely=likely)
+    begun = TimeRegression(times, y, X, Noise(1.0))
+    fitted = replace(begun, noise=fitted_noise(begun))
+    return replace(fitted, likely=likely_noises(fitted))
 
 
-def fitted_noise(times: Floats, y: Floats, X: Floats) -> Noise:
-    """The noise of `regression_in_time`."""
-    search = _NoiseSearch(times, y, X)
-    if len(y) < X.shape[1] + 5:
+def fitted_noise(regression: TimeRegression) -> Noise:
+    """The noise that the residuals of a regression show, whatever noise it has."""
+    search = _NoiseSearch(regression)
+    if search.too_few:
         return Noise(search.size)
     lasting = [search.likeliest(start, _COARSE) for start in search.starts]
     best = min(lasting, key=lambda one: one.minus_two_l)
@@ -184,41 +218,35 @@ def fitted_noise(times: Floats, y: Floats, X: Floats) -> Noise:
     return replace(best.noise, drift=search.drift(best))
 
 
-def likely_noises(times: Floats, y: Floats, X: Floats, noise: Noise) -> tuple[Noise, ...]:
-    """Noises that the residuals leave possible, as often as they are likely.
-
-    Args:
-        times: (m,) s, increasing.
-        y: (m,) readings, SI.
-        X: (m, q) of full rank, q < m, a constant among the columns.
-        noise: the fitted one.
-    """
-    if len(y) < X.shape[1] + 5:
-        return (noise,)
-    return _NoiseSearch(times, y, X).likely(noise)
+def likely_noises(regression: TimeRegression) -> tuple[Noise, ...]:
+    """Noises that the residuals of a regression leave possible, as often as they are likely."""
+    search = _NoiseSearch(regression)
+    return (regression.noise,) if search.too_few else search.likely(regression.noise)
 
 
 class _NoiseSearch:
     """The noise of a regression: its parts by the restricted likelihood, beside a drift.
 
-    Args:
-        times, y, X: see `regression_in_time`.
-
     Attributes:
         size: standard deviation of the residuals of plain least squares, SI.
+        too_few: whether the readings do not tell how errors last.
     """
 
-    def __init__(self, times: Floats, y: Floats, X: Floats) -> None:
-        self._given, self._basis = (times, y, X), np.linalg.qr(X)
-        plain = y - self._basis[0] @ (self._basis[0].T @ y)
-        size = float(np.sqrt(plain @ plain / max(len(y) - X.shape[1], 1)))
+    def __init__(self, regression: TimeRegression) -> None:
+        times, y, X, spread = regression.times, regression.y, regression.X, regression.spread
+        self._given = replace(regression, basis=columns_basis(X, spread))
+        free = X if spread is None else X[:, np.isinf(spread)]
+        self.too_few = len(y) < free.shape[1] + 5
+        columns = free if len(y) < X.shape[1] + 5 else X
+        plain = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+        size = float(np.sqrt(plain @ plain / max(len(y) - columns.shape[1], 1)))
         self.size = max(size, 1e-12 * float(np.abs(y).max(initial=0.0)), np.finfo(float).tiny)
         self._spacing = float(np.median(np.diff(times)))
         self._span = float(times[-1] - times[0])
 
     def regression(self, noise: Noise) -> TimeRegression:
         """With a given noise."""
-        return TimeRegression(*self._given, noise, self._basis)
+        return replace(self._given, noise=noise)
 
     @property
     def usual_drift(self) -> float:

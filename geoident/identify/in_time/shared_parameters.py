@@ -9,12 +9,16 @@ given noise the b_i go out by projection,
 so that the sum of all r_i^T r_i is the misfit of generalized least squares in p alone: an ordinary
 problem of independent readings of size one. What is known of a gauge afterwards follows from what
 is known of p and, for given p, from its regression (`regression`).
+
+Where the model errs, a reading has further terms Z_i u_i beside these, with coefficients u of mean
+zero and covariance eta^2 K over all gauges. They add Z u to the errors, and `ErrorsOfModel` makes
+those of all gauges independent once more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +48,35 @@ class GaugeProjection:
         return np.asarray(white - self._Q @ (self._Q.T @ white))
 
 
+class ErrorsOfModel:
+    """The errors of a model in projected readings: W u beside independent ones of size one.
+
+    W has the columns of each gauge in its rows alone. With W_i = Q_i T_i, and V, l eigenvectors and
+    eigenvalues of T K T^T, the covariance of all readings is I + eta^2 Q V diag(l) V^T Q^T.
+
+    Args:
+        columns: (m, s) of each gauge, projected, SI^-1 of its coefficients.
+        root: (n s, r) of their covariance K at eta = 1, gauge by gauge.
+    """
+
+    def __init__(self, columns: Sequence[Floats], root: Floats) -> None:
+        factors = [np.linalg.qr(own) for own in columns]
+        self._Q = [Q for Q, _ in factors]
+        ends = np.cumsum([0, *(own.shape[1] for own in columns)])
+        felt = [T @ root[a:b] for (_, T), a, b in zip(factors, ends, ends[1:], strict=False)]
+        self._ends = np.cumsum([0, *(len(own) for own in felt)])
+        self._V, size, _ = np.linalg.svd(np.concatenate(felt), full_matrices=False)
+        self._l = size**2
+
+    def independent(self, columns: Sequence[Floats], eta: float) -> list[Floats]:
+        """Columns (m, c) of each gauge, made independent where errors have a size eta."""
+        within = np.concatenate([Q.T @ own for Q, own in zip(self._Q, columns, strict=True)])
+        shrink = 1.0 / np.sqrt(1.0 + eta**2 * self._l) - 1.0
+        less = self._V @ (shrink[:, None] * (self._V.T @ within))
+        parts = zip(self._Q, columns, self._ends, self._ends[1:], strict=False)
+        return [own + Q @ less[a:b] for Q, own, a, b in parts]
+
+
 Motion = Callable[[Floats], tuple[Floats, Floats]]
 """What a model says of all readings at parameters (n,): (g,), and its derivatives (g, n), SI."""
 
@@ -59,6 +92,7 @@ class ProjectedResponse:
         cost: costs so far.
         rows: of each gauge, its readings (m,) among all g, in the order of time.
         projections: of each gauge.
+        errors: of the model in the projected readings, and their size eta; None for none.
     """
 
     names: tuple[str, ...]
@@ -67,6 +101,7 @@ class ProjectedResponse:
     cost: Callable[[], Counts]
     rows: Sequence[slice]
     projections: Sequence[GaugeProjection]
+    errors: tuple[ErrorsOfModel, float] | None = None
 
     @property
     def counts(self) -> Counts:
@@ -80,6 +115,9 @@ class ProjectedResponse:
     def projected(self, columns: Floats) -> Floats:
         """Columns (g, c) of all readings, of each gauge by its projection."""
         parts = [of(columns[rows]) for rows, of in zip(self.rows, self.projections, strict=True)]
+        if self.errors is not None:
+            errors, eta = self.errors
+            parts = errors.independent(parts, eta)
         return np.concatenate(parts)
 
     def readings(self, p: Floats) -> Floats:
@@ -106,10 +144,7 @@ def state_with_parameters(regression: TimeRegression, jacobian: Floats, C: Float
         lasts, the drift).
     """
     own, q = regression.end, regression.X.shape[1]
-    of_each = [
-        TimeRegression(regression.times, column, regression.X, regression.noise).end.mean
-        for column in jacobian.T
-    ]
+    of_each = [replace(regression, y=column).end.mean for column in jacobian.T]
     A = -np.column_stack(of_each) if of_each else np.zeros((q + PROCESSES, 0))
     n = A.shape[1]
     ends = q + PROCESSES  # the errors go last

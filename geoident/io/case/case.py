@@ -44,6 +44,7 @@ from geoident.io.case.in_service.structure import (
 )
 from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder
+from geoident.io.case.model_error import ModelErrorSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.report import ReportSection
@@ -361,7 +362,11 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
         hint = "Remove it, or add creep: {share: 0.8, time: 3 years} to a material."
         faults.add(("service", "loaded"), "unused-key", message, hint)
     fit = section.fit
-    for key in ("ladder", "model_error", "keep_reduced"):
+    error = fit.model_error
+    if isinstance(error, ModelErrorSection) and error.time is not None:
+        message = "the model of a structure in service errs by level and temperature, not in time"
+        faults.add(("fit", "model_error", "time"), "no-stages", message, "Remove it.")
+    for key in ("ladder", "keep_reduced"):
         if key in fit.model_fields_set and getattr(fit, key):
             message = "it does not fit readings in time: their noise follows from the residuals"
             faults.add(("fit", key), "no-stages", message, "Remove it.")

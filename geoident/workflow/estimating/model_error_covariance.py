@@ -439,6 +439,19 @@ def shared_columns(
     return _as_sparse(root if len(place) == len(root) else root[place])
 
 
+def columns_of_motions(channels: Sequence[Channel], motions: Floats, length: float) -> Floats:
+    """(n, r) columns of shared errors at eta = 1 of whole motions (n,) of channels, SI.
+
+    Args:
+        channels: of the motions.
+        motions: with their signs.
+        length: over which the error is correlated, m.
+    """
+    floors = _floors(channels, motions[None], length)
+    part = ReadingSteps(tuple(channels), ("motion",), motions[:, None], floors.T)
+    return shared_columns([part], length).toarray()
+
+
 def _as_sparse(dense: Floats) -> sp.csr_array:
     """A matrix (m, n) most of which is not zero."""
     m, n = dense.shape

@@ -6,8 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+from geoident.forward.in_service.error_shapes import error_shapes
 from geoident.forward.in_service.seasonal import Effects, Scales, effects_at, lasting_motions
-from geoident.forward.in_service.structure import ServiceModel, known_at
+from geoident.forward.in_service.structure import Motions, ServiceModel, known_at
 from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -37,14 +38,24 @@ def channel_rows(case: Case, table: ReadingTable) -> Ints:
 
 def effects_of_fit(case: Case, model: ObservedModel, fit: Result) -> EffectsOf:
     """The effects that a fit has coefficients of."""
-    if isinstance(model, ServiceModel):
-        p = fit.parameters.values
-        return lambda rows, times, loads=None: structure_effects(model, p, rows, times, loads)
     seasonal, acting = fit.seasonal, case.elsewhere
     assert seasonal is not None
-    assert isinstance(acting, SeasonalModel)
     scales = Scales(seasonal.level_low, seasonal.level_high, seasonal.air_mean)
-    return lambda rows, times, loads=None: effects_at(acting, scales, times, loads)
+    if isinstance(model, ServiceModel):
+        p = fit.parameters.values
+        terms, own = seasonal.terms, seasonal.effects
+
+        def effects_of(rows: Ints, times: Floats, loads: Floats | None = None) -> Effects:
+            """By the terms of the result, which may be of a version with fewer of them."""
+            effects = structure_effects(model, p, scales, rows, times, loads)
+            columns = dict(zip(effects.names, effects.columns.T, strict=True))
+            nothing = np.zeros(len(times))
+            kept = np.column_stack([columns.get(term, nothing) for term in terms])
+            return Effects(kept, terms, own, len(terms) - len(effects.own))
+
+        return effects_of
+    assert isinstance(acting, SeasonalModel)
+    return lambda _, times, loads=None: effects_at(acting, scales, times, loads)
 
 
 def all_is_known(case: Case, model: ObservedModel, times: Floats) -> Bools:
@@ -57,27 +68,54 @@ def all_is_known(case: Case, model: ObservedModel, times: Floats) -> Bools:
 
 
 def structure_effects(
-    model: ServiceModel, p: Floats, rows: Ints, times: Floats, loads: Floats | None = None
+    model: ServiceModel,
+    p: Floats,
+    scales: Scales,
+    rows: Ints,
+    times: Floats,
+    loads: Floats | None = None,
 ) -> Effects:
-    """The effects on readings of a structure on its mesh.
-
-    A constant and what does not come back, of each gauge; the parts of the motion, whose
-    coefficients are one; and its derivatives by the parameters.
+    """The effects on readings of a structure on its mesh; see `effects_of_motions`.
 
     Args:
         model: of the structure.
         p: (n,) parameters, SI.
+        scales: what the level counts from.
         rows: (k,) numbers of the channels.
         times: (k,) s.
         loads: (k,) times whose level and temperatures act then; None: the same.
     """
     motions = model.motions(p, rows, np.nan_to_num(times), loads)
-    own = list(lasting_motions(model.service, times))
-    total = motions.total
+    return effects_of_motions(model, motions, scales, times, loads)
+
+
+def effects_of_motions(
+    model: ServiceModel,
+    motions: Motions,
+    scales: Scales,
+    times: Floats,
+    loads: Floats | None = None,
+) -> Effects:
+    """The effects that motions of a structure on its mesh have.
+
+    A constant and what does not come back, of each gauge; the motion by level and temperature,
+    whose coefficients are about one, with the shapes of the error of the model; creep; and the
+    derivatives of the motion by the parameters.
+
+    Args:
+        model: of the structure.
+        motions: of the readings (k).
+        scales: what the level counts from.
+        times: (k,) s.
+        loads: (k,) times whose level and temperatures act then; None: the same.
+    """
+    loads = np.nan_to_num(times if loads is None else loads)
     columns = [("constant", "", np.ones(len(times)))]
-    columns += [(name, "irreversible", values) for name, values in own]
-    columns += [(name, name, part[:, 0]) for name, part in motions.parts.items()]
+    columns += [(name, "irreversible", v) for name, v in lasting_motions(model.service, times)]
+    own, total = len(columns), motions.total
+    columns += error_shapes(model, motions, scales, loads)
+    if "creep" in motions.parts:
+        columns.append(("creep", "creep", motions.parts["creep"][:, 0]))
     columns += [(name, "", total[:, 1 + h]) for h, name in enumerate(model.names)]
     names, effects, values = zip(*columns, strict=True)
-    shared = len(columns) - 1 - len(own)
-    return Effects(np.column_stack(values), names, effects, shared)
+    return Effects(np.column_stack(values), names, effects, len(columns) - own)

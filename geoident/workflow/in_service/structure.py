@@ -1,20 +1,24 @@
 """``geoident fit`` of a finite element model in service: parameters that all gauges share.
 
 Every gauge has its constant, its motions that do not come back and its noise; they go out of the
-misfit by projection (theory 16.8). What is left is an ordinary search, made again with the noise
-that the residuals of the one before show, until neither changes.
+misfit by projection (theory 16.8). The model errs for each gauge (16.9). What is left is an
+ordinary search, made again with the noise and the error of the model that the residuals of the one
+before show, until neither changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from geoident.errors import ExitCode, InputError
+from geoident.forward.in_service.error_shapes import OWN_SIGN
 from geoident.forward.in_service.seasonal import Effects, Scales, independent, lasting_motions
 from geoident.forward.in_service.structure import Motions, ServiceModel
+from geoident.identify.assessment.model_error import PRIOR_SD, SizeWeights
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.in_time.noise import Noise
 from geoident.identify.in_time.regression import (
@@ -24,6 +28,7 @@ from geoident.identify.in_time.regression import (
     likely_noises,
 )
 from geoident.identify.in_time.shared_parameters import (
+    ErrorsOfModel,
     GaugeProjection,
     ProjectedResponse,
     state_with_parameters,
@@ -37,10 +42,18 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.methods import method_name
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
+from geoident.model.results.model_error import USUAL
 from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
-from geoident.workflow.in_service.effects import all_is_known, channel_rows, structure_effects
+from geoident.workflow.estimating.model_error import percent
+from geoident.workflow.estimating.model_error_covariance import correlation_length
+from geoident.workflow.in_service.effects import (
+    all_is_known,
+    channel_rows,
+    effects_of_motions,
+    structure_effects,
+)
 from geoident.workflow.in_service.fit import (
     FURTHER,
     GaugeFit,
@@ -54,6 +67,12 @@ from geoident.workflow.in_service.fit import (
     with_reasons,
 )
 from geoident.workflow.in_service.logged_motions import LoggedMotions
+from geoident.workflow.in_service.model_error import (
+    GaugeErrors,
+    gauge_errors,
+    model_error_table,
+    weights_of_size,
+)
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
@@ -116,24 +135,30 @@ class _Gauge:
 class StructureGaugeFit(GaugeFit):
     """What is known of a gauge, with the parameters that it shares.
 
+    The regression is of the readings less the model, on the terms of the gauge and the shapes of
+    the error of the model.
+
     Args:
-        own: number q of its own terms among ``terms``; then come the parts of the motion, and the
-            parameters that are known.
-        motions: at its m readings, with the derivatives by these.
-        C: (r, r) their covariance.
+        motions: at its m readings, with the derivatives by the parameters that are known.
+        C: (r, r) the covariance of these; they are the last of ``terms``.
+        of_model: (k,) places among ``terms`` of the parts of the motion themselves.
+        certain: places among ``terms`` of those of which the model does not err: one.
     """
 
-    own: int
     motions: Motions
     C: Floats
+    of_model: Ints
+    certain: Ints
 
-    @property
+    @cached_property
     def end(self) -> GaugeState:
         """What is known of the gauge after its last reading."""
         state = state_with_parameters(self.regression, self.motions.total[:, 1:], self.C)
-        q, number = self.own, len(self.motions.parts)  # whose coefficient is one, and certain
-        mean = np.insert(state.mean, q, np.ones(number))
-        P = np.insert(np.insert(state.P, [q] * number, 0.0, axis=0), [q] * number, 0.0, axis=1)
+        mean, P = state.mean, state.P
+        at = self.certain - np.arange(len(self.certain))
+        mean = np.insert(mean, at, 0.0)
+        P = np.insert(np.insert(P, at, 0.0, axis=0), at, 0.0, axis=1)
+        mean[self.of_model] += 1.0
         return replace(state, mean=mean, P=P)
 
     @property
@@ -145,14 +170,22 @@ class StructureGaugeFit(GaugeFit):
         """The same; creep does not come back either."""
         if effect not in self.motions.parts:
             return super().size(effects, effect)
-        motion = self.motions.parts[effect]
-        low, high = int(np.argmin(motion[:, 0])), int(np.argmax(motion[:, 0]))
+        own = np.flatnonzero(np.isin(self.terms, effects.of(effect)))
+        if not own.size:
+            return None
+        by_parameters = self.motions.parts[effect][:, 1:]
+        X = np.column_stack([effects.columns[self.rows][:, self.terms[own]], by_parameters])
+        number = len(self.terms)
+        at = [*own, *range(number - by_parameters.shape[1], number)]
+        motion = X @ self.end.mean[at]
+        low, high = int(np.argmin(motion)), int(np.argmax(motion))
         if effect == "creep":
             low, high = 0, -1
-        step = motion[high] - motion[low]
-        if step[0] == 0.0:
+        step = X[high] - X[low]
+        if not step.any():
             return None
-        return float(step[0]), float(np.sqrt(step[1:] @ self.C @ step[1:]))
+        P = self.end.P[np.ix_(at, at)]
+        return float(motion[high] - motion[low]), float(np.sqrt(max(step @ P @ step, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -164,6 +197,9 @@ class _Fitted:
         assessment: how well the parameters are known.
         noises: of each gauge.
         motions: of all g readings, gauge by gauge.
+        errors: of the model; None for none.
+        eta: their size, and what the residuals say of it; None where it is given.
+        length: over which they are alike, m.
         counts: what it has cost.
     """
 
@@ -171,7 +207,15 @@ class _Fitted:
     assessment: Assessment
     noises: tuple[Noise, ...]
     motions: Motions
+    errors: GaugeErrors | None
+    eta: float
+    weights: SizeWeights | None
+    length: float
     counts: Counts
+
+    def regression_of(self, gauge: _Gauge, number: int, left: Floats) -> TimeRegression:
+        """Readings of a gauge, less the model, on its own terms and the shapes of the errors."""
+        return _regression(gauge, left, self.noises[number], self.errors, self.eta, number)
 
 
 def _result(job: Job, model: ServiceModel, control: Control, log: Log) -> Result:
@@ -184,29 +228,34 @@ def _result(job: Job, model: ServiceModel, control: Control, log: Log) -> Result
     gauges = list(_gauges(model, table))
     if not gauges:
         raise InputError([too_few(case, table, 1 + len(_own_columns(model, table)))])
-    fitted = _fitted(job, model, gauges, control, log)
+    scales = _scales(model, table)
+    fitted = _fitted(job, model, gauges, scales, control, log)
     control.finish()
     p, assessment = fitted.outcome.values, fitted.assessment
     certain = np.isfinite(assessment.sd)
-    effects = structure_effects(model, p, channel_rows(case, table), table.time)
+    effects = structure_effects(model, p, scales, channel_rows(case, table), table.time)
     fits: list[GaugeFit | None] = [None] * len(case.channels)
-    q, parts = len(effects.own), len(fitted.motions.parts)
-    for gauge, noise, at in zip(gauges, fitted.noises, _slices(gauges), strict=True):
+    shapes = np.concatenate([effects.of("level"), effects.of("temperature")])
+    of_model = np.array([j for j in shapes if effects.names[j] in OWN_SIGN], dtype=np.int64)
+    of_errors, creep = of_model if fitted.errors is None else shapes, effects.of("creep")
+    sure = creep if fitted.errors is not None else np.concatenate([of_model, creep])
+    known = len(effects.names) - len(p) + np.flatnonzero(certain)
+    for k, (gauge, at) in enumerate(zip(gauges, _slices(gauges), strict=True)):
         columns = np.concatenate([[0], 1 + np.flatnonzero(certain)])
         motions = Motions({k: part[at][:, columns] for k, part in fitted.motions.parts.items()})
         left = gauge.y - motions.total[:, 0]
-        likely = likely_noises(gauge.times, left, gauge.X, noise)
+        regression = fitted.regression_of(gauge, k, left)
+        terms = np.concatenate([gauge.terms, of_errors, creep, known])
         fits[gauge.number] = StructureGaugeFit(
             rows=gauge.rows,
-            terms=np.concatenate(
-                [gauge.terms, q + np.arange(parts), q + parts + np.flatnonzero(certain)]
-            ),
-            regression=TimeRegression(gauge.times, left, gauge.X, noise, likely=likely),
-            own=len(gauge.terms),
+            terms=terms,
+            regression=replace(regression, likely=likely_noises(regression)),
             motions=motions,
             C=assessment.covariance[np.ix_(certain, certain)],
+            of_model=np.flatnonzero(np.isin(terms, [*of_model, *creep])),
+            certain=np.flatnonzero(np.isin(terms, sure)),
         )
-    seasonal = seasonal_fit(fits, effects, Scales())
+    seasonal = seasonal_fit(fits, effects, scales)
     later = judged_later(fits, table, effects)
     channels = [channel.name for channel in case.channels]
     table = replace(table, computed=explained(seasonal, channels, table, effects))
@@ -227,6 +276,7 @@ def _result(job: Job, model: ServiceModel, control: Control, log: Log) -> Result
         findings=(
             *assessment.findings,
             *implausible_findings(case, values),
+            *_poor(case, fits, fitted, effects),
             *_unexplained(case, gauges, fitted.noises),
             *gauge_findings(case, fits, effects, later, table),
         ),
@@ -239,6 +289,9 @@ def _result(job: Job, model: ServiceModel, control: Control, log: Log) -> Result
         history=fitted.outcome.iterations,
         singular_values=assessment.singular_values,
         seasonal=seasonal,
+        model_error=None
+        if fitted.errors is None
+        else model_error_table(fitted.eta, fitted.weights, fitted.length, len(table)),
         judged=later if table.reason.count(LATER) else None,
         notes=(
             *case.notes,
@@ -271,20 +324,70 @@ def _slices(gauges: Sequence[_Gauge]) -> list[slice]:
     return [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
 
 
+def _scales(model: ServiceModel, table: ReadingTable) -> Scales:
+    """What the level counts from: its range at the readings that are used."""
+    if model.service.level is None:
+        return Scales()
+    level = model.service.level.at(table.time[table.used])
+    low, high = float(level.min()), float(level.max())
+    return Scales(low, high if high > low else low + 1.0)
+
+
+def _regression(
+    gauge: _Gauge,
+    left: Floats,
+    noise: Noise,
+    errors: GaugeErrors | None,
+    eta: float,
+    number: int,
+) -> TimeRegression:
+    """Readings of a gauge less the model on its own terms, and on the shapes of model errors.
+
+    Args:
+        gauge: with m readings.
+        left: (m,) these less the model, SI.
+        noise: of them.
+        errors: of the model; None for none.
+        eta: their size.
+        number: of the gauge among these.
+    """
+    if errors is None:
+        return TimeRegression(gauge.times, left, gauge.X, noise)
+    spread = np.concatenate([np.full(gauge.X.shape[1], np.inf), eta * errors.sd[number]])
+    X = np.column_stack([gauge.X, errors.columns[number]])
+    return TimeRegression(gauge.times, left, X, noise, spread=spread)
+
+
 def _fitted(
-    job: Job, model: ServiceModel, gauges: Sequence[_Gauge], control: Control, log: Log
+    job: Job,
+    model: ServiceModel,
+    gauges: Sequence[_Gauge],
+    scales: Scales,
+    control: Control,
+    log: Log,
 ) -> _Fitted:
-    """Search after search, each with the noise that the one before has left."""
+    """Search after search, each with the noise and the model error that the one before has left."""
     case, slices = model.case, _slices(gauges)
-    rows = np.concatenate([np.full(len(gauge.rows), gauge.number) for gauge in gauges])
-    times, y = (np.concatenate([getattr(g, name) for g in gauges]) for name in ("times", "y"))
+    numbers, moments = [gauge.number for gauge in gauges], [gauge.times for gauge in gauges]
+    rows = np.repeat(numbers, [len(own) for own in moments])
+    times, y = np.concatenate(moments), np.concatenate([gauge.y for gauge in gauges])
+    asked = case.fit.model_error
+    eta = asked.size if asked.kind == "given" else PRIOR_SD
+    length = correlation_length(case, asked)
+    weights: SizeWeights | None = None
     logged = LoggedMotions(model, rows, times, log, control)
 
     def motion(p: Floats) -> tuple[Floats, Floats]:
         total = logged.at(p).total
         return total[:, 0], total[:, 1:]
 
-    noises = tuple(Noise(case.channels[gauge.number].accuracy) for gauge in gauges)
+    def errors_at(p: Floats) -> GaugeErrors | None:
+        if asked.kind == "none":
+            return None
+        effects = effects_of_motions(model, logged.at(p), scales, times)
+        return gauge_errors(model, effects, numbers, moments, length)
+
+    noises = tuple(Noise(case.channels[number].accuracy) for number in numbers)
     methods = job.methods
     before: Outcome | None = None
     for number in range(_MOST_ROUNDS):
@@ -297,14 +400,19 @@ def _fitted(
         response = ProjectedResponse(
             model.names, motion, model.admissible, lambda: logged.counts, slices, projections
         )
-        measured = response.projected(y[:, None])[:, 0]
-        problem = Problem(response, measured, np.ones(len(y)), case.parameters)
+        problem = Problem(response, y, np.ones(len(y)), case.parameters)
         if before is not None:
             problem = problem.begun_at(before.values)
         elif job.earlier is not None:
             problem = problem.begun_at(
                 np.array([job.earlier.values[parameter.name] for parameter in case.parameters])
             )
+        errors = errors_at(problem.start)
+        if errors is not None:
+            shapes = [of(Z) for of, Z in zip(projections, errors.columns, strict=True)]
+            response = replace(response, errors=(ErrorsOfModel(shapes, errors.root), eta))
+        measured = response.projected(y[:, None])[:, 0]
+        problem = replace(problem, response=response, measured=measured)
         outcome = identify(problem, methods, control.on_iteration)
         if before is not None:
             history = (*before.iterations, *outcome.iterations)
@@ -314,17 +422,28 @@ def _fitted(
         assessment = assess(problem, outcome.values, jacobian, v)
         motions = logged.at(outcome.values)
         left = y - motions.total[:, 0]
+        eta_after = eta
+        if errors is not None and asked.kind == "estimate":
+            columns = [
+                (Z, *np.split(of(np.column_stack([motions.total[at, 1:], left[at]])), [-1], axis=1))
+                for Z, of, at in zip(shapes, projections, slices, strict=True)
+            ]
+            weights = weights_of_size(problem, outcome.values, columns, errors.root)
+            eta_after = weights.size
+        errors_after = errors_at(outcome.values)
         after = tuple(
-            fitted_noise(gauge.times, left[at], gauge.X)
-            for gauge, at in zip(gauges, slices, strict=True)
+            fitted_noise(_regression(gauge, left[at], noise, errors_after, eta_after, k))
+            for k, (gauge, at, noise) in enumerate(zip(gauges, slices, noises, strict=True))
         )
         same = all(_alike(a, b) for a, b in zip(noises, after, strict=True))
+        same &= abs(eta_after - eta) <= _SAME_SIZE * eta
         if outcome.status == STOPPED or same or (
             before is not None and _stays(before.values, outcome.values, assessment)
         ):  # fmt: skip
             break
-        noises, before = after, outcome
-    return _Fitted(outcome, assessment, noises, motions, logged.counts)
+        noises, eta, before = after, eta_after, outcome
+    counts = logged.counts
+    return _Fitted(outcome, assessment, noises, motions, errors, eta, weights, length, counts)
 
 
 def _alike(one: Noise, other: Noise) -> bool:
@@ -338,6 +457,30 @@ def _stays(before: Floats, after: Floats, assessment: Assessment) -> bool:
     """Whether a new noise has moved no parameter that is known."""
     known = np.isfinite(assessment.sd) & (assessment.sd > 0.0)
     return bool(np.all(np.abs(after - before)[known] <= _STEADY * assessment.sd[known]))
+
+
+def _poor(
+    case: Case, fits: Sequence[GaugeFit | None], fitted: _Fitted, effects: Effects
+) -> Iterator[Finding]:
+    """Gauges of which the model errs by much of what level or temperature do to them."""
+    for channel, fit in zip(case.channels, fits, strict=True):
+        if not isinstance(fit, StructureGaugeFit) or fitted.errors is None:
+            continue
+        columns, mean = effects.columns[fit.rows][:, fit.terms], fit.end.mean[: len(fit.terms)]
+        for effect in ("level", "temperature"):
+            own = np.isin(fit.terms, effects.of(effect))
+            motion = fit.motions.parts[effect][:, 0]
+            off = columns[:, own] @ mean[own] - motion
+            part = float(np.std(off) / np.std(motion)) if np.std(motion) > 0.0 else 0.0
+            if part > USUAL and np.std(off) > channel.accuracy:
+                yield Finding(
+                    "model-error",
+                    channel.name,
+                    f"The model errs by {percent(part)} of what the {effect} does to "
+                    f"{channel.name}: something acts there that it does not have. Intervals and "
+                    "bands hold that.",
+                    {"part": part},
+                )
 
 
 def _unexplained(

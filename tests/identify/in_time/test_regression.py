@@ -7,7 +7,7 @@ from support.in_time import DAY, DRIFTING, TRUTH, B, covariance, drawn, effects,
 
 from geoident.identify.in_time.innovations import Filter
 from geoident.identify.in_time.noise import Noise
-from geoident.identify.in_time.regression import TimeRegression, regression_in_time
+from geoident.identify.in_time.regression import TimeRegression, fitted_noise, regression_in_time
 
 YEAR = 365.25 * DAY
 
@@ -87,3 +87,36 @@ def test_later_sums_of_innovations_vary_as_they_should_although_creep_follows_an
         e = (y[~old] - later.predicted(y[~old])) / later.sd
         squares += [e[:72].sum() ** 2 / 72.0, e[72:144].sum() ** 2 / 72.0]
     assert 0.5 <= np.mean(squares) <= 2.0  # of 15 records 1.4; without a drift 3.7
+
+
+def test_coefficients_of_known_size_are_those_of_their_posterior():
+    """Against Gaussian conditioning and the likelihood with their variances in the covariance."""
+    t, y = drawn(60, np.random.default_rng(5))
+    X = effects(t)
+    spread = np.where(np.arange(X.shape[1]) >= X.shape[1] - 2, 0.4, np.inf)
+    free, known = X[:, np.isinf(spread)], X[:, np.isfinite(spread)]
+    values = []
+    for noise in (TRUTH, Noise(0.5, 0.2, 12.0 * DAY)):
+        S = covariance(noise, t)
+        N = X.T @ np.linalg.solve(S, X) + np.diag(np.isfinite(spread) / 0.4**2)
+        regression = TimeRegression(t, y, X, noise, spread=spread)
+        np.testing.assert_allclose(regression.covariance, np.linalg.inv(N), rtol=1e-8)
+        b = np.linalg.solve(N, X.T @ np.linalg.solve(S, y))
+        np.testing.assert_allclose(regression.b, b, rtol=1e-8)
+        whole = S + 0.4**2 * known @ known.T
+        M = free.T @ np.linalg.solve(whole, free)
+        r = y - free @ np.linalg.solve(M, free.T @ np.linalg.solve(whole, y))
+        dense = np.linalg.slogdet(whole)[1] + np.linalg.slogdet(M)[1]
+        values.append((regression.minus_two_l, dense + r @ np.linalg.solve(whole, r)))
+    (a, c), (d, e) = values
+    assert a - d == pytest.approx(c - e, abs=1e-7)
+
+
+def test_more_shapes_than_readings_leave_a_noise():
+    """Shapes of known size need no readings of their own."""
+    rng = np.random.default_rng(6)
+    t = np.sort(rng.uniform(0.0, 200.0 * DAY, 12))
+    X = np.column_stack([np.ones(12), rng.standard_normal((12, 16))])
+    spread = np.append(np.inf, np.full(16, 0.05))
+    regression = TimeRegression(t, 0.3 * rng.standard_normal(12), X, Noise(1.0), spread=spread)
+    assert 0.1 < fitted_noise(regression).sd < 0.7

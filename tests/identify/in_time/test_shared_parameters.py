@@ -10,6 +10,7 @@ from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.in_time.noise import Noise
 from geoident.identify.in_time.regression import TimeRegression
 from geoident.identify.in_time.shared_parameters import (
+    ErrorsOfModel,
     GaugeProjection,
     ProjectedResponse,
     state_with_parameters,
@@ -109,3 +110,29 @@ def test_what_is_known_of_a_gauge_is_that_of_all_readings_at_once(readings, dens
         )
         assert state.P[:-2, -2:] == pytest.approx(-known @ pull, rel=1e-3, abs=1e-5)
         first += q
+
+
+def test_errors_of_the_model_are_those_of_all_readings_at_once(readings):
+    """Coefficients of gauges that go together add their covariance to that of the readings."""
+    times, X, J, y = readings
+    rng = np.random.default_rng(12)
+    Z = [np.column_stack([np.sin(t / 9.0), rng.standard_normal(len(t))]) for t in times]
+    root, eta = np.tril(rng.standard_normal((6, 6))), 0.4
+    W = block_diag(*Z) @ root
+    S = block_diag(*(covariance(n, t) for n, t in zip(NOISES, times, strict=True)))
+    S = S + eta**2 * W @ W.T
+    columns = np.hstack([np.concatenate(J), block_diag(*X)])
+    C = np.linalg.inv(columns.T @ np.linalg.solve(S, columns))
+    b = C @ columns.T @ np.linalg.solve(S, np.concatenate(y))
+    projections = [GaugeProjection(*parts) for parts in zip(NOISES, times, X, strict=True)]
+    errors = ErrorsOfModel([of(own) for of, own in zip(projections, Z, strict=True)], root)
+    rows = [slice(a, b) for a, b in pairwise(np.cumsum([0, *map(len, times)]))]
+    jacobian = np.concatenate(J)
+    response = ProjectedResponse(
+        ("a", "b"), lambda p: (jacobian @ p, jacobian), lambda _: None, lambda: NO_COST, rows,
+        projections, (errors, eta),
+    )  # fmt: skip
+    both = response.projected(np.column_stack([jacobian, np.concatenate(y)]))
+    N = both[:, :2].T @ both[:, :2]
+    assert np.linalg.inv(N) == pytest.approx(C[:2, :2], rel=1e-4)
+    assert np.linalg.solve(N, both[:, :2].T @ both[:, 2]) == pytest.approx(b[:2], rel=1e-5)

@@ -95,6 +95,41 @@ def test_control_of_a_sound_dam_is_green(fitted):
     assert run("control", folder / "dam.fit.h5", "-o", folder / "sound.h5")["status"] == "green"
 
 
+def test_the_model_of_the_same_physics_hardly_errs(fitted):
+    _, said = fitted
+    assert said["model_error"]["size"] < 0.03
+    assert said["model_error"]["lower95"] < 0.01
+
+
+@pytest.mark.slow
+def test_a_dam_of_other_physics_lies_in_the_intervals(tmp_path):
+    """Less film, rock that stays cold, other water and other Poisson's ratios than the model's.
+
+    Without an error of the model the noise of P58 is three times its accuracy, and the interval of
+    E_rock ends far below the truth.
+    """
+    truth = CASE
+    for old, new in {
+        "expansion: 0.8e-5": "expansion: 0.1e-5", "film: 20": "film: 6",
+        "amplitude: 8 K": "amplitude: 5 K", "E: $E_dam, nu: 0.2": "E: $E_dam, nu: 0.3",
+        "E: $E_rock, nu: 0.25": "E: $E_rock, nu: 0.1",
+    }.items():  # fmt: skip
+        assert old in truth
+        truth = truth.replace(old, new)
+    said = run("fit", write(tmp_path, seed=4, physics=truth))
+    for name, true in TRUTH.items():
+        one = said["parameters"][name]
+        assert abs(np.log(one["value"] / true)) < 2.5 * one["sd"] / one["value"], name
+    gauges = said["seasonal"]["gauges"]
+    assert gauges["P58"]["scatter"] < 0.2e-3
+    assert gauges["IP"]["scatter"] < 0.15e-3
+    assert 0.04 < said["model_error"]["size"] < 0.2
+    with h5py.File(tmp_path / "dam.fit.h5") as result:
+        e = result["judged/innovation"][()]
+    e = e[np.isfinite(e)]
+    assert 0.88 <= np.mean(np.abs(e) < 1.96) <= 0.985
+
+
 def controlled(fitted, tmp_path, name):
     """The control of readings to which something has happened, and the path of its result."""
     folder, out = fitted[0], tmp_path / "later.h5"
