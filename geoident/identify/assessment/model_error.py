@@ -279,7 +279,8 @@ def _weights(minus_two_l: Floats, prior: Floats) -> Floats:
     """
     of_size = np.exp(-0.5 * (SIZES / PRIOR_SD) ** 2) * _WIDTHS
     best = minus_two_l[:, prior > 0.0].min()
-    weights = np.exp(-0.5 * (minus_two_l - best)) * of_size[:, None, None] * prior
+    possible = np.where(prior > 0.0, minus_two_l, np.inf)  # what the prior excludes may fit better
+    weights = np.exp(-0.5 * (possible - best)) * of_size[:, None, None] * prior
     return np.asarray(weights / weights.sum())
 
 

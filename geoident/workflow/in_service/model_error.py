@@ -54,7 +54,7 @@ class GaugeErrors:
     def sd(self) -> Floats:
         """(n, s) standard deviations of the coefficients."""
         sd = np.sqrt((self.root**2).sum(axis=1)).reshape(len(self.columns), -1)
-        return np.maximum(sd, _NOTHING * sd.max(axis=0))
+        return np.asarray(np.maximum(sd, _NOTHING * sd.max(axis=0)))
 
 
 def gauge_errors(
@@ -138,7 +138,7 @@ def weights_of_size(
         root: of `GaugeErrors`.
     """
     # sums over the readings of a gauge are those over as few rows
-    few = [np.linalg.qr(np.column_stack(own), mode="r") for own in columns]
+    few: list[Floats] = [np.linalg.qr(np.column_stack(own))[1] for own in columns]
     n = len(values)
     s = columns[0][0].shape[1]
     starts = np.arange(len(few)) * s

@@ -239,13 +239,13 @@ def _result(job: Job, model: ServiceModel, control: Control, log: Log) -> Result
     of_model = np.array([j for j in shapes if effects.names[j] in OWN_SIGN], dtype=np.int64)
     of_errors, creep = of_model if fitted.errors is None else shapes, effects.of("creep")
     sure = creep if fitted.errors is not None else np.concatenate([of_model, creep])
-    known = len(effects.names) - len(p) + np.flatnonzero(certain)
+    determined = len(effects.names) - len(p) + np.flatnonzero(certain)
     for k, (gauge, at) in enumerate(zip(gauges, _slices(gauges), strict=True)):
         columns = np.concatenate([[0], 1 + np.flatnonzero(certain)])
         motions = Motions({k: part[at][:, columns] for k, part in fitted.motions.parts.items()})
         left = gauge.y - motions.total[:, 0]
         regression = fitted.regression_of(gauge, k, left)
-        terms = np.concatenate([gauge.terms, of_errors, creep, known])
+        terms = np.concatenate([gauge.terms, of_errors, creep, determined])
         fits[gauge.number] = StructureGaugeFit(
             rows=gauge.rows,
             terms=terms,
@@ -424,10 +424,10 @@ def _fitted(
         left = y - motions.total[:, 0]
         eta_after = eta
         if errors is not None and asked.kind == "estimate":
-            columns = [
-                (Z, *np.split(of(np.column_stack([motions.total[at, 1:], left[at]])), [-1], axis=1))
-                for Z, of, at in zip(shapes, projections, slices, strict=True)
-            ]
+            columns = []
+            for Z, of, at in zip(shapes, projections, slices, strict=True):
+                white = of(np.column_stack([motions.total[at, 1:], left[at]]))
+                columns.append((Z, white[:, :-1], white[:, -1]))
             weights = weights_of_size(problem, outcome.values, columns, errors.root)
             eta_after = weights.size
         errors_after = errors_at(outcome.values)

@@ -305,7 +305,6 @@ shared: [E_rock]
         ("export dam.yaml --format dakota -o study", "have dates, not stages"),
         ("plan dam.yaml --candidates c.yaml --budget 1 --for E_dam", "have dates, not stages"),
         ("fit project.yaml", "have dates, not stages"),
-        ("fit dam.yaml --set fit.model_error=0.1", "it does not fit readings in time"),
         ("check dam.yaml --set 'decision={if: P58 > 3 mm at in service, then: drain}'",
          "a decision is on the reading of a stage"),
     ],
