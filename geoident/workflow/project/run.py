@@ -79,9 +79,11 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedRun[ProjectResult]
                 sources.log_path(number).unlink(missing_ok=True)
 
 
-TURNS, EAGER = 20, 3
-"""At most so many times parameters and errors of the readings take turns; from the latter on they
-go half of the way, since they may swing between two states, each the answer to the other."""
+TURNS = 20
+"""At most so many times parameters and errors of the readings take turns."""
+
+EAGER = 3
+"""Turns after which they go half of the way, since they may swing between two states."""
 
 
 def _halfway(one: MadeOf, other: MadeOf) -> MadeOf:

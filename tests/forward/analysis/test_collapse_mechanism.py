@@ -85,7 +85,7 @@ def test_a_band_is_the_mechanism_that_is_told_where_nothing_is_proven(proven):
     told = collapse_error(
         staged.on_mesh, task, failure, associated=False,
         carried=CarriedPart(0.25, reached, failure),
-        residual=0.01234, band=ShearBand(sheared, 17, 230, -0.1, viscosity=0.01234),
+        residual=0.01234, band=ShearBand(sheared, 17, 230),
     )  # fmt: skip
     mode = other if proven else sheared
     where = describe_mechanism(staged.on_mesh, task.system, mode)

@@ -246,7 +246,7 @@ def test_parameters_that_fall_come_to_light_as_probably_as_told(tmp_path):
 
 def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path):
     """As in a fit of all of them; the history has the parameters before and after."""
-    path = write(tmp_path, seed=4)
+    path = write(tmp_path, seed=4, case=without_temperatures(CASE))
     whole = path.read_text()
     path.write_text(whole.replace("fit: {until: 2016-01-01}", "fit: {until: 2014-01-01}"))
     before = run("fit", path)
@@ -273,7 +273,7 @@ def test_parameters_that_readings_cannot_tell_are_not_numbers(tmp_path):
 
 
 def test_only_gauges_with_enough_readings_are_fitted(tmp_path):
-    path = write(tmp_path, years=7.0)
+    path = write(tmp_path, years=7.0, case=without_temperatures(CASE))
     rows = (tmp_path / "readings.csv").read_text().splitlines()
     few = [r for r in rows if not r.startswith("L58")] + [r for r in rows if r.startswith("L58")][
         :4
@@ -331,7 +331,7 @@ def test_commands_on_fits_of_stages_are_refused(fitted, command):
 
 def test_an_interrupted_fit_goes_on_where_it_was(tmp_path):
     """As with Ctrl-C: what was computed is kept, and the answer is that of a whole fit."""
-    path = write(tmp_path, years=7.0)
+    path = write(tmp_path, years=7.0, case=without_temperatures(CASE))
     cut, whole = tmp_path / "cut.h5", tmp_path / "whole.h5"
     begun = []
 
@@ -353,7 +353,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(tmp_path):
 
 
 def test_a_fit_that_ran_out_of_time_goes_on(tmp_path):
-    path = write(tmp_path, years=7.0)
+    path = write(tmp_path, years=7.0, case=without_temperatures(CASE))
     assert run("fit", path, "--max-time", "0s", code=4)["status"] == "out-of-budget"
     assert (tmp_path / "dam.fit.checkpoint").exists()
     assert run("fit", path)["status"] == "converged"
