@@ -25,11 +25,10 @@ _EFFECTS = ("level", "season", "air", "temperature", "creep", "irreversible")
 
 WHAT = (
     "Level, season, air, temperature: range of the readings that they cause, with its 95 % "
-    "interval; creep (with ageing and softening of materials), irreversible: motion from the first "
-    "reading to the last. Scatter: standard deviation of a "
-    "reading about what is explained; of it 'lasting' fades within the time shown. Drift: a slow "
-    "motion that no effect explains, as far as the readings leave it possible; standard deviation "
-    "of a year."
+    "interval; creep, irreversible: motion from the first reading to the last. Scatter: standard "
+    "deviation of a reading about what is explained; of it 'lasting' fades within the time shown. "
+    "Drift: a slow motion that no effect explains, as far as the readings leave it possible; "
+    "standard deviation of a year."
 )
 
 POWER_TITLE = "Changes that would be seen"
