@@ -93,6 +93,7 @@ def test_more_of_a_release_moves_more_in_one_stage_and_in_finer_ones():
     np.testing.assert_allclose(steps[-1], at_once[-1], rtol=0.05)
 
 
+@pytest.mark.slow  # 20 s
 def test_near_strengths_move_alike():
     """Without dilation there may be several states: in one of these, the side is 2 mm off.
 

@@ -84,9 +84,9 @@ def test_words_that_are_no_change_are_refused_with_what_was_expected(fitted, wor
 
 @pytest.mark.slow  # 30 s a dam
 def test_changes_come_to_light_as_probably_and_as_late_as_told(tmp_path):
-    """Of 18 dams of other physics in which the change then happens."""
-    words, size = "P3 steps 0.45 mm", 0.45
-    told, half, seen, delays = [], [], [], []
+    """Of 18 dams of other physics in which the change then happens; any alarm counts, as told."""
+    words, size = "P3 steps 0.8 mm", 0.8
+    told, half, delays = [], [], []
     for seed in range(18):
         change = {"P3": lambda read: np.where(read > 6.0 * YEAR, size, 0.0)}
         made = dam(70 + seed, changes=change, physics=list(PHYSICS)[seed % len(PHYSICS)])
@@ -95,9 +95,10 @@ def test_changes_come_to_light_as_probably_and_as_late_as_told(tmp_path):
         (row,) = found.power
         told.append(row.probability)
         half.append(row.median)
-        own = [c.shown for c in found.changes if c.gauge == "P3" and c.kind != "reading"]
+        shown = [c.shown for c in found.changes if c.kind != "reading"]
         first = np.datetime64("2010-01-01").astype("datetime64[s]").astype(float)
-        seen.append(bool(own))
-        delays.append(min(own) - first - 6.0 * YEAR * DAY if own else np.inf)
-    assert np.mean(seen) == pytest.approx(np.mean(told), abs=0.3)
+        delays.append(min(shown, default=np.inf) - first - 6.0 * YEAR * DAY)
+    seen = np.mean(np.isfinite(delays))
+    chance = np.mean(told)
+    assert seen == pytest.approx(chance, abs=3.0 * np.sqrt(chance * (1.0 - chance) / len(told)))
     assert 0.3 < np.median(delays) / np.nanmedian(half) < 3.0
