@@ -73,10 +73,11 @@ def fitted_gauges(fit: Result, effects_of: EffectsOf) -> list[FittedGauge]:
         times = table.time[rows]
         columns = effects_of(np.full(len(times), number), times).columns[:, terms]
         residual = table.value[rows] - columns @ state.mean[:-PROCESSES]
-        # the days of the last two years again: what was read on one day stays on one day; or of a
-        # gauge that has not been read for so long
+        # the days of the last two years again, with what acted then: what was read on one day stays
+        # on one day; or of a gauge that has not been read for so long
         end = latest if state.time > latest - STANDARD else state.time
-        usual = times > end - STANDARD
+        usual = times[times > end - STANDARD]
+        ahead = effects_of(np.full(len(usual), number), usual + STANDARD, usual)
         draws = seasonal.likely_noises[number]
         gauges.append(
             FittedGauge(
@@ -85,7 +86,7 @@ def fitted_gauges(fit: Result, effects_of: EffectsOf) -> list[FittedGauge]:
                 state,
                 tuple(Noise(*draw) for draw in draws[np.isfinite(draws[:, 0])].tolist()),
                 FittedErrors.of(state.noise, times, residual),
-                Filter(state, times[usual] + STANDARD, columns[usual]),
+                Filter(state, usual + STANDARD, ahead.columns[:, terms]),
                 np.flatnonzero(np.isin(terms, seasonal.shared)),
             )
         )
