@@ -31,12 +31,11 @@ WORTH = 6.0
 _LEAST_WHITE = 1e-3
 """Least error of a reading by itself, in standard deviations of the plain residuals."""
 
-
 _ROUNDING = 1e-9
-_NO_DRIFT = 1e-300
-"""Stands for no drift, whose logarithm the search begins at a bound of."""
-
 """What is added to the diagonal of a correlation that may be singular."""
+
+_NO_DRIFT = 1e-300
+"""Stands for no drift where a search over logarithms begins: it is clipped to their range, SI."""
 
 
 @dataclass(frozen=True)

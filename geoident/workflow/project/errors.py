@@ -36,10 +36,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.results.costs import Counts
 from geoident.workflow.estimating.model_error import ENOUGH, NAME, percent
-from geoident.workflow.estimating.model_error_covariance import (
-    ErrorModes,
-    shared_columns,
-)
+from geoident.workflow.estimating.model_error_covariance import ErrorModes, shared_columns
 from geoident.workflow.estimating.model_error_search import SCATTER, ZERO, zero_columns
 from geoident.workflow.project.sections import PreparedSection, SectionErrors
 from geoident.workflow.running.readings import error_structure
