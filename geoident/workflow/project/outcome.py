@@ -53,14 +53,9 @@ from geoident.model.results.many.project import (
 from geoident.model.results.result import Provenance
 from geoident.workflow.estimating.diagnosis import POOR, UNUSABLE
 from geoident.workflow.executing.versions import versions
-from geoident.workflow.project.errors import (
-    CommonErrors,
-    CommonSizes,
-    ErrorsAt,
-    doubtful_accuracies,
-    shown_given_used,
-    with_common,
-)
+from geoident.workflow.project.common_errors import CommonErrors, with_common
+from geoident.workflow.project.error_sizes import doubtful_accuracies
+from geoident.workflow.project.errors import CommonSizes, ErrorsAt, shown_given_used
 from geoident.workflow.project.findings import accuracy_finding, findings
 from geoident.workflow.project.models import SectionAnswers
 from geoident.workflow.project.plan import ProjectJob

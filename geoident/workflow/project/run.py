@@ -14,15 +14,9 @@ from geoident.io.result.project import read_project_result, write_project_result
 from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.finished import FinishedRun, ResultFiles, evaluation_log
-from geoident.workflow.project.errors import (
-    STATED,
-    CommonErrors,
-    ErrorsAt,
-    MadeOf,
-    WithCommonErrors,
-    on_one_clock,
-    weighed_together,
-)
+from geoident.workflow.project.common_errors import CommonErrors, WithCommonErrors, on_one_clock
+from geoident.workflow.project.error_sizes import weighed_together
+from geoident.workflow.project.errors import STATED, ErrorsAt, MadeOf
 from geoident.workflow.project.models import ChosenSections, SectionAnswers, section_executor
 from geoident.workflow.project.outcome import Fitted, project_result
 from geoident.workflow.project.plan import ProjectJob
