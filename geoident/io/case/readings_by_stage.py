@@ -96,6 +96,7 @@ def read_all(
     checks.bad()
     checks.lasting()
     read.notes += checks.begun_with_zero(read.readings)
+    read.notes += checks.copies(read.readings)
     read.notes += checks.drifts(read.readings)
     read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)

@@ -235,6 +235,18 @@ def test_files_of_one_layout_are_one_and_what_they_repeat_counts_once(read):
     assert case.notes[0] == "1 reading stands in several files alike, and count once."
 
 
+@pytest.mark.parametrize(("last", "said"), [(4.7, True), (4.8, False)])
+def test_a_column_that_was_copied_is_named(read, last, said):
+    rows = [f"{gauge},2024-03-{day:02d},{value},mm"
+            for gauge, end in (("EX1.a5", 4.7), ("CV1", last))
+            for day, value in ((2, 1.2), (9, 2.9), (16, 3.1), (23, end))]  # fmt: skip
+    case = read(
+        DATES + "{file: r.csv, repeated_readings: all}",
+        files={"r.csv": "gauge,date,value,unit\n" + "\n".join(rows) + "\n"},
+    )
+    assert any("EX1.a5, CV1 have the same 4 readings" in note for note in case.notes) is said
+
+
 # Calibrations
 
 

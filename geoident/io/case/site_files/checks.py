@@ -16,6 +16,9 @@ from geoident.model.case import VIRGIN, KeyPath, format_path
 from geoident.model.gauges import Reading, named_channels
 from geoident.units import with_article
 
+_DIFFERENT = 4
+"""So many different values of two channels are not the same by chance."""
+
 
 class ReadingChecks:
     """Holds readings against their case; what is wrong with them is noted.
@@ -99,6 +102,23 @@ class ReadingChecks:
             f"reading: no motion since the zero at '{zero}'. If it is the zero reading itself, "
             f"write 'zero: {stage}' at the gauge; if nothing was read then, leave its value empty."
             for (stage, zero), names in begun.items()
+        ]
+
+    def copies(self, readings: Sequence[Reading]) -> list[str]:
+        """A sentence on channels that have the same readings, as when a column was copied."""
+        own: dict[str, dict[tuple[str, float | None], float]] = {}
+        for reading in readings:
+            if reading.value is not None and not reading.bad:
+                own.setdefault(reading.channel, {})[reading.stage, reading.time] = reading.value
+        alike: dict[tuple[object, ...], list[str]] = {}
+        for channel, values in own.items():
+            if len(set(values.values())) >= _DIFFERENT:
+                alike.setdefault(tuple(sorted(values.items(), key=str)), []).append(channel)
+        return [
+            f"{named_channels(names)} have the same {len(values)} readings, and count as "
+            "independent of each other. If one is a copy, take it out of the readings."
+            for values, names in alike.items()
+            if len(names) > 1
         ]
 
     def drifts(self, readings: Sequence[Reading]) -> list[str]:
