@@ -218,7 +218,7 @@ def test_parameters_that_fall_come_to_light_as_probably_as_told(tmp_path):
         "rock.csv": Happening(day=6.0 * YEAR, becomes={"E_rock": 0.8 * TRUTH["E_rock"]}),
         "dam.csv": Happening(day=6.0 * YEAR, becomes={"E_dam": 0.92 * TRUTH["E_dam"]}),
     }
-    told, seen, sound, right = [], [], [], []
+    told, seen, alarmed, right = [], [], [], []
     for number in range(12):
         folder = tmp_path / str(number)
         case = write(folder, seed=4, noises=number, years=8.0, fine=True, also=also)
@@ -228,7 +228,7 @@ def test_parameters_that_fall_come_to_light_as_probably_as_told(tmp_path):
         first = run_command("control", fit, *asked, "--json")
         said = json.loads(first.stdout)
         told += [row["probability"] for row in said["power"]]
-        sound.append(first.exit_code == 8 or "changes" in said or "parameter_changes" in said)
+        alarmed.append(first.exit_code == 8 or "changes" in said or "parameter_changes" in said)
         for name in words:
             done = run_command("control", fit, "--readings", folder / f"{name}.csv", "-o", out,
                                "--force", "--json")  # fmt: skip
@@ -236,11 +236,12 @@ def test_parameters_that_fall_come_to_light_as_probably_as_told(tmp_path):
             kinds = [row["kind"] for row in later.get("changes", ()) if row["kind"] != "reading"]
             rows = later.get("parameter_changes", ())
             seen.append(bool(kinds or rows))
-            right += [row["parameter"] == f"E_{name}" for row in rows[:1]]
+            if not alarmed[-1]:  # else the alarm may be of before the change
+                right += [row["parameter"] == f"E_{name}" for row in rows[:1]]
     spread = np.sqrt(np.mean(told) * (1.0 - np.mean(told)) / len(seen))
     assert np.mean(seen) == pytest.approx(np.mean(told), abs=3.0 * spread)
     assert np.mean(right) > 0.75
-    assert np.mean(sound) <= 0.6  # 0.18 in two years, and three standard deviations of 12
+    assert np.mean(alarmed) <= 0.6  # 0.18 in two years, and three standard deviations of 12
 
 
 def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path):
