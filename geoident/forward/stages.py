@@ -60,6 +60,9 @@ class ConstructionState:
         held_since: index of the state from which on each of the supports holds or moves so.
         relaxed: group indices that lose at this stage the stress that they have had since the
             virgin state, or since their placing.
+        lasts: how long the stage lasts, s; None: as long as all that takes time needs.
+        at: when in it this state is, s since its beginning; None: at its end.
+        goes_on: a later moment of the same stage as the state before.
     """
 
     name: str
@@ -79,6 +82,9 @@ class ConstructionState:
     supports: Mapping[str, Support] = field(default_factory=dict)
     held_since: Mapping[str, int] = field(default_factory=dict)
     relaxed: frozenset[int] = frozenset()
+    lasts: float | None = None
+    at: float | None = None
+    goes_on: bool = False
 
     @property
     def held(self) -> frozenset[tuple[str, tuple[int, ...]]]:
@@ -441,6 +447,9 @@ def _state_after(
         supports=supports | held,
         held_since=held_since,
         relaxed=frozenset(index[g] for g in stage.relaxed),
+        lasts=stage.lasts,
+        at=stage.at,
+        goes_on=stage.goes_on,
     )
 
 

@@ -213,6 +213,10 @@ class Stage:
         independent: a load case on its own: nothing builds on it but stages that name it.
         base: name of the earlier stage on which this one builds; None: the last one before it
             that is not independent.
+        lasts: how long the stage lasts, s; None: as long as all that takes time needs; 0: no time
+            passes, and no water moves.
+        at: which moment of a stage that lasts this is, s since its beginning; None: its end.
+        goes_on: a later moment of the stage before it, in which nothing else happens.
     """
 
     name: str
@@ -232,6 +236,9 @@ class Stage:
     relaxed: tuple[str, ...] = ()
     independent: bool = False
     base: str | None = None
+    lasts: float | None = None
+    at: float | None = None
+    goes_on: bool = False
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from geoident.io.case.structures import (
 )
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import CaseNumber, Coefficient, Flag, Force, Length, Name
+from geoident.io.schema.values import CaseNumber, Coefficient, FixedTime, Flag, Force, Length, Name
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
 from geoident.model.case import VIRGIN, KeyPath, Stage
@@ -116,6 +116,12 @@ class StageSection(Section):
     )
     base: Name | None = Field(
         None, description="Earlier stage, or 'virgin', on which this one builds."
+    )
+    lasts: FixedTime | None = Field(
+        None,
+        description="How long the stage lasts; as long as all that takes time needs if missing "
+        "(all water has drained, all creep has ended). 0 for a stage in which no time passes.",
+        examples=["12 d"],
     )
 
     def for_model(self, context: Context) -> Stage:

@@ -15,8 +15,9 @@ from geoident.forward.in_service.seasonal import Scales, effects_at
 from geoident.identify.in_time.detection import Detector
 from geoident.identify.in_time.innovations import Filter
 from geoident.identify.in_time.regression import regression_in_time
-from geoident.identify.in_time.simulation import Correlations, FittedErrors, sound_innovations
+from geoident.identify.in_time.simulation import FittedErrors
 from geoident.model.in_service import DAY, SeasonalModel, Series
+from geoident.workflow.in_service.fitted_gauges import STANDARD, FittedGauge, Sound
 
 DAMS = int(os.environ.get("GEOIDENT_COMPARED_DAMS", "36"))
 FITTED, BEGUN, FALSE = 6.0, 7.0, 1.0 - np.exp(-4.0 / 10.0)
@@ -58,23 +59,31 @@ class LikelihoodRatio:
     """What `geoident control` computes: the surprise above its own threshold, at each date."""
 
     def __init__(self, made):
-        self.filters, standard, errors, likely = [], [], [], []
-        for gauge in GAUGES:
+        self.filters, gauges = [], []
+        for number, gauge in enumerate(GAUGES):
             read, y = made.read[gauge]
             seasonal = model(made, air=True)
-            X = effects_at(seasonal, Scales.of(seasonal), read * DAY).columns
+            scales, times = Scales.of(seasonal), read * DAY
+            X = effects_at(seasonal, scales, times).columns
             old = read <= FITTED * YEAR
-            fit = regression_in_time(read[old] * DAY, y[old], X[old])
-            self.filters.append(Filter(fit.end, read[~old] * DAY, X[~old]))
-            usual = old & (read > read[old][-1] - 731.0)
-            standard.append(Filter(fit.end, (read[usual] + 731.0) * DAY, X[usual]))
-            errors.append(FittedErrors.of(fit.noise, read[old] * DAY, fit.residual))
-            likely.append(fit.likely)
-        rng = np.random.default_rng(0)
-        sound = sound_innovations(standard, Correlations.of(errors), 200, rng, likely)
-        usual = Detector(standard).correlated(sound)
-        self.threshold = usual.threshold(10.0 * YEAR * DAY, sound)
-        self.detector = Detector(self.filters, usual.together)
+            fit = regression_in_time(times[old], y[old], X[old])
+            self.filters.append(Filter(fit.end, times[~old], X[~old]))
+            usual = times[old & (read > read[old][-1] - STANDARD / DAY)]
+            ahead = effects_at(seasonal, scales, usual + STANDARD, usual).columns
+            gauges.append(
+                FittedGauge(
+                    number=number,
+                    terms=np.arange(X.shape[1]),
+                    state=fit.end,
+                    likely=fit.likely,
+                    errors=FittedErrors.of(fit.noise, times[old], fit.residual),
+                    standard=Filter(fit.end, usual + STANDARD, ahead),
+                    shared=np.array([], dtype=int),
+                )
+            )
+        sound = Sound(gauges, 10.0 * YEAR * DAY, np.random.default_rng(0))
+        self.threshold = sound.threshold
+        self.detector = Detector(self.filters, sound.detector.together)
 
     def statistic(self, made, readings):
         e = []
