@@ -130,15 +130,37 @@ class StageSection(Section):
         "(all water has drained, all creep has ended). 0 for a stage in which no time passes.",
         examples=["12 d"],
     )
+    over: FixedTime | None = Field(
+        None,
+        description="Of a stage that lasts: the time, from its beginning on, in which all that it "
+        "does comes evenly (a fill that is placed in three days); at once if missing.",
+        examples=["3 d"],
+    )
 
     def for_model(self, context: Context) -> Stage:
         """The stage for the model; what cannot be is noted as a fault."""
         if self.lasts is not None and self.lasts.factor < 0.0:
             hint = "Write how long it lasts, such as 12 d; 0 d for a stage in which no time passes."
             context.at("lasts").refuse("out-of-range", f"'{self.lasts.text}' is negative", hint)
+        if self.over is not None:
+            self._check_over(self.over.factor, context)
         supports = build_supports(self.supports, context.at("supports"))
         drained = build_drained(self.drained, context.at("drained"))
         return self.to_model(Stage, context, supports=supports, drained=drained)
+
+    def _check_over(self, over: float, context: Context) -> None:
+        """What a stage does comes while it lasts."""
+        assert self.over is not None
+        if self.lasts is None or not 0.0 <= over <= self.lasts.factor:
+            message = f"'{self.over.text}' is longer than the stage lasts, or negative"
+            if self.lasts is None:
+                message = "what the stage does comes in a time, and the stage has no duration"
+            hint = "Give 'lasts', at least as long."
+            context.at("over").refuse("out-of-range", message, hint)
+        if self.temperature:
+            message = "a temperature changes at the beginning of a stage"
+            hint = "Remove 'over', or change the temperature in a stage of its own."
+            context.at("over").refuse("contradiction", message, hint)
 
 
 @dataclass(frozen=True)
