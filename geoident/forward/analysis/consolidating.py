@@ -7,6 +7,7 @@ flow between given heads.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from geoident.forward.analysis.march import InTime, March, StepEquations
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
-from geoident.forward.consolidation.steps import OF_EACH_LENGTH, stage_steps
+from geoident.forward.consolidation.steps import OF_EACH_LENGTH, TimeStep, stage_steps
+from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Floats
 
 
@@ -80,7 +82,7 @@ class ConsolidationSteps:
                 task.forces[:] += self._pores.operators(task.number, task.point).coupling.at(pores)
             return None
         going = self._goes_on(task, given)
-        moment = self._moment(task.number)
+        moment = moment_of(task.state)
         reached = self._still_to_come(going, going.march.to(moment), moment, task)
         du = reached.u - going.reached.u
         self._going[task.number] = replace(going, reached=reached)
@@ -110,14 +112,11 @@ class ConsolidationSteps:
         state, number = task.state, task.number
         if state.goes_on:
             return self._going.pop(state.base)
-        system, lasts = self._pores[number], state.lasts
+        system = self._pores[number]
         before = self._before(task)
         operators = self._pores.operators(number, task.point)
         equations = StepEquations(task, self._systems, system, operators, before)
-        steps = []
-        if lasts:
-            of_each = self._finer * OF_EACH_LENGTH
-            steps = stage_steps(lasts, self._first(number), state.over, of_each)
+        steps = steps_of(self._sequence.states, number, self._finer)
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before)
         return _Going(march, nothing, equations.rest, task.motion)
@@ -137,16 +136,27 @@ class ConsolidationSteps:
             before[stay] -= self._pores.at_rest(number, stay, task.point)
         return before
 
-    def _moment(self, number: int) -> float:
-        """When a state is, s since the beginning of its stage."""
-        state = self._sequence.states[number]
-        return float(state.lasts or 0.0) if state.at is None else state.at
 
-    def _first(self, number: int) -> float:
-        """The first moment of a stage after its beginning, s."""
-        states, moments, at = self._sequence.states, [self._moment(number)], number
-        for later in range(number + 1, len(states)):
-            if states[later].goes_on and states[later].base == at:
-                moments.append(self._moment(later))
-                at = later
-        return min(moment for moment in moments if moment > 0.0)
+def moment_of(state: ConstructionState) -> float:
+    """When a state is, s since the beginning of its stage."""
+    return float(state.lasts or 0.0) if state.at is None else state.at
+
+
+def steps_of(states: Sequence[ConstructionState], number: int, finer: int = 1) -> list[TimeStep]:
+    """The steps in time of the stage that begins with a state; none where no time passes.
+
+    Args:
+        states: of the case.
+        number: of the state.
+        finer: how many times as many steps are made as usual.
+    """
+    state = states[number]
+    if not state.lasts:
+        return []
+    moments, at = [moment_of(state)], number
+    for later in range(number + 1, len(states)):
+        if states[later].goes_on and states[later].base == at:
+            moments.append(moment_of(states[later]))
+            at = later
+    first = min(moment for moment in moments if moment > 0.0)
+    return stage_steps(state.lasts, first, state.over, finer * OF_EACH_LENGTH)
