@@ -242,3 +242,14 @@ def test_errors_fall_with_the_square_of_elements_and_of_steps(tmp_path):
     for coarse, usual, fine in (by_mesh, by_step):
         ratio = np.abs(coarse - usual).max() / np.abs(usual - fine).max()
         assert 3.0 < ratio < 5.5
+
+
+def test_a_stage_in_which_nothing_takes_time_is_noted(tmp_path):
+    text = COLUMN.replace(", hydraulic: {permeability: $k}", "").replace("drained: {y1: {}}\n", "")
+    text = text.replace("nu: 0.3}", "nu: 0.3, density: 1000 kg/m3}")
+    text = text[: text.index("  P: {kind")].replace("parameters:\n", "parameters: {}\n")
+    text = text.replace("  k: {start: 1e-9 m/s, bounds: [1e-11 m/s, 1e-7 m/s]}\n", "")
+    model = model_at(column(tmp_path, text))
+    assert any("'load' lasts, and nothing in the ground takes time" in note for note in model.notes)
+    drained = 50e3 * 6.0 / M
+    assert model.computed(np.empty(0))[0, 0] == pytest.approx(drained)
