@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.commands import run_command
 from support.derivatives import assert_exact
 from support.in_stages import model_at, read, write_msh
 from support.meshes import box, regroup
@@ -276,3 +277,10 @@ def test_a_stage_in_which_nothing_takes_time_is_noted(tmp_path):
     assert any("'load' lasts, and nothing in the ground takes time" in note for note in model.notes)
     drained = 50e3 * 6.0 / M
     assert model.computed(np.empty(0))[0, 0] == pytest.approx(drained)
+
+
+def test_check_says_where_water_leaves(tmp_path):
+    said = run_command("check", str(site(tmp_path))).stdout
+    assert "Water leaves at x0." in said
+    assert "drains x1" in said
+    assert "closes x1" in said
