@@ -29,6 +29,11 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
+from geoident.forward.consolidation.checks import (
+    consolidation_faults,
+    drained_group_faults,
+    inadmissible_water,
+)
 from geoident.forward.gauges.kinds import gauges_outside, place_gauges, reading_faults
 from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import zeroed_too_early
@@ -107,7 +112,7 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
     structures = structure_place_faults(on_mesh)
     places = (
         mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
-        _stress_without_ground, face_faults, lining_faults,
+        _stress_without_ground, face_faults, lining_faults, consolidation_faults,
     )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
@@ -206,6 +211,7 @@ def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | 
     """
     for material in (case.materials[name] for name in sorted(sequence.materials)):
         fault = inadmissible(material, values) or no_stress_left(case, material, values)
+        fault = fault or inadmissible_water(case, material.name, values)
         if fault is not None:
             return fault
     return impossible_structure(case, values)
@@ -218,6 +224,13 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     notes += _idle_densities(on_mesh) if case.gravity is None else []
+    lasting = [stage.name for stage in case.stages if stage.lasts and not stage.goes_on]
+    if lasting and case.in_steps is None:
+        notes.append(
+            f"{', '.join(map(repr, lasting))} last{'s' * (len(lasting) == 1)}, and nothing in the "
+            "ground takes time: give its material 'hydraulic' (water that takes time to leave), or "
+            "remove 'lasts'"
+        )
     notes += [
         f"no group is of the material {name!r}: its constants, and parameters that only they "
         "follow, have no effect"
@@ -274,6 +287,7 @@ def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *group_faults(on_mesh),
         *support_faults(on_mesh),
         *load_faults(on_mesh),
+        *drained_group_faults(on_mesh),
         *surface_faults(on_mesh),
         *structure_faults(on_mesh),
     ]

@@ -316,6 +316,8 @@ def _stages(case: Case, model: ObservedModel, readings: ReadingTable) -> tuple[S
             base=None if base == n else case.stage_names[base],
             warmed=tuple(stage.temperature),
             water=stage.water is not None,
+            drained=tuple(name for name, one in stage.drained.items() if one is not None),
+            closed=tuple(name for name, one in stage.drained.items() if one is None),
             built=stage.build,
             dismantled=stage.dismantle,
             stressed=tuple(name for name in stage.prestress if name not in stage.build),

@@ -81,6 +81,37 @@ def general_factor(
     return Factor(pattern.n, counts, lambda rhs: _solve_in_blocks(lu, rhs), lambda: True)
 
 
+class SpluIndefinite:
+    """A pattern of quasi-definite matrices for SuperLU; see `quasi_definite`.
+
+    It takes no advantage of the symmetry: its pivots stay on the diagonal all the same.
+
+    Args:
+        pattern: of the lower triangle, in a fill-reducing order.
+        signs: (n,) of the diagonal, 1 or -1.
+    """
+
+    def __init__(self, pattern: LowerPattern, signs: Floats) -> None:
+        self._pattern, self._signs = pattern, signs
+
+    def factorize(self, values: Floats) -> Solve:
+        """How to solve with the matrix of these values (nnz,).
+
+        Raises:
+            NotPositiveDefinite: a pivot is zero, or has the other sign.
+        """
+        whole = self._pattern.whole(values)
+        lu = _lu((whole.data, whole.indices, whole.indptr), DIAGONAL)
+        moved = np.flatnonzero(lu.perm_r != lu.perm_c)
+        if moved.size:
+            raise NotPositiveDefinite(int(moved[0]))
+        if lu.nnz <= READABLE:
+            wrong = np.flatnonzero(~(lu.U.diagonal()[lu.perm_c] * self._signs > 0.0))
+            if wrong.size:
+                raise NotPositiveDefinite(int(wrong[0]))
+        return lambda rhs: _solve_in_blocks(lu, rhs)
+
+
 def _lu(columns: Any, pivoting: dict[str, Any]) -> Any:
     """SuperLU of a matrix by compressed columns, in the order that it has."""
     n = len(columns[2]) - 1

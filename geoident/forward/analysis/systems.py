@@ -21,6 +21,7 @@ from geoident.fem.solvers.direct import (
 )
 from geoident.fem.solvers.factor_cost import FactorCost
 from geoident.fem.solvers.ordering import nested_dissection
+from geoident.fem.solvers.quasi_definite import QuasiDefinite
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
@@ -88,6 +89,7 @@ class StageSystems:
 
     Attributes:
         factor_costs: of the patterns whose cost was counted.
+        rank: (n_nodes,) place of each node in the order of elimination.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, solver: Solver) -> None:
@@ -101,7 +103,7 @@ class StageSystems:
         self._numbers_of_fixed: dict[bytes, int] = {}
         order = _order_of(mesh, (), lambda: nested_dissection(mesh.points, *node_graph(mesh)))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
-        rank = np.empty_like(self._node_of_rank)
+        self.rank = rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
         self._blocks: dict[int, GroupBlocks] = {
             g: group_blocks(mesh, geometries, sequence.elements(g), rank)
@@ -148,6 +150,30 @@ class StageSystems:
             n_rows, n_strain = self.structures.n_rows, self.discretization.points.n_strain
             self._member_points[key] = MemberPoints(parts, n_rows, n_strain) if parts else None
         return self._member_points[key]
+
+    def quasi_definite(
+        self,
+        constant: sp.csr_array,
+        growing: sp.csr_array,
+        *,
+        places: Ints,
+        signs: Floats,
+    ) -> QuasiDefinite:
+        """Quasi-definite matrices A_0 + h A_1, whose unknowns stand at places in the elimination.
+
+        Args:
+            constant: A_0 (n, n).
+            growing: A_1 (n, n).
+            places: (n,) by which the unknowns are ordered.
+            signs: (n,) of the diagonal, 1 or -1.
+        """
+        order = np.argsort(places, kind="stable")
+        return self._solver.quasi_definite(constant, growing, signs=signs, order=order)
+
+    def definite(self, matrix: sp.csr_array, nodes: Ints) -> QuasiDefinite:
+        """A positive definite matrix (n, n) with one unknown at each of some nodes (n,)."""
+        nothing, signs = sp.csr_array(matrix.shape), np.ones(len(nodes))
+        return self.quasi_definite(matrix, nothing, places=self.rank[nodes], signs=signs)
 
     @property
     def solver_counts(self) -> SolverCounts:

@@ -34,6 +34,7 @@ from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import IN_TIME, MaterialSection, build_materials
+from geoident.io.case.hydraulic import DrainedSection
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
 from geoident.io.case.in_service.structure import (
@@ -202,6 +203,12 @@ class CaseSection(Section):
         None, description="In-situ stress of the ground, before the first stage."
     )
     water: WaterSection | None = Field(None, description="Water in the pores in the initial state.")
+    drained: dict[Name, DrainedSection] = Field(
+        {},
+        description="Group of faces (lines in 2-D, surfaces in a solid) at which the water of "
+        "consolidating ground leaves freely; all other edges are closed.",
+        examples=[{"top": {}}, {"well": {"head": "-4 m"}}],
+    )
     gravity: Gravity | None = Field(
         None,
         description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",
@@ -355,6 +362,11 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
                 message = "a structure in service is elastic: its motions are sums"
                 hint = f"Remove '{key}'; it is elastic without."
                 faults.add(("structures", name, key), "yields", message, hint)
+    for n, stage in enumerate(section.stages):
+        if stage.lasts is not None:
+            message = "the stages of a structure in service are equilibria without time"
+            hint = "Remove it: water has drained from the ground when the service begins."
+            faults.add(("stages", n, "lasts"), "no-time", message, hint)
     if service.loaded is not None and not any(
         getattr(material, key) for material in section.materials.values() for key in IN_TIME
     ):
@@ -387,8 +399,8 @@ _IN_TIME = ("gauss-newton", "simplex")
 
 
 _OF_THE_GROUND = (
-    "mesh", "materials", "groups", "supports", "in_situ", "water", "gravity", "loads", "structures",
-    "face", "service",
+    "mesh", "materials", "groups", "supports", "in_situ", "water", "drained", "gravity", "loads",
+    "structures", "face", "service",
 )  # fmt: skip
 
 

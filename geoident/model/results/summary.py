@@ -49,6 +49,8 @@ class StageSummary:
         base: the stage on which it builds, where that is not the one before.
         warmed: groups whose temperature changes.
         water: whether the water in the pores changes.
+        drained: groups of faces at which water begins to leave, or to another head.
+        closed: groups of faces at which it no longer does.
         built: names of structures that are built.
         dismantled: names of structures that are removed.
         stressed: names of structures whose bars are stressed anew.
@@ -68,6 +70,8 @@ class StageSummary:
     base: str | None = None
     warmed: tuple[str, ...] = ()
     water: bool = False
+    drained: tuple[str, ...] = ()
+    closed: tuple[str, ...] = ()
     built: tuple[str, ...] = ()
     dismantled: tuple[str, ...] = ()
     stressed: tuple[str, ...] = ()

@@ -270,6 +270,8 @@ def _events(stage: StageSummary) -> str:
     events += [f"end of load {name}" for name in stage.removed]
     events += [f"temperature of {name}" for name in stage.warmed]
     events += ["water in the pores"] if stage.water else []
+    events += [f"drains {name}" for name in stage.drained]
+    events += [f"closes {name}" for name in stage.closed]
     events += [f"support {name}" for name in stage.supported]
     events += [f"lets go of {name}" for name in stage.freed]
     return ", ".join(events)

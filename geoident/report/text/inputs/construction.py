@@ -30,6 +30,8 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         "loads": lambda s: "; ".join(load_texts(entries(s, "loads"), numbers)),
         "stressed": lambda s: _pairs(entries(s, "prestress"), numbers),
         "water": lambda s: numbers.text(s["water"]) if s.get("water") else "",
+        "drained": lambda s: drained_text(entries(s, "drained"), numbers),
+        "comes over": lambda s: numbers.text(s["over"]) if s.get("over") else "",
         "temperature": lambda s: _pairs(entries(s, "temperature"), numbers),
         "supports": lambda s: _supports(s, numbers, solid=solid),
         "follows": _base,
@@ -38,7 +40,7 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         return TextTable((), ())  # nothing is built
     stages = [stage for stage in case.get("stages", ()) if isinstance(stage, Mapping)]
     dates = entries(case, "dates")
-    first: CaseTexts = {"loads": case.get("loads"), "water": case.get("water")}
+    first: CaseTexts = {key: case.get(key) for key in ("loads", "water", "drained")}
     rows = [["0", INITIAL, str(dates.get("virgin", "")), *(of(first) for of in columns.values())]]
     for number, stage in enumerate(stages, start=1):
         name = str(stage.get("name", ""))
@@ -67,6 +69,16 @@ def _by_material(groups: CaseTexts, word: str = "of") -> str:
 
 def _pairs(entry: CaseTexts, numbers: ShownNumbers) -> str:
     return ", ".join(f"{name} {numbers.text(value)}" for name, value in entry.items())
+
+
+def drained_text(faces: CaseTexts, numbers: ShownNumbers) -> str:
+    """Faces at which water leaves, with a head where one is given, or no longer leaves."""
+    words = []
+    for name, how in faces.items():
+        head = how.get("head") if isinstance(how, Mapping) else None
+        closed = " closed" if isinstance(how, str) else ""
+        words.append(f"{name}{closed}" if head is None else f"{name} at {numbers.text(head)}")
+    return ", ".join(words)
 
 
 def _supports(stage: CaseTexts, numbers: ShownNumbers, *, solid: bool) -> str:

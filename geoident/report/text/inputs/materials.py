@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from geoident.report.text.inputs.construction import drained_text
 from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed, ranged
 from geoident.report.text.layout import TextTable
 
@@ -101,6 +102,8 @@ def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
         sentences.append(f"Gravity: {numbers.text(case['gravity'])}.")
     if case.get("water"):
         sentences.append(f"Water in the pores: {numbers.text(case['water'])}.")
+    if case.get("drained"):
+        sentences.append(f"Water leaves at {drained_text(entries(case, 'drained'), numbers)}.")
     return tuple(sentences)
 
 
