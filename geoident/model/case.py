@@ -19,6 +19,7 @@ from geoident.model.actions import (
     Water,
 )
 from geoident.model.arrays import Floats
+from geoident.model.creep import Ageing, CreepElement
 from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
@@ -103,8 +104,9 @@ class Material:
     varies from place to place; the constant itself is then the mean. One that grows is the number
     from which it grows.
 
-    In service, with the time under load: it creeps by a share of its elastic strain, its modulus
-    grows by a share (ageing), or loses one (softening).
+    Under load it creeps by a chain of elements, and its modulus grows with its age (ageing). In
+    service it creeps by one share of its elastic strain, and its modulus grows or falls (softening)
+    by a share with the time under load.
     """
 
     name: str
@@ -117,15 +119,16 @@ class Material:
     conductivity: Scalar | None = None
     heat_capacity: Scalar | None = None
     specific_heat: Scalar | None = None
-    creep: TimeCurve | None = None
-    ageing: TimeCurve | None = None
+    creep: tuple[CreepElement, ...] = ()
+    ageing: Ageing | None = None
     softening: TimeCurve | None = None
 
     @property
     def in_time(self) -> dict[str, TimeCurve]:
         """How it changes in service: ``creep``, ``ageing`` or ``softening`` to its curve."""
-        curves = {"creep": self.creep, "ageing": self.ageing, "softening": self.softening}
-        return {name: curve for name, curve in curves.items() if curve is not None}
+        creep = self.creep[0] if self.creep else None
+        curves = {"creep": creep, "ageing": self.ageing, "softening": self.softening}
+        return {name: curve for name, curve in curves.items() if isinstance(curve, TimeCurve)}
 
     @property
     def conducts(self) -> bool:
@@ -147,7 +150,9 @@ class Material:
                 if number is not None
             ),
             *(number for surface in self.yields for number in surface.numbers),
-            *(number for curve in self.in_time.values() for number in (curve.share, curve.time)),
+            *(number for element in self.creep for number in scalars_of(element).values()),
+            *(() if self.ageing is None else self.ageing.numbers),
+            *(() if self.softening is None else self.softening.numbers),
             *(field.mean for field in self.fields),
             *(number for g in self.growths for number in (g.base, *scalars_of(g.law).values())),
         )
@@ -366,6 +371,22 @@ class Case:
     def yields(self) -> bool:
         """Whether any material or structure has yield limits."""
         return any(one.yields for one in (*self.materials.values(), *self.structures.values()))
+
+    @property
+    def creeps(self) -> bool:
+        """Whether any ground creeps or ages in its stages; in service that comes after them."""
+        some = (one for one in self.materials.values() if one.creep or one.ageing is not None)
+        return self.service is None and any(some)
+
+    @property
+    def in_steps(self) -> str | None:
+        """Why its stages take steps in time, a clause; None where each is one equilibrium."""
+        if self.creeps:
+            for one in self.materials.values():
+                if one.creep or one.ageing is not None:
+                    word = "creeps" if one.creep else "ages"
+                    return f"{one.name} {word}: a stage that lasts has many steps"
+        return None
 
     @property
     def stage_names(self) -> tuple[str, ...]:

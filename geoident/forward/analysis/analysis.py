@@ -47,6 +47,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
+from geoident.forward.analysis.creeping import CreepingStages
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
@@ -59,6 +60,7 @@ from geoident.forward.analysis.stage import (
     elastic_step,
 )
 from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.stages import CaseOnMesh
@@ -91,6 +93,7 @@ class RunOptions:
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
         displacements: of elastic states, where they are known; these are not solved for.
+        finer: how many times as many steps in time stages that last are divided into.
     """
 
     derivatives: bool = True
@@ -101,6 +104,7 @@ class RunOptions:
     traced: bool = False
     strict: bool = False
     displacements: KnownDisplacements | None = None
+    finer: int = 1
 
 
 @dataclass(frozen=True)
@@ -230,6 +234,10 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
+        self._creeping: CreepingStages | None = None
+        if analysis.case.creeps:
+            steps = CreepSteps(analysis.on_mesh, self.point, self._ground)
+            self._creeping = CreepingStages(systems, steps, options.finer)
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
@@ -332,6 +340,8 @@ class AnalysisRun:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
             self.traces.append(ElasticTrace(task, du, slopes, {}, in_situ[..., 1:], stepped))
+        if self._creeping is not None:
+            self._creeping.begin(carried)
         if any(state.relaxed for state in self._analysis.sequence.states):
             self._virgin_stress = carried.stress.copy()
         if self._plastic is not None:
@@ -363,9 +373,12 @@ class AnalysisRun:
         self._structures.begin(state, carried.members, point)
         u[~system.touched] = 0.0
         task = self._task(number, carried, forces)
-        task.impose(systems)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
-        if self._plastic is not None and self._plastic.yields(state):
+        if self._creeping is None:
+            task.impose(systems)
+        if self._creeping is not None:
+            du = self._creeping.step(task, self.factors)
+        elif self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
             known_displacements = self._options.displacements
