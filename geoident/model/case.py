@@ -24,6 +24,7 @@ from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
+from geoident.model.hydraulic import Drained, Hydraulic
 from geoident.model.in_service import SeasonalModel, StructureInService, TimeCurve
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
@@ -107,6 +108,8 @@ class Material:
     Under load it creeps by a chain of elements, and its modulus grows with its age (ageing). In
     service it creeps by one share of its elastic strain, and its modulus grows or falls (softening)
     by a share with the time under load.
+
+    Its water: without ``hydraulic`` it leaves at once.
     """
 
     name: str
@@ -122,6 +125,7 @@ class Material:
     creep: tuple[CreepElement, ...] = ()
     ageing: Ageing | None = None
     softening: TimeCurve | None = None
+    hydraulic: Hydraulic | None = None
 
     @property
     def in_time(self) -> dict[str, TimeCurve]:
@@ -129,6 +133,11 @@ class Material:
         creep = self.creep[0] if self.creep else None
         curves = {"creep": creep, "ageing": self.ageing, "softening": self.softening}
         return {name: curve for name, curve in curves.items() if isinstance(curve, TimeCurve)}
+
+    @property
+    def consolidates(self) -> bool:
+        """Whether water takes time to leave it."""
+        return self.hydraulic is not None and not self.hydraulic.impervious
 
     @property
     def conducts(self) -> bool:
@@ -149,6 +158,7 @@ class Material:
                 for number in (self.conductivity, self.heat_capacity, self.specific_heat)
                 if number is not None
             ),
+            *(() if self.hydraulic is None else self.hydraulic.scalars),
             *(number for surface in self.yields for number in surface.numbers),
             *(number for element in self.creep for number in scalars_of(element).values()),
             *(() if self.ageing is None else self.ageing.numbers),
@@ -209,6 +219,7 @@ class Stage:
         prestress: structure to the force of each of its bars, N, to which it is brought at this
             stage and at which it is locked off; overrides that of building.
         water: water in the pores from this stage on; None: as before.
+        drained: group of faces at which water leaves from this stage on; None for those that close.
         temperature: group to change of temperature, counted from the initial state or from its
             placing, from this stage on.
         supports: supports that begin to hold at this stage, or move otherwise from it on; None for
@@ -220,6 +231,7 @@ class Stage:
             that is not independent.
         lasts: how long the stage lasts, s; None: as long as all that takes time needs; 0: no time
             passes, and no water moves.
+        over: the time in which all that it does comes evenly, s; 0: at its beginning.
         at: which moment of a stage that lasts this is, s since its beginning; None: its end.
         goes_on: a later moment of the stage before it, in which nothing else happens.
     """
@@ -236,12 +248,14 @@ class Stage:
     dismantle: tuple[str, ...] = ()
     prestress: Mapping[str, Scalar] = field(default_factory=dict)
     water: Water | None = None
+    drained: Mapping[str, Drained | None] = field(default_factory=dict)
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
     supports: Mapping[str, Support | None] = field(default_factory=dict)
     relaxed: tuple[str, ...] = ()
     independent: bool = False
     base: str | None = None
     lasts: float | None = None
+    over: float = 0.0
     at: float | None = None
     goes_on: bool = False
 
@@ -330,6 +344,7 @@ class Case:
         face: how distances to the tunnel face become released stress, or None.
         decisions: what is to be done if a reading is beyond a value.
         service: what acts day by day from the last stage on, or None.
+        drained: group of faces at which water leaves from the beginning.
     """
 
     title: str
@@ -359,6 +374,7 @@ class Case:
     mesh_order: int = 1
     decisions: tuple[Decision, ...] = ()
     service: StructureInService | None = None
+    drained: Mapping[str, Drained] = field(default_factory=dict)
 
     @property
     def in_time(self) -> SeasonalModel | StructureInService | None:
@@ -373,6 +389,14 @@ class Case:
         return any(one.yields for one in (*self.materials.values(), *self.structures.values()))
 
     @property
+    def consolidates(self) -> bool:
+        """Whether water takes time to leave some ground, in stages that last, or flows steadily."""
+        drained = [*self.drained.values(), *(d for s in self.stages for d in s.drained.values())]
+        flows = any(one is not None and one.head is not None for one in drained)
+        flows = flows or any(stage.lasts is not None for stage in self.stages)
+        return flows and any(material.consolidates for material in self.materials.values())
+
+    @property
     def creeps(self) -> bool:
         """Whether any ground creeps or ages in its stages; in service that comes after them."""
         some = (one for one in self.materials.values() if one.creep or one.ageing is not None)
@@ -381,12 +405,14 @@ class Case:
     @property
     def in_steps(self) -> str | None:
         """Why its stages take steps in time, a clause; None where each is one equilibrium."""
-        if self.creeps:
-            for one in self.materials.values():
-                if one.creep or one.ageing is not None:
-                    word = "creeps" if one.creep else "ages"
-                    return f"{one.name} {word}: a stage that lasts has many steps"
-        return None
+        for one in self.materials.values() if self.creeps else ():
+            if one.creep or one.ageing is not None:
+                word = "creeps" if one.creep else "ages"
+                return f"{one.name} {word}: a stage that lasts has many steps"
+        if not self.consolidates:
+            return None
+        name = next(one.name for one in self.materials.values() if one.consolidates)
+        return f"water flows in {name}, in many steps in time where a stage lasts"
 
     @property
     def stage_names(self) -> tuple[str, ...]:

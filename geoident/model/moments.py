@@ -33,7 +33,9 @@ def with_moments(case: Case, moments: Mapping[str, Sequence[float]]) -> Case:
         for before, name, time in zip(names, names[1:], times[1:], strict=False):
             if stage.name in dates:
                 dates[before] = dates[stage.name] - stage.lasts + times[names.index(before)]
-            further = Stage(name, base=before, lasts=stage.lasts, at=time, goes_on=True)
+            further = Stage(
+                name, base=before, lasts=stage.lasts, over=stage.over, at=time, goes_on=True
+            )
             stages.append(replace(further, independent=stage.independent))
     return replace(case, stages=tuple(stages), dates=dates)
 

@@ -47,6 +47,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
+from geoident.forward.analysis.consolidating import ConsolidationSteps
 from geoident.forward.analysis.creeping import CreepingStages
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
@@ -60,6 +61,7 @@ from geoident.forward.analysis.stage import (
     elastic_step,
 )
 from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.consolidation.pores import Pores
 from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
@@ -149,6 +151,7 @@ class StagedAnalysis:
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
+        self.pores = Pores(on_mesh, systems.rank, systems.solver_counts)
         self.warm = warm or WarmStart()
 
     def forget(self) -> None:
@@ -234,6 +237,9 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
+        self._consolidation: ConsolidationSteps | None = None
+        if analysis.case.consolidates:
+            self._consolidation = ConsolidationSteps(systems, analysis.pores, options.finer)
         self._creeping: CreepingStages | None = None
         if analysis.case.creeps:
             steps = CreepSteps(analysis.on_mesh, self.point, self._ground)
@@ -291,11 +297,19 @@ class AnalysisRun:
                     last=last_found,
                 )  # fmt: skip
             else:
-                yield StageEnd(n, u, carried.stress, carried.members, yielded, forces)
+                yield StageEnd(
+                    n, u, carried.stress, carried.members, yielded, forces, pores=carried.pores
+                )
                 if last_use.get(n, -1) > n + 1:
                     kept[n] = u.copy(), carried.copy()
         if not self._options.traced:
-            self.factors.forget()
+            self.forget_factors()
+
+    def forget_factors(self) -> None:
+        """Forget the factorizations that are kept."""
+        self.factors.forget()
+        if self._consolidation is not None:
+            self._consolidation.forget_factors()
 
     def _at_rest(self) -> tuple[Floats, StressState]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -303,7 +317,10 @@ class AnalysisRun:
         columns = self.point.n_columns + (unit.n_columns if unit else 0)
         u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
-        return u, StressState(stress, np.zeros((self._structures.n_rows, columns)))
+        carried = StressState(stress, np.zeros((self._structures.n_rows, columns)))
+        if self._consolidation is not None:
+            carried.pores = np.zeros((self._analysis.on_mesh.mesh.n_nodes, columns))
+        return u, carried
 
     def _add_actions(self, number: int, forces: Floats) -> Floats:
         """Add what acts in a state to forces (n_dofs, 1 + n + k).
@@ -357,7 +374,11 @@ class AnalysisRun:
         system, state = systems[number], analysis.sequence.states[number]
         slopes = self._add_actions(number, forces)
         before = self._unreleased[state.base]
-        unreleased = analysis.release.unreleased(number, before, carried.stress, point)
+        unreleased = dict(analysis.release.unreleased(number, before, carried.stress, point))
+        if carried.pores is not None:
+            for group in state.release.keys() & state.leaving:
+                pushed = analysis.pores.push(state.base, group, carried.pores, point)
+                unreleased[group] = unreleased[group] + pushed
         self._unreleased[number] = unreleased
         forces += analysis.release.forces(number, unreleased, point)
         # what is gone or placed anew carries nothing; nodes that are gone forget their motion
@@ -374,10 +395,15 @@ class AnalysisRun:
         u[~system.touched] = 0.0
         task = self._task(number, carried, forces)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
-        if self._creeping is None:
-            task.impose(systems)
+        flowed = None
         if self._creeping is not None:
-            du = self._creeping.step(task, self.factors)
+            flowed = self._creeping.step(task, self.factors)
+        else:
+            task.impose(systems)
+        if self._consolidation is not None:
+            flowed = self._consolidation.step(task, self.factors)
+        if flowed is not None:
+            du = flowed
         elif self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:

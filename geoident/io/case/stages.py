@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field
 
 from geoident.io.case.actions import LoadSection, TemperatureSection, WaterSection
 from geoident.io.case.ground import MaterialSection
+from geoident.io.case.hydraulic import StageDrainedValue, build_drained
 from geoident.io.case.structures import (
     AnchorSection,
     BeamSection,
@@ -96,6 +97,12 @@ class StageSection(Section):
     water: WaterSection | None = Field(
         None, description="Water in the pores from this stage on; as before if missing."
     )
+    drained: dict[Name, StageDrainedValue] = Field(
+        {},
+        description="Faces at which water leaves from this stage on, as in the `drained` of the "
+        "case, and 'closed' for those at which it no longer does.",
+        examples=[{"drain": {"head": "2 m"}}, {"top": "closed"}],
+    )
     temperature: dict[Name, TemperatureSection] = Field(
         {},
         description="Element group to change of temperature since the initial state (or since it "
@@ -123,11 +130,37 @@ class StageSection(Section):
         "(all water has drained, all creep has ended). 0 for a stage in which no time passes.",
         examples=["12 d"],
     )
+    over: FixedTime | None = Field(
+        None,
+        description="Of a stage that lasts: the time, from its beginning on, in which all that it "
+        "does comes evenly (a fill that is placed in three days); at once if missing.",
+        examples=["3 d"],
+    )
 
     def for_model(self, context: Context) -> Stage:
         """The stage for the model; what cannot be is noted as a fault."""
+        if self.lasts is not None and self.lasts.factor < 0.0:
+            hint = "Write how long it lasts, such as 12 d; 0 d for a stage in which no time passes."
+            context.at("lasts").refuse("out-of-range", f"'{self.lasts.text}' is negative", hint)
+        if self.over is not None:
+            self._check_over(self.over.factor, context)
         supports = build_supports(self.supports, context.at("supports"))
-        return self.to_model(Stage, context, supports=supports)
+        drained = build_drained(self.drained, context.at("drained"))
+        return self.to_model(Stage, context, supports=supports, drained=drained)
+
+    def _check_over(self, over: float, context: Context) -> None:
+        """What a stage does comes while it lasts."""
+        assert self.over is not None
+        if self.lasts is None or not 0.0 <= over <= self.lasts.factor:
+            message = f"'{self.over.text}' is longer than the stage lasts, or negative"
+            if self.lasts is None:
+                message = "what the stage does comes in a time, and the stage has no duration"
+            hint = "Give 'lasts', at least as long."
+            context.at("over").refuse("out-of-range", message, hint)
+        if self.temperature:
+            message = "a temperature changes at the beginning of a stage"
+            hint = "Remove 'over', or change the temperature in a stage of its own."
+            context.at("over").refuse("contradiction", message, hint)
 
 
 @dataclass(frozen=True)
