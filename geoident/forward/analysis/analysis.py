@@ -48,7 +48,6 @@ from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
 from geoident.forward.analysis.consolidating import ConsolidationSteps
-from geoident.forward.analysis.creeping import CreepingStages
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
@@ -237,13 +236,12 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
-        self._consolidation: ConsolidationSteps | None = None
-        if analysis.case.consolidates:
-            self._consolidation = ConsolidationSteps(systems, analysis.pores, options.finer)
-        self._creeping: CreepingStages | None = None
+        self._creep: CreepSteps | None = None
         if analysis.case.creeps:
-            steps = CreepSteps(analysis.on_mesh, self.point, self._ground)
-            self._creeping = CreepingStages(systems, steps, options.finer)
+            self._creep = CreepSteps(analysis.on_mesh, self.point, self._ground)
+        self._in_time: ConsolidationSteps | None = None
+        if analysis.case.consolidates or analysis.case.creeps:
+            self._in_time = ConsolidationSteps(systems, analysis.pores, self._creep, options.finer)
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
@@ -308,8 +306,8 @@ class AnalysisRun:
     def forget_factors(self) -> None:
         """Forget the factorizations that are kept."""
         self.factors.forget()
-        if self._consolidation is not None:
-            self._consolidation.forget_factors()
+        if self._in_time is not None:
+            self._in_time.forget_factors()
 
     def _at_rest(self) -> tuple[Floats, StressState]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -318,7 +316,7 @@ class AnalysisRun:
         u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
         carried = StressState(stress, np.zeros((self._structures.n_rows, columns)))
-        if self._consolidation is not None:
+        if self._analysis.case.consolidates:
             carried.pores = np.zeros((self._analysis.on_mesh.mesh.n_nodes, columns))
         return u, carried
 
@@ -357,8 +355,8 @@ class AnalysisRun:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
             self.traces.append(ElasticTrace(task, du, slopes, {}, in_situ[..., 1:], stepped))
-        if self._creeping is not None:
-            self._creeping.begin(carried)
+        if self._creep is not None:
+            carried.creep = self._creep.at_rest(stress)
         if any(state.relaxed for state in self._analysis.sequence.states):
             self._virgin_stress = carried.stress.copy()
         if self._plastic is not None:
@@ -396,12 +394,10 @@ class AnalysisRun:
         task = self._task(number, carried, forces)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
         flowed = None
-        if self._creeping is not None:
-            flowed = self._creeping.step(task, self.factors)
-        else:
+        if self._creep is None:
             task.impose(systems)
-        if self._consolidation is not None:
-            flowed = self._consolidation.step(task, self.factors)
+        if self._in_time is not None:
+            flowed = self._in_time.step(task, self.factors)
         if flowed is not None:
             du = flowed
         elif self._plastic is not None and self._plastic.yields(state):

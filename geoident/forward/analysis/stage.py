@@ -167,6 +167,11 @@ class StressState:
             self.hardened[material] = np.zeros(shape)
         self.hardened[material][:, points, columns] += more
 
+    def take(self, other: StressState) -> None:
+        """Take stress, forces of structures and creep of another state."""
+        self.stress[:], self.members[:] = other.stress, other.members
+        self.creep = None if other.creep is None else other.creep.copy()
+
     def copy(self) -> StressState:
         """A copy of its own."""
         hardened = {name: values.copy() for name, values in self.hardened.items()}
