@@ -14,7 +14,8 @@ from support.creeping import (
     write_tunnel,
 )
 from support.derivatives import assert_slopes
-from support.in_stages import model_at
+from support.in_stages import model_at, write_msh
+from support.meshes import box
 
 from geoident.forward.analysis.analysis import RunOptions
 
@@ -210,17 +211,141 @@ OF_EVERYTHING = (
 
 def test_derivatives_are_exact(tmp_path):
     path = write_tunnel(tmp_path, OF_EVERYTHING, cells=4)
-    model = model_at(path, {"dig": [DAY], "line": [3 * DAY], "thick": [2 * DAY]})
+    assert_exact(model_at(path, {"dig": [DAY], "line": [3 * DAY], "thick": [2 * DAY]}), 3)
+
+
+def test_derivatives_with_water_are_exact(tmp_path):
+    parameters = """parameters:
+  E: {start: 2 MPa, bounds: [1 MPa, 9 MPa]}
+  share: {start: 0.6, bounds: [0, 3]}
+  time: {start: 200 d, bounds: [1 d, 900 d]}
+  k: {start: 1e-9 m/s, bounds: [1e-11 m/s, 1e-7 m/s], scale: log}"""
+    text = SOFT_CLAY.replace("parameters: {}", parameters).replace("E: 2 MPa, nu", "E: $E, nu")
+    text = text.replace("share: 0.6, time: 200 d", "share: $share, time: $time, in: shear")
+    text = text.replace("permeability: 1e-9 m/s", "permeability: $k")
+    write_msh(box("quad8", (1, 5), size=(0.4, 5.0)), tmp_path / "m.msh", ["x0", "x1", "y0", "y1"])
+    path = tmp_path / "case.yaml"
+    path.write_text(text)
+    assert_exact(model_at(path, {"load": [10 * DAY, 200 * DAY]}), 0)
+
+
+def assert_exact(model, second_from):
+    """Derivatives of what two channels see, the second from a state on, are those of differences.
+
+    Args:
+        model: whose first channel is a motion, and whose second is a stress or a pressure.
+        second_from: the first state after the virgin one at which the second exists.
+    """
     p = np.array([parameter.start for parameter in model.case.parameters])
 
     def observed(p):
         run = model.at(p, RunOptions(derivatives=False))
         seen = np.array([model.see(end, run)[:, 0] for end in run.states()])[1:]
-        return np.concatenate([seen[:, 0] * 1e3, seen[3:, 1] / 1e6])
+        return np.concatenate([seen[:, 0] * 1e3, seen[second_from:, 1] / 1e5])
 
     run = model.at(p, RunOptions())
     seen = np.array([model.see(end, run) for end in run.states()])[1:]
-    found = np.concatenate([seen[:, 0] * 1e3, seen[3:, 1] / 1e6])
+    found = np.concatenate([seen[:, 0] * 1e3, seen[second_from:, 1] / 1e5])
     np.testing.assert_allclose(found[:, 0], observed(p), rtol=1e-12)
     assert np.all(np.abs(found[:, 1:]).max(axis=0) > 0)
     assert_slopes(observed, p, found[:, 1:], model.names, step=2e-3)
+
+
+SOFT_CLAY = """\
+format: geoident-case/1
+analysis: plane-strain
+mesh: {file: m.msh}
+parameters: {}
+materials:
+  clay:
+    {E: 2 MPa, nu: 0.25, creep: {share: 0.6, time: 200 d},
+     hydraulic: {permeability: 1e-9 m/s, storage: 1e-12 1/Pa}}
+groups: {all: clay}
+supports: {x0: x, x1: x, y0: [x, y]}
+drained: {y1: {}}
+stages:
+  - {name: load, loads: {q: {on: y1, pressure: 100 kPa}}, lasts: 2000 d}
+gauges:
+  S: {kind: settlement, point: [0.2 m, 5 m], accuracy: 0.1 mm}
+  P: {kind: piezometer, point: [0.2 m, 0 m], accuracy: 1 kPa}
+"""
+
+
+def of_transform(transform, t, terms=24):
+    """A function of time by its Laplace transform: fixed Talbot contour (Abate & Valko 2004)."""
+    r = 2 * terms / (5 * t)
+    theta = np.arange(1, terms) * np.pi / terms
+    cot = 1 / np.tan(theta)
+    s = r * theta * (cot + 1j)
+    sigma = theta + (theta * cot - 1) * cot
+    parts = np.exp(t * s) * np.array([transform(x) for x in s]) * (1 + 1j * sigma)
+    return r / terms * (0.5 * np.exp(r * t) * transform(r).real + parts.real.sum())
+
+
+def test_a_clay_layer_consolidates_and_creeps(tmp_path):
+    """The theory of Taylor and Merchant, a skeleton with a Kelvin element: Laplace transforms."""
+    write_msh(box("quad8", (1, 40), size=(0.4, 5.0)), tmp_path / "m.msh", ["x0", "x1", "y0", "y1"])
+    path = tmp_path / "case.yaml"
+    path.write_text(SOFT_CLAY)
+    days = np.array([10.0, 50.0, 200.0, 500.0, 2000.0])
+    found = computed(model_at(path, {"load": days[:-1] * DAY}))[:, 1:]
+    E, nu, q, H = 2e6, 0.25, 1e5, 5.0
+    M = E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+
+    def layer(s):
+        soft = (1 + 0.6 / (1 + s * 200 * DAY)) / M
+        root = np.sqrt(9810.0 * s * soft / 1e-9)
+        return soft, root
+
+    def settlement(s):
+        soft, root = layer(s)
+        return soft * q / s * np.tanh(root * H) / root
+
+    def pressure(s):
+        return q / s * (1 - 1 / np.cosh(layer(s)[1] * H))
+
+    exact = [[of_transform(f, d * DAY) for d in days] for f in (settlement, pressure)]
+    np.testing.assert_allclose(found[0], exact[0], rtol=2e-3)
+    np.testing.assert_allclose(found[1], exact[1], atol=2e-3 * q)
+
+
+CAST = """  - {name: cast, install: {all: bar}, lasts: 7 d}
+  - {name: load, loads: {pull: {on: x1, traction: [1 MPa, 0 MPa]}}, lasts: 100 d}
+gauges:"""
+
+
+def cast(tmp_path, ageing, load):
+    """What is seen of a bar that is cast seven days before it is loaded."""
+    text = BAR[: BAR.index("  - {name: load")] + CAST + BAR[BAR.index("gauges:") + 7 :]
+    text = text.replace("creep: CREEP", f"ageing: {ageing}").replace(
+        "{all: bar}\nsup", "{all: absent}\nsup"
+    )
+    text = text.replace("loads: {pull: {on: x1, traction: [1 MPa, 0 MPa]}}", load)
+    return computed(model_at(write_bar(tmp_path, text), {"load": [0.1 * DAY, 30 * DAY]}))[:, 2:]
+
+
+LAWS = {
+    "{law: eurocode-2}": lambda d: np.exp(0.25 * (1 - np.sqrt(28 / d))) ** 0.3,
+    "{law: fib, s: 0.38}": lambda d: np.exp(0.38 * (1 - np.sqrt(28 / d))) ** 0.5,
+    "{share: 0.5, time: 10 d}": lambda d: 1 - 0.5 * np.expm1(-d / 10),
+    "{curve: {1 d: 2 GPa, 14 d: 6 GPa, 28 d: 9 GPa}}": lambda d: np.interp(
+        d, [1, 14, 28], [0.2, 0.6, 0.9]
+    ),
+}
+
+
+@pytest.mark.parametrize("ageing", LAWS)
+def test_young_concrete_strains_by_its_modulus_when_it_is_loaded(tmp_path, ageing):
+    """And not again as it hardens."""
+    found = cast(tmp_path, ageing, "loads: {pull: {on: x1, traction: [1 MPa, 0 MPa]}}")[0]
+    np.testing.assert_allclose(found, ELASTIC / LAWS[ageing](7.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("ageing", LAWS)
+def test_strain_that_comes_evenly_meets_the_modulus_of_each_day(tmp_path, ageing):
+    found = cast(tmp_path, ageing, "supports: {x1: {x: 0.1 mm}}, over: 50 d")[2, [1, 2]]
+    days = np.linspace(7.0, 57.0, 20001)
+    E = LAWS[ageing](days)
+    part = np.concatenate([[0.0], np.cumsum(0.5 * (E[1:] + E[:-1]) * np.diff(days) / 50.0)])
+    exact = 1e-4 * 10e9 / (1 - 0.2**2) * np.interp([37.0, 57.0], days, part)
+    np.testing.assert_allclose(found, exact, rtol=1e-3)
