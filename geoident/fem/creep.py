@@ -121,10 +121,11 @@ class CreepStep:
             strains: q (k, s, q, c).
         """
         parts = self.chain.parts.astype(float)
+        faded, n = self.faded.columns, self.faded.columns.shape[1]
         weights = self.flow.columns + parts.T @ (self.faded * self.chain.shares).columns
         z = scaled(weights, driving)
-        for faded, strain in zip(self.faded.columns, strains, strict=True):
-            z -= times(faded, strain)
+        z -= np.tensordot(faded[:, 0], strains, axes=1)
+        z[..., 1:n] -= np.moveaxis(np.tensordot(faded[:, 1:].T, strains[..., 0], axes=1), 0, -1)
         return z
 
     def advance(self, strains: Floats, driving: Floats, change: Floats) -> None:
@@ -135,16 +136,23 @@ class CreepStep:
             driving: d (s, q, c) there.
             change: of the stress (s, q, c) in the step.
         """
-        to_come = self.faded * self.chain.shares
-        for k, (in_shear, in_volume) in enumerate(self.chain.parts):
-            own = np.array([[in_shear], [in_volume]], dtype=float)
-            strains[k] -= times(self.faded.columns[k], strains[k])
-            strains[k] += scaled(own * to_come.columns[k], driving)
-            strains[k] += scaled(own * self.taken.columns[k], change)
+        to_come = (self.faded * self.chain.shares).columns
+        strains -= times(_of_elements(self.faded.columns), strains)
+        for part in np.unique(self.chain.parts, axis=0):
+            own = np.all(self.chain.parts == part, axis=1)
+            of_part = np.stack([part.astype(float), np.zeros(2)], axis=1)  # without derivatives
+            begun, grew = (scaled(of_part, values)[None] for values in (driving, change))
+            strains[own] += times(_of_elements(to_come[own]), begun)
+            strains[own] += times(_of_elements(self.taken.columns[own]), grew)
+
+
+def _of_elements(numbers: Floats) -> Floats:
+    """Numbers (k, 1 + n) of elements, to be multiplied with values (k, s, q, c)."""
+    return numbers[:, None, None]
 
 
 def times(number: Floats, values: Floats) -> Floats:
-    """A number (1 + n,) or numbers (q, 1 + n) of points times values (s, q, 1 + n + k).
+    """A number (1 + n,), or several (..., 1 + n), times values (..., 1 + n + k).
 
     The k further columns are no derivatives of the number: they are multiplied by its value.
     """

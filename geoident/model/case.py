@@ -35,7 +35,7 @@ from geoident.model.methods import (
     SquaredOptions,
 )
 from geoident.model.parameter import Parameter, Scalar, scalars_of
-from geoident.model.structures import Structure
+from geoident.model.structures import Structure, ages
 from geoident.model.yielding import YieldSurface
 
 KeyPath = tuple[str | int, ...]
@@ -399,16 +399,23 @@ class Case:
     @property
     def creeps(self) -> bool:
         """Whether any ground creeps or ages in its stages; in service that comes after them."""
-        some = (one for one in self.materials.values() if one.creep or one.ageing is not None)
-        return self.service is None and any(some)
+        return self.service is None and bool(self._in_time)
+
+    @cached_property
+    def _in_time(self) -> tuple[str, ...]:
+        """Materials and structures that creep or age, clauses."""
+        materials, structures = self.materials.values(), self.structures
+        return (
+            *(f"{one.name} creeps" for one in materials if one.creep),
+            *(f"{one.name} ages" for one in materials if one.ageing is not None),
+            *(f"'{name}' ages" for name, one in structures.items() if ages(one)),
+        )
 
     @property
     def in_steps(self) -> str | None:
         """Why its stages take steps in time, a clause; None where each is one equilibrium."""
-        for one in self.materials.values() if self.creeps else ():
-            if one.creep or one.ageing is not None:
-                word = "creeps" if one.creep else "ages"
-                return f"{one.name} {word}: a stage that lasts has many steps"
+        if self.creeps:
+            return f"{self._in_time[0]}: a stage that lasts has many steps in time"
         if not self.consolidates:
             return None
         name = next(one.name for one in self.materials.values() if one.consolidates)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from geoident.model.in_service import TimeCurve
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Scalar, Values, scalars_of
 
 Part = Literal["shear", "volume", "both"]
 """Which part of the stress makes an element creep: its deviator, its mean, or all of it."""
@@ -79,6 +79,15 @@ def ends(element: CreepElement) -> bool:
     return isinstance(element, KelvinElement)
 
 
+def impossible_ageing(ageing: Ageing, values: Values) -> str | None:
+    """Which number of a law is impossible at parameter values (SI), a clause, or None."""
+    for name, scalar in named_numbers(ageing).items():
+        number = scalar.value(values)
+        if number < 0.0 or (name != "share" and number == 0.0):
+            return f"the {name} of its ageing is {number:.6g}, it must be positive"
+    return None
+
+
 def impossible(element: CreepElement, values: Values) -> str | None:
     """Which number of an element is impossible at parameter values (SI), a clause, or None."""
     for name, scalar in element.positive.items():
@@ -130,3 +139,10 @@ class ConcreteAgeing:
 
 Ageing = TimeCurve | StiffnessTable | ConcreteAgeing
 """How the modulus grows: by a share of it (`TimeCurve`), by a table, or as that of concrete."""
+
+
+def named_numbers(ageing: Ageing) -> dict[str, Scalar]:
+    """All numbers of a law of ageing, by name."""
+    if isinstance(ageing, StiffnessTable):
+        return {f"modulus {n}": modulus for n, modulus in enumerate(ageing.moduli, start=1)}
+    return scalars_of(ageing)

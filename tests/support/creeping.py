@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.model import StagedModel
-from support.deck import write_deck
+from geoident.model.mesh import ElementBlock
 from support.in_stages import write_msh
 from support.meshes import box, from_grid, regroup
 
@@ -18,7 +19,7 @@ TUNNEL = """\
 format: geoident-case/1
 title: Round tunnel in ground that creeps
 analysis: axisymmetric
-mesh: {file: tunnel.inp}
+mesh: {file: tunnel.msh}
 parameters: {}
 materials:
   rock: {K: 3 GPa, G: 1 GPa, creep: CREEP}
@@ -50,7 +51,16 @@ def write_tunnel(folder: Path, text: str, *, cells: int = 24) -> Path:
     groups = regroup(
         mesh, core=lambda x: x[:, 0] < RADIUS - SHELL, shell=lambda x: x[:, 0] < RADIUS
     )
-    write_deck(groups, folder / "tunnel.inp")
+    ends = [(RADIUS, y) for y in (0.0, 0.2, 0.1)]
+    on_wall = [int(np.linalg.norm(mesh.points - end, axis=1).argmin()) for end in ends]
+    wall = ElementBlock("line3", np.array([on_wall]), np.ones(1, dtype=np.int64))
+    n = sum(len(block) for block in groups.facets)
+    groups = replace(
+        groups,
+        facets=(*groups.facets, wall),
+        facet_groups={**groups.facet_groups, "wall": np.array([n])},
+    )
+    write_msh(groups, folder / "tunnel.msh", ["y0", "y1", "wall"])
     path = folder / "case.yaml"
     path.write_text(text)
     return path

@@ -86,7 +86,7 @@ class ConsolidationSteps:
         if not (creeps or self._pores.consolidates(task.state)):
             if pores is not None:
                 pores[:] = self._pores.steady(task.number, given, task.point)
-            if given.any():
+            if pores is not None and given.any():
                 task.forces[:] += self._pores.operators(task.number, task.point).coupling.at(pores)
             return None if self._creep is None else self._to_the_end(task, self._creep, factors)
         going = self._goes_on(task, given, factors)

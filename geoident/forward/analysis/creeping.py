@@ -5,7 +5,7 @@ Such ground has moduli of its own in every part of a step, and a past that creep
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,8 +54,17 @@ def begin_part(
     """
     before, carried = carried, carried.copy()
     assert carried.creep is not None
-    step = creep.begin(carried.stress, carried.creep, task.system.points_of, h)
-    task = replace(task, carried=carried, ground_moduli=step.moduli, moduli_key=step.key)
+    step = creep.begin(
+        carried.stress, carried.creep, task.system.points_of, task.state.structures, h
+    )
+    task = replace(
+        task,
+        carried=carried,
+        ground_moduli=step.moduli,
+        moduli_key=step.key,
+        rigidities=systems.structures.grown(task.rigidities, step.members),
+        members_grown={name: float(grown.value) for name, grown in step.members.items()},
+    )
     task.impose(systems)
     points = systems.discretization.points
     past = points.forces(before.stress - carried.stress, task.system.volume)
@@ -64,8 +73,8 @@ def begin_part(
     return CreepingPart(task, past, step)
 
 
-def begin_materials(task: StageTask, systems: StageSystems, before: dict[int, str]) -> None:
-    """Ground that a stage makes another material has not crept as such.
+def begin_materials(task: StageTask, systems: StageSystems, before: Mapping[int, str]) -> None:
+    """Ground that a stage makes another material has not crept as such; what it builds is young.
 
     Args:
         task: the stage.
@@ -77,6 +86,7 @@ def begin_materials(task: StageTask, systems: StageSystems, before: dict[int, st
     for group, material in task.state.materials.items():
         if before.get(group, material) != material and group not in task.state.placed:
             creep.begin(systems.discretization.points_of[group])
+    creep.built |= dict.fromkeys(task.state.built, creep.time)
 
 
 def mixed(states: Sequence[StressState], weights: Sequence[float]) -> StressState:
@@ -96,6 +106,7 @@ def mixed(states: Sequence[StressState], weights: Sequence[float]) -> StressStat
             {name: total([one.strains[name] for one in creeps]) for name in first.strains},
             first.at_rest,
             first.placed,
+            first.built,
             sum(w * one.time for w, one in zip(weights, creeps, strict=True)),
         ),
     )

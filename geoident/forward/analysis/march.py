@@ -312,7 +312,7 @@ class StepEquations:
         systems, operators = self._systems, self._operators
         system = task.system
         values = systems.stiffness_values(
-            system, task.state, task.moduli_by_material(), task.point.values
+            system, task.state, task.moduli_by_material(), task.point.values, task.members_grown
         )
         K = system.pattern.lower.whole(values)
         dofs, nodes = system.dofs, self.pores.nodes[~held[self.pores.nodes]]

@@ -198,6 +198,7 @@ class StageTask:
         motion: (n_dofs, 1 + n) displacement step w that supports impose, zero where nothing is
             given; None for none.
         moduli_key: what the moduli depend on beside ground and parameters: the step in time.
+        members_grown: structure to what there is of its stiffness, where it ages.
     """
 
     number: int
@@ -211,6 +212,7 @@ class StageTask:
     thermal: Floats | None = None
     motion: Floats | None = None
     moduli_key: Hashable = None
+    members_grown: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -382,7 +384,7 @@ class FactorCache:
             assert symbolic is not None  # of the same pattern, in which something is free to move
         try:
             values = systems.stiffness_values(
-                system, state, task.moduli_by_material(), task.point.values
+                system, state, task.moduli_by_material(), task.point.values, task.members_grown
             )
             factor = symbolic.factorize(values)
         except NotPositiveDefinite as error:

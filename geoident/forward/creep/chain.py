@@ -106,25 +106,25 @@ def _wide(number: Dual) -> Dual:
     return Dual(number.columns[None])
 
 
-def grown(material: Material, point: ParameterPoint, ages: Floats, h: float) -> Dual:
-    """What there is of the stiffness E of a material (q,), on average over a step.
+def grown(ageing: Ageing, E: Scalar | None, point: ParameterPoint, ages: Floats, h: float) -> Dual:
+    """What there is of a stiffness (q,), on average over a step.
 
     Args:
-        material: that ages.
+        ageing: how it grows.
+        E: Young's modulus that is the whole of it; needed for a table of moduli.
         point: the parameters.
         ages: (q,) at the beginning of the step, s; infinite for old ground.
         h: its size, s; finite.
     """
-    assert material.ageing is not None
     different, places = np.unique(ages, return_inverse=True)
     total = Dual.constant(np.zeros(len(different)), len(point.names))
     for x, weight in zip(_POINTS, _WEIGHTS, strict=True):
         at = different + 0.5 * (1.0 + x) * h
-        total = total + _stiffness(material, material.ageing, point, at) * (0.5 * weight)
+        total = total + _stiffness(ageing, E, point, at) * (0.5 * weight)
     return total[places]
 
 
-def _stiffness(material: Material, ageing: Ageing, point: ParameterPoint, ages: Floats) -> Dual:
+def _stiffness(ageing: Ageing, E: Scalar | None, point: ParameterPoint, ages: Floats) -> Dual:
     """The modulus (q,) at ages (q,), as part of E."""
     if isinstance(ageing, ConcreteAgeing):
         left = 1.0 - np.sqrt(_OLD / np.maximum(ages, _SETS))
@@ -137,7 +137,8 @@ def _stiffness(material: Material, ageing: Ageing, point: ParameterPoint, ages: 
             (_wide(m).times(w) for m, w in zip(moduli, weights, strict=True)),
             start=point.constant(np.zeros(len(ages))),
         )
-        return value / _wide(point.number(constants(material.elastic)["E"]))
+        assert E is not None  # as the case was checked
+        return value / _wide(point.number(E))
     share, time = _wide(point.number(ageing.share)), _wide(point.number(ageing.time))
     if ageing.law == "logarithmic":
         x = time.reciprocal().times(np.minimum(ages, _LONG * float(time.value[0])))

@@ -7,7 +7,7 @@ follow from the change of stress.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Collection, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +18,11 @@ from geoident.forward.creep.chain import ChainMaker, grown
 from geoident.forward.ground.elasticity import MaterialModuli, ModeSlopes, ModuliAt
 from geoident.forward.stages import CaseOnMesh, Index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.creep import Ageing
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import constants
+from geoident.model.parameter import Scalar
+from geoident.model.structures import Beam
 
 
 @dataclass
@@ -30,6 +34,7 @@ class CreepStrains:
         strains: material to the strains of its elements as stress (k, s, q, c), Pa.
         at_rest: (s, n_points, c) stress under which the ground does not creep, Pa.
         placed: (n_points,) when the ground was placed, s; minus infinity for virgin ground.
+        built: structure to when it was built, s.
         time: since the virgin state, s.
     """
 
@@ -37,6 +42,7 @@ class CreepStrains:
     strains: dict[str, Floats]
     at_rest: Floats
     placed: Floats
+    built: dict[str, float] = field(default_factory=dict)
     time: float = 0.0
 
     def clear(self, points: Bools | Ints | slice) -> None:
@@ -59,6 +65,7 @@ class CreepStrains:
             {material: strains.copy() for material, strains in self.strains.items()},
             self.at_rest.copy(),
             self.placed.copy(),
+            self.built.copy(),
             self.time,
         )
 
@@ -124,8 +131,11 @@ def _sum(one: Moduli, other: Moduli) -> Moduli:
     """The sum of moduli at the same points."""
     if isinstance(one, UniformModuli) and isinstance(other, UniformModuli):
         return UniformModuli(one.matrix + other.matrix)
-    scaled_both = isinstance(one, ScaledModuli) and isinstance(other, ScaledModuli)
-    if scaled_both and one.factor is other.factor:
+    if (
+        isinstance(one, ScaledModuli)
+        and isinstance(other, ScaledModuli)
+        and one.factor is other.factor
+    ):
         return ScaledModuli(one.matrix + other.matrix, one.factor)
     q = next(_count(each) for each in (one, other) if not isinstance(each, UniformModuli))
     every = np.arange(q)
@@ -149,6 +159,7 @@ class CreepInStep:
         moduli: of the step.
         key: what they depend on beside the ground: steps of one key have one stiffness.
         h: its size, s.
+        members: structure to what there is of its stiffness, on average over the step.
         before: material to its points (p,), their places (p,) among all of the material, its step,
             and the stress that makes it creep (s, p, c) at the beginning.
     """
@@ -156,6 +167,7 @@ class CreepInStep:
     moduli: StepModuli
     key: Hashable
     h: float
+    members: Mapping[str, Dual]
     before: Mapping[str, tuple[Index, Ints, CreepStep, Floats]]
 
     def end(self, stress: Floats, carried: CreepStrains) -> None:
@@ -190,7 +202,14 @@ class CreepSteps:
         longest = sum(one.lasts or 0.0 for one in case.stages if not one.goes_on)
         makers = {m.name: ChainMaker(m, case.parameters, longest) for m in used if m.creep}
         self._chains = {name: maker.chain(point) for name, maker in makers.items()}
-        self._ageing = {m.name: m for m in used if m.ageing is not None}
+        self._ageing: dict[str, tuple[Ageing, Scalar | None]] = {
+            m.name: (m.ageing, constants(m.elastic).get("E")) for m in used if m.ageing is not None
+        }
+        self._beams = {
+            name: (one.ageing, one.E)
+            for name, one in case.structures.items()
+            if isinstance(one, Beam) and one.ageing is not None
+        }
 
     def at_rest(self, stress: Floats) -> CreepStrains:
         """What is carried at the beginning, under the virgin stress (s, n_points, c)."""
@@ -203,7 +222,12 @@ class CreepSteps:
         return CreepStrains(points, strains, stress.copy(), placed)
 
     def begin(
-        self, stress: Floats, carried: CreepStrains, points_of: Mapping[str, Index], h: float
+        self,
+        stress: Floats,
+        carried: CreepStrains,
+        points_of: Mapping[str, Index],
+        structures: Collection[str],
+        h: float,
     ) -> CreepInStep:
         """Begin a step: what the past makes creep in it is taken from the stress, in place.
 
@@ -211,6 +235,7 @@ class CreepSteps:
             stress: (s, n_points, c) at its beginning.
             carried: what creeping ground carries there.
             points_of: material to its points that are there.
+            structures: names of those that stand.
             h: size, s; infinite for all the time that creep takes.
         """
         stiffness: dict[str, Dual] = {}
@@ -230,14 +255,22 @@ class CreepSteps:
                 before[name] = points, places, step, driving
             elif growth is not None:
                 stiffness[name] = Dual(np.repeat(growth.columns[:, None], 2, axis=1))
+        members = {
+            name: self._grown(law, np.array([carried.time - carried.built[name]]), h)[0]
+            for name, law in self._beams.items()
+            if name in structures
+        }
+        key += [float(growth.value) for growth in members.values()]
         return CreepInStep(
-            StepModuli(self._ground, stiffness, self._point.names), tuple(key), h, before
+            StepModuli(self._ground, stiffness, self._point.names), tuple(key), h, members, before
         )
 
     def _growth(self, name: str, carried: CreepStrains, points: Index, h: float) -> Dual | None:
         """What there is of the stiffness of a material at its points (q,); None for all."""
         if name not in self._ageing:
             return None
-        ages = carried.time - carried.placed[points]
+        return self._grown(self._ageing[name], carried.time - carried.placed[points], h)
+
+    def _grown(self, law: tuple[Ageing, Scalar | None], ages: Floats, h: float) -> Dual:
         # a step without end is one of old ground alone: younger is refused with the case
-        return grown(self._ageing[name], self._point, ages, h if np.isfinite(h) else 0.0)
+        return grown(*law, self._point, ages, h if np.isfinite(h) else 0.0)

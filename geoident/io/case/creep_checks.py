@@ -9,6 +9,7 @@ from geoident.io.case.ground import MaterialSection
 from geoident.io.case.stages import StageSection
 from geoident.io.case.structures import StructureSection
 from geoident.io.schema.section import SectionFaults
+from geoident.model.case import KeyPath
 
 
 def check_staged_creep(
@@ -36,15 +37,25 @@ def check_staged_creep(
             faults.add(("materials", name, "softening"), "no-time", message, hint)
         for key in ("creep", "ageing"):
             if getattr(material, key) is not None and yielding:
-                message = f"ground that creeps or ages is elastic, and '{yielding[0]}' yields"
-                hint = "Remove one of them: a case creeps and ages, or it yields."
-                faults.add(("materials", name, key), "yields", message, hint)
+                _refuse_yield(("materials", name, key), yielding[0], faults)
+    ageing = [name for name, one in structures.items() if getattr(one, "ageing", None)]
+    for name in ageing if yielding else ():
+        _refuse_yield(("structures", name, "ageing"), yielding[0], faults)
     there = set(groups.values())
     placed: set[str] = set()
+    built: set[str] = set()
     for n, stage in enumerate(stages):
+        built = (built - {*stage.dismantle}) | {*stage.build}
         placed |= {*stage.install.values(), *stage.change.values()}
         if stage.lasts is None:
-            _require_end(n, stage, materials, there | placed, placed, faults)
+            young = sorted(built.intersection(ageing))
+            _require_end(n, stage, materials, there | placed, placed, young, faults)
+
+
+def _refuse_yield(path: KeyPath, yielding: str, faults: SectionFaults) -> None:
+    message = f"ground that creeps or ages is elastic, and '{yielding}' yields"
+    hint = "Remove one of them: a case creeps and ages, or it yields."
+    faults.add(path, "yields", message, hint)
 
 
 def _require_end(
@@ -53,9 +64,11 @@ def _require_end(
     materials: Mapping[str, MaterialSection],
     there: set[str],
     placed: set[str],
+    young: Sequence[str],
     faults: SectionFaults,
 ) -> None:
     """In a stage that lasts as long as it takes, all creep has an end, and nothing is young."""
+    reasons = [f"the stiffness of '{name}' grows with its age" for name in young]
     for name in sorted(there & materials.keys()):
         material = materials[name]
         endless = next(
@@ -63,15 +76,13 @@ def _require_end(
         )
         if endless is not None:
             what = "a dashpot" if endless.maxwell is not None else "the logarithm of time"
-            why = f"'{name}' creeps on without end ({what})"
+            reasons.append(f"'{name}' creeps on without end ({what})")
         elif material.ageing is not None and name in placed:
-            why = f"the stiffness of '{name}' grows with its age"
-        else:
-            continue
-        message = f"the stage does not say how long it lasts, and {why}"
+            reasons.append(f"the stiffness of '{name}' grows with its age")
+    if reasons:
+        message = f"the stage does not say how long it lasts, and {reasons[0]}"
         hint = f"Add 'lasts: 12 d' to stage '{stage.name}'; 'lasts: 0 d' if no time passes."
         faults.add(("stages", number), "no-duration", message, hint)
-        return
 
 
 def _ends(section: CreepSection) -> bool:
