@@ -1,4 +1,4 @@
-"""Ground with water in its pores: coupling, storage and flow (Biot; theory 17).
+"""Ground with water in its pores: coupling, storage and flow (Biot; theory 18).
 
 With u the displacements, and p the pressure of the water in excess of that at rest, compression
 positive, at the corners of elements of second order (Taylor and Hood),

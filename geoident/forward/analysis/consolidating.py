@@ -1,4 +1,4 @@
-"""Stages in which water flows or ground creeps, one after the other, in one analysis (theory 17).
+"""Stages in which water flows or ground creeps, one after the other, in one analysis (theory 18).
 
 A stage that lasts goes on through its moments: the first does what the stage does, later ones go on
 in time. One without duration is the end of all flow: pressures are those at rest, or of the steady

@@ -1,4 +1,4 @@
-"""A stage of consolidating ground in time, with exact derivatives (theory 17).
+"""A stage of consolidating ground in time, with exact derivatives (theory 18).
 
 With u and p since the beginning of the stage, and r_0 what is then out of balance,
 
@@ -49,7 +49,7 @@ from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
 from geoident.forward.consolidation.steps import GAMMA, TimeStep
 from geoident.forward.creep.steps import CreepSteps
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 
 _BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
 
@@ -319,7 +319,8 @@ class StepEquations:
         Q = operators.coupling.value[dofs][:, nodes]
         S, H = (one.value[nodes][:, nodes] for one in (operators.storage, operators.flow))
         size = float(np.abs(K.data).mean() / np.abs(Q.data).mean()) if Q.nnz else 1.0
-        constant = sp.csr_array(sp.block_array([[K, -size * Q], [-size * Q.T, -(size**2) * S]]))
+        above, below = sp.hstack([K, -size * Q]), sp.hstack([-size * Q.T, -(size**2) * S])
+        constant = sp.csr_array(sp.vstack([above, below]))
         nothing = sp.csr_array((len(dofs), len(dofs)))
         growing = sp.csr_array(sp.block_diag([nothing, -(size**2) * H], format="csr"))
         dim = systems.discretization.kinematics.dim
@@ -347,8 +348,8 @@ class _Blocks:
     """
 
     matrices: QuasiDefinite | None
-    dofs: np.ndarray
-    nodes: np.ndarray
+    dofs: Ints
+    nodes: Ints
     size: float
 
     def solve(

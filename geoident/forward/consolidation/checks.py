@@ -9,6 +9,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.model.arrays import Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.cells import CELLS
 from geoident.model.mesh import nodes_in, rows_in
@@ -103,19 +104,19 @@ def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
 
 
 def _yielding(on_mesh: CaseOnMesh) -> Iterator[Fault]:
-    """Stages in which ground would yield while water leaves it."""
+    """The first stage in which ground would yield while water leaves it."""
     case = on_mesh.case
     for n, state in enumerate(on_mesh.sequence.states):
-        if state.lasts is None or state.goes_on or not _consolidates(case, state):
+        if state.lasts is None or not _consolidates(case, state):
             continue
-        parts = {m: case.materials[m].yields for m in state.materials.values()}
-        parts |= {name: case.structures[name].yields for name in state.structures}
-        for name in (name for name, yields in parts.items() if yields):
+        names = [m for m in dict.fromkeys(state.materials.values()) if case.materials[m].yields]
+        names += [name for name in sorted(state.structures) if case.structures[name].yields]
+        if names:
             yield case.source.fault(
                 _stage_key(case, n),
                 code="yields-in-time",
-                message=f"'{name}' yields, and '{state.name}' lasts while water leaves the ground; "
-                "only elastic ground consolidates in time",
+                message=f"'{names[0]}' yields, and '{state.name}' lasts while water leaves the "
+                "ground; only elastic ground consolidates in time",
                 hint="Remove 'yield' of it, or 'lasts' of the stage: it is then the drained end.",
             )
             return
@@ -125,7 +126,7 @@ def _consolidates(case: Case, state: ConstructionState) -> bool:
     return any(case.materials[name].consolidates for name in state.materials.values())
 
 
-def _corners(on_mesh: CaseOnMesh, state: ConstructionState, *, consolidating: bool) -> np.ndarray:
+def _corners(on_mesh: CaseOnMesh, state: ConstructionState, *, consolidating: bool) -> Ints:
     """Nodes of the ground of a state that water takes time to leave, or leaves at once."""
     materials, sequence = on_mesh.case.materials, on_mesh.sequence
     wanted = [

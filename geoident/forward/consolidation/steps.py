@@ -1,4 +1,4 @@
-"""Steps in time of a stage that lasts: short ones first, then ever longer ones (theory 17.2).
+"""Steps in time of a stage that lasts: short ones first, then ever longer ones (theory 18.2).
 
 Each is one of TR-BDF2 (Bank et al., IEEE Transactions on Electron Devices 32, 1985), of the second
 order and L-stable: a part gamma of the step by the trapezoidal rule, the rest by the second order

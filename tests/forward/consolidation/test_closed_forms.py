@@ -1,4 +1,4 @@
-"""Consolidation against closed forms: a column, a plate, a sphere and a cylinder (theory 17).
+"""Consolidation against closed forms: a column, a plate, a sphere and a cylinder (theory 18).
 
 Terzaghi with compressible water; Mandel as in A. H.-D. Cheng and E. Detournay (Int. J. Numer. Anal.
 Meth. Geomech. 12, 1988, 449-469); Cryer's sphere and De Leeuw's cylinder as in A. Verruijt, Theory

@@ -217,3 +217,28 @@ def test_later_stages_go_on_from_an_analysis_that_is_kept(tmp_path):
     np.testing.assert_allclose(went_on[0], anew[0], rtol=1e-13)
     np.testing.assert_allclose(went_on[1], anew[1], rtol=1e-13)
     np.testing.assert_allclose(begun[0], anew[0][:1], rtol=1e-13)
+
+
+def test_supports_bear_what_has_come_at_every_moment(tmp_path):
+    text = COLUMN.replace("100 d", "100 d, over: 20 d")
+    model = model_at(column(tmp_path, text), {"load": [0.0, DAY, 30 * DAY]})
+    reactions = model.survey(np.array([1e-9]), fields=True).reactions
+    of_foot = reactions.force[reactions.supports.index("y0")][:, 1]
+    np.testing.assert_allclose(of_foot, [0.0, 0.0, 2500.0, 50e3, 50e3], atol=1e-6 * 50e3)
+
+
+def test_errors_fall_with_the_square_of_elements_and_of_steps(tmp_path):
+    """A column drained on both ends: pressures of first order, steps of second order."""
+    text = COLUMN.replace("{y1: {}}", "{y0: {}, y1: {}}")
+    text = text.replace("point: [0.5 m, 0 m]", "point: [0.5 m, 3 m]")
+
+    def middle(cells, finer):
+        model = model_at(column(tmp_path, text, cells), {"load": [10 * DAY, 30 * DAY]})
+        options = RunOptions(derivatives=False, finer=finer)
+        return ResumableRun(model, np.array([1e-9]), options).computed(3)[1]
+
+    by_mesh = [middle(cells, 8) for cells in (8, 16, 32)]
+    by_step = [middle(16, finer) for finer in (1, 2, 4)]
+    for coarse, usual, fine in (by_mesh, by_step):
+        ratio = np.abs(coarse - usual).max() / np.abs(usual - fine).max()
+        assert 3.0 < ratio < 5.5
