@@ -1,4 +1,4 @@
-"""Creep and ageing at strain points: a chain of springs and dashpots over one step (theory 13.2).
+"""Creep and ageing at strain points: a chain of springs and dashpots over one step (theory 18.4).
 
 A chain is an elastic spring, Kelvin elements and dashpots in a row. Strains of elements are kept as
 the stress that makes them in the elastic spring, q_i = E eps_i, so that they are carried as stress

@@ -1,4 +1,4 @@
-"""One part of a step in time of ground that creeps or ages (theory 13.2).
+"""One part of a step in time of ground that creeps or ages (theory 18.4).
 
 Such ground has moduli of its own in every part of a step, and a past that creeps on in it.
 """

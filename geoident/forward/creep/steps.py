@@ -1,4 +1,4 @@
-"""Creep and ageing of the ground in the steps of an analysis (theory 13.2).
+"""Creep and ageing of the ground in the steps of an analysis (theory 18.4).
 
 A step of a size is a stage of other moduli: what the past makes creep is taken from the stress that
 is carried, the step is solved with the stiffness that the size has, and the strains of the elements
