@@ -60,11 +60,14 @@ class WideRows:
         self.columns: list[_Column] = []
         self.nameless: dict[int, bool] = {}
         layout = table.layout
-        known = {layout.header(key): key for key in ("date", "stage", "remarks")}
+        columns = (
+            ("date", "stage", "remarks") if layout.load else ("date", "stage", "time", "remarks")
+        )
+        known = layout.keys(columns)
         if table.header_missing(line, cells, known, "date,CHANNEL (mm),CHANNEL (mm)"):
             return
         table.declared_columns(line, cells)
-        names = [cell.text.lower() for cell in cells]
+        names = table.column_names(line, cells, known)
         self.keys = {key: names.index(name) for name, key in known.items() if name in names}
         self.when = "date" if "date" in self.keys else "stage"
         if self.when not in self.keys:
