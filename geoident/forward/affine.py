@@ -95,6 +95,8 @@ def condensation_obstacle(analysis: StagedAnalysis) -> str | None:
 def affine_obstacle(analysis: StagedAnalysis) -> str | None:
     """Why the elastic equations are not affine in the parameters, a clause; None if they are."""
     case = analysis.case
+    if case.in_steps is not None:
+        return case.in_steps
     for field in analysis.on_mesh.fields:
         return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
     for growth in case.growths:

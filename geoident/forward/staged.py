@@ -120,7 +120,7 @@ class ResumableRun:
             if self._keeps_ends:
                 equal = self._model.coinciding(end, self.run)
                 self.states.append((_values(end), seen, equal))
-        self.run.factors.forget()
+        self.run.forget_factors()
 
     def computed(self, last: int) -> Floats:
         """All channels at all stages (n_channels, n_stages), SI; NaN of stages after a state.
@@ -414,6 +414,7 @@ def _values(end: StageEnd) -> StageEnd:
         members=end.members[:, :1].copy(),
         yielded=end.yielded.copy(),
         forces=None if end.forces is None else end.forces[:, :1].copy(),
+        pores=None if end.pores is None else end.pores[:, :1].copy(),
     )
 
 

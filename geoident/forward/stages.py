@@ -25,6 +25,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
 from geoident.model.cells import CELLS
 from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
+from geoident.model.hydraulic import Drained
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars
@@ -63,6 +64,7 @@ class ConstructionState:
         lasts: how long the stage lasts, s; None: as long as all that takes time needs.
         at: when in it this state is, s since its beginning; None: at its end.
         goes_on: a later moment of the same stage as the state before.
+        drained: group of faces at which water leaves.
     """
 
     name: str
@@ -85,6 +87,7 @@ class ConstructionState:
     lasts: float | None = None
     at: float | None = None
     goes_on: bool = False
+    drained: Mapping[str, Drained] = field(default_factory=dict)
 
     @property
     def held(self) -> frozenset[tuple[str, tuple[int, ...]]]:
@@ -386,6 +389,7 @@ def _states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ..
         loads_since=dict.fromkeys(case.loads, 0),
         supports=supports,
         held_since=dict.fromkeys(supports, 0),
+        drained=case.drained,
     )
     states = [virgin]
     trunk = 0
@@ -423,11 +427,14 @@ def _state_after(
     supports = {name: one for name, one in before.supports.items() if name not in stage.supports}
     held_since = {name: before.held_since[name] for name in supports} | dict.fromkeys(held, number)
 
+    drained = {k: v for k, v in before.drained.items() if k not in stage.drained}
+    drained |= {name: one for name, one in stage.drained.items() if one is not None}
+
     built = frozenset(stage.build)
     structures = (before.structures - set(stage.dismantle)) | built
     bars = ((name, case.structures[name]) for name in stage.build)
     stressed = {k: v.prestress for k, v in bars if isinstance(v, Bars) and v.prestress is not None}
-    stressed |= dict(stage.prestress)
+    stressed |= dict(stage.prestress) | (dict(before.stressed) if stage.goes_on else {})
     kept = structures - built - stressed.keys()
     return ConstructionState(
         name=stage.name,
@@ -450,6 +457,7 @@ def _state_after(
         lasts=stage.lasts,
         at=stage.at,
         goes_on=stage.goes_on,
+        drained=drained,
     )
 
 

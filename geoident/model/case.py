@@ -23,6 +23,7 @@ from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
+from geoident.model.hydraulic import Drained, Hydraulic
 from geoident.model.in_service import SeasonalModel, StructureInService, TimeCurve
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
@@ -120,6 +121,8 @@ class Material:
 
     In service, with the time under load: it creeps by a share of its elastic strain, its modulus
     grows by a share (ageing), or loses one (softening).
+
+    Its water: without ``hydraulic`` it leaves at once.
     """
 
     name: str
@@ -135,12 +138,18 @@ class Material:
     creep: TimeCurve | None = None
     ageing: TimeCurve | None = None
     softening: TimeCurve | None = None
+    hydraulic: Hydraulic | None = None
 
     @property
     def in_time(self) -> dict[str, TimeCurve]:
         """How it changes in service: ``creep``, ``ageing`` or ``softening`` to its curve."""
         curves = {"creep": self.creep, "ageing": self.ageing, "softening": self.softening}
         return {name: curve for name, curve in curves.items() if curve is not None}
+
+    @property
+    def consolidates(self) -> bool:
+        """Whether water takes time to leave it."""
+        return self.hydraulic is not None and not self.hydraulic.impervious
 
     @property
     def conducts(self) -> bool:
@@ -161,6 +170,7 @@ class Material:
                 for number in (self.conductivity, self.heat_capacity, self.specific_heat)
                 if number is not None
             ),
+            *(() if self.hydraulic is None else self.hydraulic.scalars),
             *(number for surface in self.yields for number in surface.numbers),
             *(number for curve in self.in_time.values() for number in (curve.share, curve.time)),
             *(field.mean for field in self.fields),
@@ -219,6 +229,7 @@ class Stage:
         prestress: structure to the force of each of its bars, N, to which it is brought at this
             stage and at which it is locked off; overrides that of building.
         water: water in the pores from this stage on; None: as before.
+        drained: group of faces at which water leaves from this stage on; None for those that close.
         temperature: group to change of temperature, counted from the initial state or from its
             placing, from this stage on.
         supports: supports that begin to hold at this stage, or move otherwise from it on; None for
@@ -247,6 +258,7 @@ class Stage:
     dismantle: tuple[str, ...] = ()
     prestress: Mapping[str, Scalar] = field(default_factory=dict)
     water: Water | None = None
+    drained: Mapping[str, Drained | None] = field(default_factory=dict)
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
     supports: Mapping[str, Support | None] = field(default_factory=dict)
     relaxed: tuple[str, ...] = ()
@@ -347,6 +359,7 @@ class Case:
         face: how distances to the tunnel face become released stress, or None.
         decisions: what is to be done if a reading is beyond a value.
         service: what acts day by day from the last stage on, or None.
+        drained: group of faces at which water leaves from the beginning.
     """
 
     title: str
@@ -376,6 +389,7 @@ class Case:
     mesh_order: int = 1
     decisions: tuple[Decision, ...] = ()
     service: StructureInService | None = None
+    drained: Mapping[str, Drained] = field(default_factory=dict)
 
     @property
     def in_time(self) -> SeasonalModel | StructureInService | None:
@@ -388,6 +402,20 @@ class Case:
     def yields(self) -> bool:
         """Whether any material or structure has yield limits."""
         return any(one.yields for one in (*self.materials.values(), *self.structures.values()))
+
+    @property
+    def consolidates(self) -> bool:
+        """Whether water takes time to leave some material, in a stage that lasts."""
+        lasts = any(stage.lasts is not None for stage in self.stages)
+        return lasts and any(material.consolidates for material in self.materials.values())
+
+    @property
+    def in_steps(self) -> str | None:
+        """Why its stages take steps in time, a clause; None where each is one equilibrium."""
+        if not self.consolidates:
+            return None
+        name = next(one.name for one in self.materials.values() if one.consolidates)
+        return f"water takes time to leave {name}: a stage that lasts has many steps"
 
     @property
     def stage_names(self) -> tuple[str, ...]:

@@ -81,6 +81,30 @@ def general_factor(
     return Factor(pattern.n, counts, lambda rhs: _solve_in_blocks(lu, rhs), lambda: True)
 
 
+def quasi_definite_solve(columns: Any, signs: Floats) -> Solve:
+    """Factorize a symmetric matrix whose pivots have known signs in every order (Vanderbei 1995).
+
+    Args:
+        columns: values, row indices and starts of its compressed columns, in a fill-reducing order.
+        signs: (n,) of its pivots, 1 or -1.
+
+    Raises:
+        NotPositiveDefinite: a pivot is zero, or has the other sign.
+    """
+    scale = np.maximum.reduceat(np.abs(columns[0]), columns[2][:-1])
+    if not np.isfinite(scale).all():
+        raise NotPositiveDefinite(int(np.flatnonzero(~np.isfinite(scale))[0]))
+    lu = _lu(columns, DIAGONAL)
+    moved = np.flatnonzero(lu.perm_r != lu.perm_c)
+    if moved.size:
+        raise NotPositiveDefinite(int(moved[0]))
+    if lu.nnz <= READABLE:
+        wrong = np.flatnonzero(~(lu.U.diagonal()[lu.perm_c] * signs > 0.0))
+        if wrong.size:
+            raise NotPositiveDefinite(int(wrong[0]))
+    return lambda rhs: _solve_in_blocks(lu, rhs)
+
+
 def _lu(columns: Any, pivoting: dict[str, Any]) -> Any:
     """SuperLU of a matrix by compressed columns, in the order that it has."""
     n = len(columns[2]) - 1

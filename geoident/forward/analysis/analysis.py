@@ -47,6 +47,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
+from geoident.forward.analysis.consolidating import ConsolidationSteps
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
@@ -59,6 +60,7 @@ from geoident.forward.analysis.stage import (
     elastic_step,
 )
 from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.consolidation.pores import Pores
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.stages import CaseOnMesh
@@ -91,6 +93,7 @@ class RunOptions:
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
         displacements: of elastic states, where they are known; these are not solved for.
+        finer: how many times as many steps in time stages that last are divided into.
     """
 
     derivatives: bool = True
@@ -101,6 +104,7 @@ class RunOptions:
     traced: bool = False
     strict: bool = False
     displacements: KnownDisplacements | None = None
+    finer: int = 1
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,7 @@ class StagedAnalysis:
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
+        self.pores = Pores(on_mesh)
         self.warm = warm or WarmStart()
 
     def forget(self) -> None:
@@ -230,6 +235,9 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
+        self._consolidation: ConsolidationSteps | None = None
+        if analysis.case.consolidates:
+            self._consolidation = ConsolidationSteps(systems, analysis.pores, options.finer)
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
@@ -283,11 +291,19 @@ class AnalysisRun:
                     last=last_found,
                 )  # fmt: skip
             else:
-                yield StageEnd(n, u, carried.stress, carried.members, yielded, forces)
+                yield StageEnd(
+                    n, u, carried.stress, carried.members, yielded, forces, pores=carried.pores
+                )
                 if last_use.get(n, -1) > n + 1:
                     kept[n] = u.copy(), carried.copy()
         if not self._options.traced:
-            self.factors.forget()
+            self.forget_factors()
+
+    def forget_factors(self) -> None:
+        """Forget the factorizations that are kept."""
+        self.factors.forget()
+        if self._consolidation is not None:
+            self._consolidation.forget_factors()
 
     def _at_rest(self) -> tuple[Floats, StressState]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -295,7 +311,10 @@ class AnalysisRun:
         columns = self.point.n_columns + (unit.n_columns if unit else 0)
         u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
-        return u, StressState(stress, np.zeros((self._structures.n_rows, columns)))
+        carried = StressState(stress, np.zeros((self._structures.n_rows, columns)))
+        if self._consolidation is not None:
+            carried.pores = np.zeros((self._analysis.on_mesh.mesh.n_nodes, columns))
+        return u, carried
 
     def _add_actions(self, number: int, forces: Floats) -> Floats:
         """Add what acts in a state to forces (n_dofs, 1 + n + k).
@@ -365,7 +384,12 @@ class AnalysisRun:
         task = self._task(number, carried, forces)
         task.impose(systems)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
-        if self._plastic is not None and self._plastic.yields(state):
+        flowed = None
+        if self._consolidation is not None:
+            flowed = self._consolidation.step(task, self.factors)
+        if flowed is not None:
+            du = flowed
+        elif self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
             known_displacements = self._options.displacements

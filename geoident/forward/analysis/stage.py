@@ -81,6 +81,8 @@ class StageEnd:
             has said.
         last: of a state without equilibrium, what was found on the way to it; None where nothing
             was.
+        pores: (n_nodes, 1 + n + k) pressure of water in excess of that at rest, Pa, at the corners
+            of ground that consolidates; None in a case in which none does.
     """
 
     number: int
@@ -90,6 +92,7 @@ class StageEnd:
     yielded: Bools
     forces: Floats | None = None
     last: LastEquilibrium | None = None
+    pores: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -116,11 +119,14 @@ class StressState:
         members: (n_rows, k) forces in linings and bolts.
         hardened: material to the multipliers (y, n_points, k) of its planes so far, where they
             count because it hardens.
+        pores: (n_nodes, k) pressure of water in excess of that at rest, Pa; None where all ground
+            drains at once.
     """
 
     stress: Floats
     members: Floats
     hardened: dict[str, Floats] = field(default_factory=dict)
+    pores: Floats | None = None
 
     def clear(self, points: Bools | Ints | slice) -> None:
         """Points (n_points,), or (k,) by number, that are gone or placed anew carry nothing.
@@ -159,7 +165,8 @@ class StressState:
     def copy(self) -> StressState:
         """A copy of its own."""
         hardened = {name: values.copy() for name, values in self.hardened.items()}
-        return StressState(self.stress.copy(), self.members.copy(), hardened)
+        pores = None if self.pores is None else self.pores.copy()
+        return StressState(self.stress.copy(), self.members.copy(), hardened, pores)
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,7 @@ class StageSystems:
 
     Attributes:
         factor_costs: of the patterns whose cost was counted.
+        rank: (n_nodes,) place of each node in the order of elimination.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, solver: Solver) -> None:
@@ -101,7 +102,7 @@ class StageSystems:
         self._numbers_of_fixed: dict[bytes, int] = {}
         order = _order_of(mesh, (), lambda: nested_dissection(mesh.points, *node_graph(mesh)))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
-        rank = np.empty_like(self._node_of_rank)
+        self.rank = rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
         self._blocks: dict[int, GroupBlocks] = {
             g: group_blocks(mesh, geometries, sequence.elements(g), rank)

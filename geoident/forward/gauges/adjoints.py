@@ -66,6 +66,8 @@ class ReadingAdjoints:
     def obstacle(self) -> str | None:
         """Why there are no adjoints, a clause, or None if there are."""
         analysis = self._analysis
+        if analysis.case.in_steps is not None:
+            return analysis.case.in_steps
         for built in analysis.sequence.states[: self.last + 1]:
             for name in built.materials.values():
                 if analysis.case.materials[name].yields:

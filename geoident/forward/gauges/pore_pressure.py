@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import Fault
+from geoident.fem.consolidation import pressure_at
 from geoident.fem.location import format_point
 from geoident.forward.analysis.stage import LinearRows
 from geoident.forward.gauges.ground_points import GroundPoint, GroundPoints
@@ -29,7 +32,8 @@ class PoreWater:
     """
 
     def __init__(self, points: Sequence[GroundPoint], on_mesh: CaseOnMesh) -> None:
-        self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
+        self._case, self._sequence, self._mesh = on_mesh.case, on_mesh.sequence, on_mesh.mesh
+        self._points = points
         self._places = np.array([point.place for point in points]).reshape(-1, on_mesh.mesh.dim)
         self._groups = np.array([self._sequence.groups[point.group] for point in points], object)
         self._pressures: dict[Water, PorePressure] = {}
@@ -37,8 +41,16 @@ class PoreWater:
         uplift = () if service is None else service.uplift
         self._later = [group for one in uplift for group in one.pores]
 
-    def at(self, state: int, point: ParameterPoint) -> Floats:
+    def at(self, state: AnalysisState) -> Floats:
         """Pressure (g, 1 + n) at a state, Pa; zero where there is no water."""
+        pressure, excess = self._at_rest(state.end.number, state.point), state.end.pores
+        if excess is None:
+            return pressure
+        seen = np.asarray(self._corners @ excess[:, : pressure.shape[1]])
+        return pressure + np.where(self._filled(state.end.number)[:, None], seen, 0.0)
+
+    def _at_rest(self, state: int, point: ParameterPoint) -> Floats:
+        """Pressure (g, 1 + n) of water that stands still."""
         water, shape = self._sequence.states[state].water, (len(self._groups), point.n_columns)
         if water is None:
             return np.zeros(shape)
@@ -53,7 +65,23 @@ class PoreWater:
         if water is not None and water.groups is None:
             return np.ones(len(self._groups), dtype=np.bool_)
         groups = self._later if water is None else water.groups
-        return np.isin(self._groups, list(groups or ()))
+        wet = np.isin(self._groups, list(groups or ()))
+        return wet | self._filled(state) if self._case.consolidates else wet
+
+    def _filled(self, state: int) -> Bools:
+        """(g,) which points are in ground that water takes time to leave."""
+        names, materials = self._sequence.groups, self._sequence.states[state].materials
+        filled = [names[g] for g, m in materials.items() if self._case.materials[m].consolidates]
+        return np.isin(self._groups, filled)
+
+    @cached_property
+    def _corners(self) -> sp.csr_array:
+        """(g, n_nodes) how pressures at corners of elements give those at the points."""
+        rows = sp.lil_array((len(self._points), self._mesh.n_nodes))
+        for row, point in enumerate(self._points):
+            nodes, shapes = pressure_at(self._mesh, point.site.element, point.place)
+            rows[row, nodes] = shapes
+        return sp.csr_array(rows)
 
 
 class PorePressures(Observable):
@@ -72,7 +100,7 @@ class PorePressures(Observable):
 
     def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
-        pressure = self._water.at(state.end.number, state.point)
+        pressure = self._water.at(state)
         return np.pad(pressure, ((0, 0), (0, state.end.u.shape[1] - pressure.shape[1])))
 
 

@@ -133,7 +133,7 @@ class StressReadings(Observable):
 
     def _stresses(self, state: AnalysisState) -> Iterator[tuple[StressReader, Floats]]:
         """Every reader with the stress at its point, total or effective as it reads it."""
-        pressures = self._water.at(state.end.number, state.point)
+        pressures = self._water.at(state)
         for reader, pressure in zip(self._readers, pressures, strict=True):
             stress = reader.recovery.at(state.end.stress)
             if not reader.channel.effective:

@@ -91,6 +91,8 @@ def beyond_reduction(analysis: StagedAnalysis, gauges: PlacedGauges, rows: Ints)
         gauges: those of the case, on its mesh.
         rows: (g,) the channels.
     """
+    if analysis.case.in_steps is not None:
+        return analysis.case.in_steps
     if gauges.not_linear(rows) is None:
         return None
     for row, observable, wanted in _others(gauges):

@@ -35,6 +35,7 @@ from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import IN_TIME, MaterialSection, build_materials
+from geoident.io.case.hydraulic import DrainedSection
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
 from geoident.io.case.in_service.structure import (
@@ -203,6 +204,12 @@ class CaseSection(Section):
         None, description="In-situ stress of the ground, before the first stage."
     )
     water: WaterSection | None = Field(None, description="Water in the pores in the initial state.")
+    drained: dict[Name, DrainedSection] = Field(
+        {},
+        description="Group of faces (lines in 2-D, surfaces in a solid) at which the water of "
+        "consolidating ground leaves freely; all other edges are closed.",
+        examples=[{"top": {}}, {"well": {"head": "-4 m"}}],
+    )
     gravity: Gravity | None = Field(
         None,
         description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",
@@ -391,8 +398,8 @@ _IN_TIME = ("gauss-newton", "simplex")
 
 
 _OF_THE_GROUND = (
-    "mesh", "materials", "groups", "supports", "in_situ", "water", "gravity", "loads", "structures",
-    "face", "service",
+    "mesh", "materials", "groups", "supports", "in_situ", "water", "drained", "gravity", "loads",
+    "structures", "face", "service",
 )  # fmt: skip
 
 

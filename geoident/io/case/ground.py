@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
+from geoident.io.case.hydraulic import HydraulicValue, build_hydraulic
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import ModulusOrVaried, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
@@ -118,6 +119,12 @@ class _MaterialBase(Section):
         description="Of a structure in service: its modulus falls, and what is loaded strains "
         "further.",
         examples=["{share: $loss, time: 10 years}"],
+    )
+    hydraulic: HydraulicValue | None = Field(
+        None,
+        description="Water in its pores that takes time to leave, in stages that last; `impervious`"
+        " for a material that holds none and lets none through. Without it water leaves at once.",
+        examples=["{permeability: 1e-9 m/s}"],
     )
     yields: YieldSections | None = Field(
         None,
@@ -360,6 +367,7 @@ def build_materials(
                 *fields_of_yields(section.yields, place.at("yield"), material=name),
             ),
             growths=(*growths, *stronger),
+            hydraulic=build_hydraulic(section.hydraulic, parameters, place.at("hydraulic")),
         )
     return materials
 

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field
 from geoident.io.case.actions import LoadSection, TemperatureSection, WaterSection
 from geoident.io.case.durations import BY_DATES, DurationOrDates, require_no_negative
 from geoident.io.case.ground import MaterialSection
+from geoident.io.case.hydraulic import StageDrainedValue, build_drained
 from geoident.io.case.structures import (
     AnchorSection,
     BeamSection,
@@ -108,6 +109,12 @@ class StageSection(Section):
     water: WaterSection | None = Field(
         None, description="Water in the pores from this stage on; as before if missing."
     )
+    drained: dict[Name, StageDrainedValue] = Field(
+        {},
+        description="Faces at which water leaves from this stage on, as in the `drained` of the "
+        "case, and 'closed' for those at which it no longer does.",
+        examples=[{"drain": {"head": "2 m"}}, {"top": "closed"}],
+    )
     temperature: dict[Name, TemperatureSection] = Field(
         {},
         description="Element group to change of temperature since the initial state (or since it "
@@ -155,8 +162,12 @@ class StageSection(Section):
 
     def for_model(self, context: Context) -> Stage:
         """The stage for the model; what cannot be is noted as a fault."""
+        if self.lasts is not None and self.lasts.factor < 0.0:
+            hint = "Write how long it lasts, such as 12 d; 0 d for a stage in which no time passes."
+            context.at("lasts").refuse("out-of-range", f"'{self.lasts.text}' is negative", hint)
         supports = build_supports(self.supports, context.at("supports"))
-        return self.to_model(Stage, context, supports=supports)
+        drained = build_drained(self.drained, context.at("drained"))
+        return self.to_model(Stage, context, supports=supports, drained=drained)
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "heat capacity": "2.2 MJ/m3K",
     "specific heat": "900 J/kgK",
     "film coefficient": "25 W/m2K",
+    "compressibility": "2e-7 1/kPa",
     "strain": "50 microstrain",
     DIMENSIONLESS: "0.25",
     None: "15 GPa",
@@ -579,6 +580,8 @@ Conductivity = Annotated[CaseNumber, QuantityType("conductivity", tied=True, abo
 HeatCapacity = Annotated[CaseNumber, QuantityType("heat capacity", tied=True, above=0.0)]
 SpecificHeat = Annotated[CaseNumber, QuantityType("specific heat", tied=True, above=0.0)]
 FilmCoefficient = Annotated[CaseNumber, QuantityType("film coefficient", tied=True, above=0.0)]
+Permeability = Annotated[CaseNumber, QuantityType("velocity", tied=True)]
+Compressibility = Annotated[CaseNumber, QuantityType("compressibility", tied=True)]
 FixedTemperature = Annotated[CaseNumber, QuantityType("temperature")]
 Size = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
 Area = Annotated[CaseNumber, QuantityType("area", tied=True, above=0.0)]
@@ -633,6 +636,7 @@ Bounds = Annotated[
 ]
 Accelerations = Annotated[list[FixedAcceleration], AfterValidator(Components), SharesUnit()]
 Stresses = Annotated[list[Stress], AfterValidator(Components), SharesUnit()]
+Permeabilities = Annotated[list[Permeability], AfterValidator(Components), SharesUnit()]
 Forces = Annotated[list[Force], AfterValidator(Components), SharesUnit()]
 LineForces = Annotated[list[LineForce], AfterValidator(Components), SharesUnit()]
 TemperatureValues = Annotated[

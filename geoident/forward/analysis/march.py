@@ -1,0 +1,299 @@
+"""A stage of consolidating ground in time, with exact derivatives (theory 17).
+
+With u and p since the beginning of the stage, and r_0 what is then out of balance,
+
+    K u - Q p = r_0 ,     Q^T u' + S p' + H p = 0
+
+An Euler step h from (u_n, p_n), and the parts of a TR-BDF2 step, are of one form: with w the
+pressures that drive the flow in it,
+
+    [  K      -Q      ] [du]   [ r_0, in the first step ]
+    [ -Q^T  -(S + h H)] [dp] = [ h H w                  ]
+
+    Euler: h = dt, w = p_n.   TR: h = beta dt, w = 2 p_n.   BDF2: w = p_g + b (p_n + p_g),
+    b = (1 - gamma)^2 / (gamma (2 - gamma)), p_g the pressure in between
+
+since what is stored changes by what flows. Pressures that are given jump in the first step. The
+derivatives of a step have the same matrix: for each parameter, on the right, those of r_0 and of
+w, and what its derivatives of K, Q, S and H make of du and dp.
+
+Within a step u and p are the parabolas through its beginning, its middle and its end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
+from geoident.fem.solvers.quasi_definite import QuasiDefinite
+from geoident.forward.analysis.stage import StageTask, not_positive_definite
+from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
+from geoident.forward.consolidation.steps import GAMMA, TimeStep
+from geoident.model.arrays import Bools, Floats
+
+_BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
+
+_ROUNDING = 1e-12
+"""Part of a time within which it is reached."""
+
+
+@dataclass(frozen=True)
+class InTime:
+    """Displacements and pressures at a time.
+
+    Args:
+        u: (n_dofs, 1 + n) since the beginning of the stage, m, without what supports impose.
+        p: (n_nodes, 1 + n) Pa.
+    """
+
+    u: Floats
+    p: Floats
+
+
+class March:
+    """One stage at one parameter vector, as far as it was asked for.
+
+    Args:
+        equations: of the stage.
+        steps: in time; none where no time passes.
+        pressures: (n_nodes, 1 + n) before the stage, Pa.
+        given: (n_nodes, 1 + n) pressures where they are given in it, Pa.
+    """
+
+    def __init__(
+        self, equations: StepEquations, steps: list[TimeStep], pressures: Floats, given: Floats
+    ) -> None:
+        self._equations, self._steps, self._given = equations, steps, given
+        self._time, self._done = 0.0, 0
+        self._now = InTime(np.zeros((equations.n_dofs, pressures.shape[1])), pressures)
+        self._parts = (self._now, self._now, self._now)
+        self._length = 0.0
+
+    def to(self, time: float) -> InTime:
+        """What is reached at a time, s since the beginning; not before the last one asked for.
+
+        Raises:
+            ModelError: the equations have no unique solution.
+        """
+        if time == 0.0:
+            free = np.zeros_like(self._equations.pores.given)
+            self._now = self._after(self._now, 0.0, self._now.p, free)
+            return self._now
+        while self._time < time * (1.0 - _ROUNDING):
+            self._step()
+        left = (self._time - time) / self._length
+        return self._now if left < _ROUNDING else self._within(1.0 - left)
+
+    def forget(self) -> None:
+        """Forget the factorization; it is made again where it is needed."""
+        self._equations.forget()
+
+    def _step(self) -> None:
+        step, begun = self._steps[self._done], self._now
+        held = self._equations.pores.given
+        if step.euler:
+            self._now = self._after(begun, step.share, begun.p, held)
+            between = _mean(begun, self._now, GAMMA)
+        else:
+            between = self._after(begun, step.share, 2.0 * begun.p, held)
+            drive = between.p + _BACK * (begun.p + between.p)
+            self._now = self._after(between, step.share, drive, held)
+        self._parts, self._length = (begun, between, self._now), step.length
+        self._time, self._done = self._time + step.length, self._done + 1
+
+    def _after(self, before: InTime, h: float, drive: Floats, held: Bools) -> InTime:
+        """The end of a part of a step, in which some pressures (n_nodes,) are held as given."""
+        jump = np.where(held[:, None], self._given - before.p, 0.0)
+        du, dp = self._equations.advance(h, drive, jump, held)
+        return InTime(before.u + du, before.p + dp)
+
+    def _within(self, part: float) -> InTime:
+        """At a part of the last step."""
+        begun, between, end = self._parts
+        at = [_lagrange(part, k) for k in range(3)]
+        return InTime(
+            at[0] * begun.u + at[1] * between.u + at[2] * end.u,
+            at[0] * begun.p + at[1] * between.p + at[2] * end.p,
+        )
+
+
+class StepEquations:
+    """The equations of the steps of a stage at one parameter vector.
+
+    Args:
+        task: the stage; what is out of balance at its beginning acts in the first step.
+        systems: the equations of the stages.
+        pores: where pressures are.
+        operators: of the water.
+        before: (n_nodes, 1 + n) pressures before the stage, Pa.
+    """
+
+    def __init__(
+        self,
+        task: StageTask,
+        systems: StageSystems,
+        pores: PoreSystem,
+        operators: PoreOperators,
+        before: Floats,
+    ) -> None:
+        self.pores, self._systems, self._operators = pores, systems, operators
+        self.n_dofs = len(task.forces)
+        points, carried = systems.discretization.points, task.carried
+        rest = task.forces - points.forces(carried.stress, task.system.volume)
+        if systems.structures.n_rows:
+            rest -= systems.structures.nodal_forces(carried.members)
+        self._rest: Floats | None = rest + operators.coupling.at(before)
+        self._task, self._later = task, replace(task, motion=None, thermal=None)
+        self._stiff = _stiffness_depends(task)
+        self._blocks: tuple[bytes, _Blocks] | None = None
+        self._factor: tuple[float, Factor] | None = None
+
+    def forget(self) -> None:
+        """Forget the factorization."""
+        self._factor = None
+
+    def advance(self, h: float, drive: Floats, jump: Floats, held: Bools) -> tuple[Floats, Floats]:
+        """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) in a part of a step.
+
+        Args:
+            h: by what flow is multiplied, s.
+            drive: w (n_nodes, 1 + n), Pa.
+            jump: (n_nodes, 1 + n) changes of the pressures that are given, Pa.
+            held: (n_nodes,) where they are given.
+
+        Raises:
+            ModelError: the matrix is singular.
+        """
+        Q, S, H = (self._operators.coupling, self._operators.storage, self._operators.flow)
+        task, first = (self._later, False) if self._rest is None else (self._task, True)
+        forces = Q.value @ jump
+        water = h * H.at(drive) + S.value @ jump + h * (H.value @ jump)
+        moved = None
+        if first:
+            forces += self._rest
+            if task.motion is not None:
+                water += Q.value.T @ task.motion
+                moved = task.motion[:, 0]
+        blocks, factor = self._factorized(h, held)
+        du, dp = np.zeros_like(forces), jump.copy()
+        state = slice(0, 1)
+        blocks.solve(factor, forces[:, state], water[:, state], du[:, state], dp[:, state])
+        if forces.shape[1] > 1:
+            u, p = du[:, 0], dp[:, 0]
+            if self._stiff:
+                forces[:, 1:] -= self._stiffness_slopes(task, u)
+            for n, slope in Q.slopes.items():
+                forces[:, 1 + n] += slope @ p
+                water[:, 1 + n] += slope.T @ (u if moved is None else u + moved)
+            for n, slope in S.slopes.items():
+                water[:, 1 + n] += slope @ p
+            for n, slope in H.slopes.items():
+                water[:, 1 + n] += h * (slope @ p)
+            rest = slice(1, None)
+            blocks.solve(factor, forces[:, rest], water[:, rest], du[:, rest], dp[:, rest])
+        self._rest = None
+        return du, dp
+
+    def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
+        """Forces (n_dofs, n) of dK/dp by displacements (n_dofs,)."""
+        points, structures = self._systems.discretization.points, self._systems.structures
+        stress = np.zeros((points.n_strain, points.n_points, task.n))
+        members = np.zeros((structures.n_rows, task.n))
+        task.add_stiffness_derivatives(self._systems, du, stress, members)
+        forces = points.forces(stress, task.system.volume)
+        return forces + structures.nodal_forces(members) if structures.n_rows else forces
+
+    def _factorized(self, h: float, held: Bools) -> tuple[_Blocks, Factor]:
+        key = held.tobytes()
+        if self._blocks is None or self._blocks[0] != key:
+            self._blocks, self._factor = (key, self._made_for(held)), None
+        blocks = self._blocks[1]
+        if self._factor is None or self._factor[0] != h:
+            self._factor = None  # its memory is free for the next
+            try:
+                self._factor = h, blocks.matrices.factor(h)
+            except NotPositiveDefinite as error:
+                unknown = error.unknown
+                n_moving = len(self._task.system.dofs)
+                at = unknown if unknown is not None and unknown < n_moving else None
+                place = self._systems.describe_unknown(self._task.system, at)
+                raise not_positive_definite(self._task.state.name, place) from error
+        return blocks, self._factor[1]
+
+    def _made_for(self, held: Bools) -> _Blocks:
+        """The blocks of the unknowns where some pressures (n_nodes,) are held."""
+        task, systems, operators = self._task, self._systems, self._operators
+        system = task.system
+        values = systems.stiffness_values(
+            system, task.state, task.moduli_by_material(), task.point.values
+        )
+        K = system.pattern.lower.whole(values)
+        dofs, nodes = system.dofs, self.pores.nodes[~held[self.pores.nodes]]
+        Q = operators.coupling.value[dofs][:, nodes]
+        S, H = (one.value[nodes][:, nodes] for one in (operators.storage, operators.flow))
+        size = float(np.abs(K.data).mean() / np.abs(Q.data).mean()) if Q.nnz else 1.0
+        constant = sp.csr_array(sp.block_array([[K, -size * Q], [-size * Q.T, -(size**2) * S]]))
+        nothing = sp.csr_array((len(dofs), len(dofs)))
+        growing = sp.csr_array(sp.block_diag([nothing, -(size**2) * H], format="csr"))
+        dim = systems.discretization.kinematics.dim
+        place = np.concatenate([2 * systems.rank[dofs // dim], 2 * systems.rank[nodes] + 1])
+        signs = np.repeat([1.0, -1.0], [len(dofs), len(nodes)])
+        matrices = QuasiDefinite(
+            constant,
+            growing,
+            signs=signs,
+            order=np.argsort(place, kind="stable"),
+            counts=systems.solver_counts,
+        )
+        return _Blocks(matrices, dofs, nodes, size)
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """The matrices of some unknowns.
+
+    Args:
+        matrices: of displacements and pressures.
+        dofs: (n,) of the displacements.
+        nodes: (n_p,) of the pressures.
+        size: of a pressure, Pa: the unknowns are pressures by it.
+    """
+
+    matrices: QuasiDefinite
+    dofs: np.ndarray
+    nodes: np.ndarray
+    size: float
+
+    def solve(self, factor: Factor, forces: Floats, water: Floats, du: Floats, dp: Floats) -> None:
+        """Add the solution for some columns to changes of displacements and pressures."""
+        n = len(self.dofs)
+        right = np.concatenate([forces[self.dofs], self.size * water[self.nodes]])
+        solution = factor.solve(right)
+        du[self.dofs] += solution[:n]
+        dp[self.nodes] += self.size * solution[n:]
+
+
+def _stiffness_depends(task: StageTask) -> bool:
+    """Whether moduli of the ground or of structures depend on parameters."""
+    names = set(task.point.names)
+    for material, points in task.system.points_of.items():
+        moduli = task.ground_moduli.moduli(material, points)
+        if names & moduli.slopes.keys() or moduli.modes:
+            return True
+    return bool(task.rigidities[:, 1:].any())
+
+
+def _mean(one: InTime, other: InTime, part: float) -> InTime:
+    """Between two, at a part of the way."""
+    return InTime(one.u + part * (other.u - one.u), one.p + part * (other.p - one.p))
+
+
+def _lagrange(x: float, k: int) -> float:
+    """The k-th parabola of those through 0, gamma and 1."""
+    nodes = (0.0, GAMMA, 1.0)
+    others = [node for n, node in enumerate(nodes) if n != k]
+    return float(np.prod([(x - node) / (nodes[k] - node) for node in others]))

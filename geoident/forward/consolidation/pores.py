@@ -1,0 +1,183 @@
+"""Pores of a case on its mesh: where water has a pressure of its own when, and its matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.fem.consolidation import PoreMatrices, pore_matrices
+from geoident.forward.actions.supports import group_nodes
+from geoident.forward.in_situ.water import FacePressure, PorePressure
+from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.model.actions import WATER, Water, WaterPressure
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.mesh import nodes_in
+from geoident.model.parameter import Scalar
+
+
+@dataclass(frozen=True)
+class PoreSystem:
+    """Pressures of one state.
+
+    Args:
+        groups: indices of the groups with water that takes time to leave.
+        nodes: (n_p,) nodes with a pressure, ascending.
+        given: (n_nodes,) where it is given: drained faces, and ground that drains at once.
+    """
+
+    groups: tuple[int, ...]
+    nodes: Ints
+    given: Bools
+
+
+@dataclass(frozen=True)
+class Summed:
+    """A matrix that depends on parameters.
+
+    Args:
+        value: at the parameters.
+        slopes: its derivatives that are not zero, by their number among the parameters.
+    """
+
+    value: sp.csr_array
+    slopes: Mapping[int, sp.csr_array]
+
+    def at(self, columns: Floats) -> Floats:
+        """The product with a vector and its derivatives, (n, 1 + k), with derivatives."""
+        product = np.asarray(self.value @ columns)
+        for n, slope in self.slopes.items():
+            product[:, 1 + n] += slope @ columns[:, 0]
+        return product
+
+
+@dataclass(frozen=True)
+class PoreOperators:
+    """Q, S and H of a state at some parameters."""
+
+    coupling: Summed
+    storage: Summed
+    flow: Summed
+
+
+class Pores:
+    """The pores of a case; what depends on no parameter is made once, when it is needed.
+
+    Args:
+        on_mesh: the case on its mesh.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh) -> None:
+        self._on_mesh, self._case = on_mesh, on_mesh.case
+        self._sequence = on_mesh.sequence
+        self._matrices: dict[int, PoreMatrices] = {}
+        self._systems: dict[int, PoreSystem] = {}
+
+    def consolidates(self, state: ConstructionState) -> bool:
+        """Whether time passes in which water leaves ground of a state."""
+        return state.lasts is not None and any(
+            self._case.materials[name].consolidates for name in state.materials.values()
+        )
+
+    def __getitem__(self, state: int) -> PoreSystem:
+        if state not in self._systems:
+            self._systems[state] = self._prepare(state)
+        return self._systems[state]
+
+    def operators(self, state: int, point: ParameterPoint) -> PoreOperators:
+        """The matrices of a state, (n_dofs, n_nodes) and (n_nodes, n_nodes)."""
+        current = self._sequence.states[state]
+        weight = point.number(unit_weight(current.water))
+        coupling, storage, flow = [], [], []
+        for group in self[state].groups:
+            hydraulic = self._case.materials[current.materials[group]].hydraulic
+            assert hydraulic is not None  # of a group that consolidates
+            matrices = self._of_group(group)
+            coupling.append((point.number(hydraulic.biot), matrices.coupling))
+            storage.append((hydraulic.stored(point), matrices.storage))
+            numbers = hydraulic.permeability
+            for j, matrix in enumerate(matrices.flow):
+                along = point.number(numbers[j if len(numbers) > 1 else 0])
+                flow.append((along / weight, matrix))
+        return PoreOperators(_summed(coupling), _summed(storage), _summed(flow))
+
+    def given(self, state: int, point: ParameterPoint) -> Floats:
+        """Pressures (n_nodes, 1 + n) where they are given, in excess of those at rest, Pa."""
+        pressures = np.zeros((self._on_mesh.mesh.n_nodes, point.n_columns))
+        current = self._sequence.states[state]
+        for name, drained in current.drained.items():
+            if drained.head is not None:
+                nodes = np.intersect1d(self._drained_nodes(name), self[state].nodes)
+                pressures[nodes] = self._of_head(drained.head, current.water, nodes).at(point)
+        return pressures
+
+    def _of_head(self, head: Scalar, water: Water | None, nodes: Ints) -> _Excess:
+        return _Excess(self._on_mesh, head, water, self._on_mesh.mesh.points[nodes])
+
+    def _of_group(self, group: int) -> PoreMatrices:
+        if group not in self._matrices:
+            mesh, discretization = self._on_mesh.mesh, self._on_mesh.discretization
+            self._matrices[group] = pore_matrices(
+                mesh,
+                discretization.geometries,
+                discretization.kinematics,
+                self._sequence.elements(group),
+            )
+        return self._matrices[group]
+
+    def _drained_nodes(self, name: str) -> Ints:
+        return group_nodes(self._on_mesh.mesh, name)
+
+    def _prepare(self, state: int) -> PoreSystem:
+        current, mesh = self._sequence.states[state], self._on_mesh.mesh
+        groups, at_once = [], np.zeros(len(self._sequence.groups), dtype=bool)
+        for group, name in current.materials.items():
+            hydraulic = self._case.materials[name].hydraulic
+            if hydraulic is None:
+                at_once[group] = True
+            elif not hydraulic.impervious:
+                groups.append(group)
+        given = np.zeros(mesh.n_nodes, dtype=bool)
+        given[nodes_in(mesh.blocks, at_once[self._sequence.group_of])] = True
+        for name in current.drained:
+            given[self._drained_nodes(name)] = True
+        corners = [self._of_group(group).nodes for group in groups]
+        nodes = np.unique(np.concatenate([np.empty(0, np.int64), *corners]))
+        there = np.zeros(mesh.n_nodes, dtype=bool)
+        there[nodes] = True
+        return PoreSystem(tuple(groups), nodes, given & there)
+
+
+class _Excess:
+    """Pressure of a head, in excess of that of the water at rest, at positions (m, dim)."""
+
+    def __init__(
+        self, on_mesh: CaseOnMesh, head: Scalar, water: Water | None, positions: Floats
+    ) -> None:
+        self._there = FacePressure(WaterPressure("", head, unit_weight(water)), positions)
+        self._rest = None if water is None else PorePressure(water, on_mesh.mesh, positions)
+
+    def at(self, point: ParameterPoint) -> Floats:
+        """(m, 1 + n) Pa."""
+        there = self._there.at(point)
+        return (there if self._rest is None else there - self._rest.at(point)).columns
+
+
+def unit_weight(water: Water | None) -> Scalar:
+    """That of the water of a state, N/m3."""
+    return WATER if water is None else water.unit_weight
+
+
+def _summed(parts: list[tuple[Dual, sp.csr_array]]) -> Summed:
+    """The sum of some matrices, each times a number."""
+    value = sp.csr_array(parts[0][1].shape)
+    slopes: dict[int, sp.csr_array] = {}
+    for number, matrix in parts:
+        value = value + float(number.value) * matrix
+        for n, by in enumerate(number.columns[1:]):
+            if by:
+                slopes[n] = slopes.get(n, sp.csr_array(matrix.shape)) + float(by) * matrix
+    return Summed(sp.csr_array(value), slopes)

@@ -1,0 +1,70 @@
+"""Steps in time of a stage that lasts: short ones first, then ever longer ones (theory 17.2).
+
+Each is one of TR-BDF2 (Bank et al., IEEE Transactions on Electron Devices 32, 1985), of the second
+order and L-stable: a part gamma of the step by the trapezoidal rule, the rest by the second order
+backward formula. With gamma = 2 - sqrt 2 both have one matrix, that of a backward Euler step of
+length beta = gamma / 2 of the whole.
+
+What a stage does comes at once, and pressures jump. Two steps of backward Euler in the beginning
+take from that jump what no step resolves; they are as long as the matrix of the first TR-BDF2 steps
+wants. Steps double in length, a number of them of each length, so that the length is in proportion
+to the time that went by, and there is one factorization for each length.
+
+Steps depend on the case alone, never on parameters: an analysis is a smooth function of these.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GAMMA = 2.0 - math.sqrt(2.0)
+BETA = 0.5 * GAMMA
+
+OF_EACH_LENGTH = 6
+"""Steps of each length: errors of settlements and pressures are some 1e-4 of the largest."""
+
+_BEFORE = 2
+"""Lengths of steps that are gone through before the first moment that is looked at."""
+
+_LEAST = 6
+"""Lengths of steps of a stage, at least: even if only its end is looked at, the way counts."""
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """A step.
+
+    Args:
+        length: s.
+        euler: whether it is one of backward Euler; else of TR-BDF2.
+    """
+
+    length: float
+    euler: bool = False
+
+    @property
+    def share(self) -> float:
+        """By what flow is multiplied in its matrix, s."""
+        return self.length if self.euler else BETA * self.length
+
+
+def time_steps(lasts: float, first: float, of_each: int = OF_EACH_LENGTH) -> list[TimeStep]:
+    """The steps of a stage.
+
+    Args:
+        lasts: how long it lasts, s, above zero.
+        first: the first moment that is looked at, s, above zero; at most the end.
+        of_each: steps of each length.
+    """
+    lengths = _LEAST
+    while _begun(lengths, of_each) * first < _begun(_BEFORE, of_each) * lasts:
+        lengths += 1
+    shortest = lasts / _begun(lengths, of_each)
+    steps = [TimeStep(BETA * shortest, euler=True)] * 2
+    return steps + [TimeStep(shortest * 2**n) for n in range(lengths) for _ in range(of_each)]
+
+
+def _begun(lengths: int, of_each: int) -> float:
+    """Time of the steps of the first lengths, by the shortest."""
+    return 2.0 * BETA + of_each * (2.0**lengths - 1.0)
