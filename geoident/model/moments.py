@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from geoident.model.case import Case, Stage
+from geoident.model.case import VIRGIN, Case, Stage
 
 _UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
 _STEPS = {"s": (1, 2, 5, 10, 20), "min": (1, 2, 5, 10, 20), "h": (1, 2, 5, 10)}
@@ -34,12 +34,14 @@ def with_moments(case: Case, moments: Mapping[str, Sequence[float]]) -> Case:
     Where a case names a stage whose readings are used, it means all its moments.
 
     Args:
-        case: whose stages have no moments yet.
+        case: of which the moments that it has are replaced.
         moments: stage to times, s since its beginning, before its end.
     """
     stages: list[Stage] = []
-    dates, number = dict(case.dates), list[int]()
-    for n, stage in enumerate(case.stages):
+    ends = {stage.whole for stage in case.stages}
+    dates = {name: date for name, date in case.dates.items() if name in {*ends, VIRGIN}}
+    number = list[int]()
+    for n, stage in enumerate(_whole_stages(case)):
         if stage.lasts is None:
             stages.append(stage)
             number.append(n)
@@ -65,6 +67,15 @@ def with_moments(case: Case, moments: Mapping[str, Sequence[float]]) -> Case:
         fit=replace(case.fit, stages=fitted),
         source=replace(case.source, stages=tuple(number)),
     )
+
+
+def _whole_stages(case: Case) -> list[Stage]:
+    """The stages of a case without their moments."""
+    return [
+        replace(stage, name=stage.whole, at=None, moment_of=None)
+        for stage in case.stages
+        if not stage.goes_on
+    ]
 
 
 def moment_name(stage: str, time: float) -> str:

@@ -81,7 +81,7 @@ def require_no_negative(given: CaseNumber) -> CaseNumber:
     """
     if given.factor < 0.0:
         message = f"'{given.text}' is a negative time"
-        raise Refusal("out-of-range", message, "Write it without its sign.")
+        raise Refusal("out-of-range", message, "Write it without its sign, or 0 d for no time.")
     return given
 
 

@@ -162,9 +162,6 @@ class StageSection(Section):
 
     def for_model(self, context: Context) -> Stage:
         """The stage for the model; what cannot be is noted as a fault."""
-        if self.lasts is not None and self.lasts.factor < 0.0:
-            hint = "Write how long it lasts, such as 12 d; 0 d for a stage in which no time passes."
-            context.at("lasts").refuse("out-of-range", f"'{self.lasts.text}' is negative", hint)
         supports = build_supports(self.supports, context.at("supports"))
         drained = build_drained(self.drained, context.at("drained"))
         return self.to_model(Stage, context, supports=supports, drained=drained)

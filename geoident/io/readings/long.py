@@ -1,7 +1,8 @@
 """The long layout: one reading a row, ``gauge,stage,value,unit[,accuracy][,bad][,remarks]``.
 
 ``date`` may stand in place of ``stage``, and ``time``, since its beginning, beside it. Columns may
-have other names if the case declares them. A blank value is a reading that was not taken: it is kept, and counted later.
+have other names if the case declares them. A blank value is a reading that was not taken: it is
+kept, and counted later.
 """
 
 from __future__ import annotations
