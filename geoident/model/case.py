@@ -422,6 +422,11 @@ class Case:
         """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))
 
+    @property
+    def lasts(self) -> bool:
+        """Whether any stage lasts, so that it may have moments."""
+        return any(stage.lasts is not None for stage in self.stages)
+
     @cached_property
     def times(self) -> Mapping[str, float]:
         """State to when it is, s: since 1970 where the case has dates, else since its beginning.
@@ -429,7 +434,7 @@ class Case:
         Without dates durations say it, and stages without one count as none; empty where no stage
         lasts either.
         """
-        if self.dates or all(stage.lasts is None for stage in self.stages):
+        if self.dates or not self.lasts:
             return self.dates
         times, trunk = {VIRGIN: 0.0}, VIRGIN
         begun = dict[str, float]()

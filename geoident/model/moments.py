@@ -69,6 +69,25 @@ def with_moments(case: Case, moments: Mapping[str, Sequence[float]]) -> Case:
     )
 
 
+def with_states(case: Case, states: Collection[str]) -> Case:
+    """A case with the moments that some states are by their names, such as those of a result.
+
+    Args:
+        case: of which the moments that it has are replaced.
+        states: names of stages and moments; those of stages that do not last count for nothing.
+    """
+    lasting = {stage.whole for stage in case.stages if stage.lasts is not None}
+    if not lasting:
+        return case
+    moments: dict[str, list[float]] = {}
+    for name in states:
+        parts = stage_and_time(name, lasting)
+        if parts is not None:
+            number, unit = parts[1].split()
+            moments.setdefault(parts[0], []).append(float(number) * dict(_UNITS)[unit])
+    return with_moments(case, moments)
+
+
 def _whole_stages(case: Case) -> list[Stage]:
     """The stages of a case without their moments."""
     return [

@@ -39,6 +39,7 @@ from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
+from geoident.model.results.times import StageTimes
 from geoident.model.results.updates import UpdateHistory
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism, YieldedGround
@@ -213,6 +214,7 @@ class GaugeTable:
         accuracy: (n_channels,) standard deviation of one reading, SI.
         errors: for each channel what its readings share of their errors, None where nothing; as
             estimated where they are. Empty where no channel shares any.
+        times: when the stages and their moments are; None where no stage lasts.
     """
 
     channels: tuple[str, ...] = field(metadata=column("gauge", name="gauge"))
@@ -232,6 +234,19 @@ class GaugeTable:
     errors: tuple[ErrorParts | None, ...] = field(
         default=(), metadata=column("gauge", optional=True)
     )
+    times: StageTimes | None = field(default=None, metadata=column(group="times", optional=True))
+
+    @property
+    def ends(self) -> Bools:
+        """(n_stages,) which are ends of stages; the others are moments of stages that last."""
+        if self.times is None:
+            return np.ones(len(self.stages), dtype=np.bool_)
+        return self.times.ends(self.stages)
+
+    @property
+    def series_times(self) -> Floats | None:
+        """(1 + n_stages,) days of all states for a series of pictures; None for their numbers."""
+        return None if self.times is None else self.times.series
 
     @classmethod
     def from_columns(

@@ -16,6 +16,7 @@ from geoident.io.case.file import parse_case
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import element_centres
+from geoident.model.moments import with_states
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace
 from geoident.report.drawing.style import MM, short
@@ -354,7 +355,8 @@ def _case_of_text(text: str) -> Case | None:
 
 def case_of(result: Result) -> Case | None:
     """The case of a result without its readings; None where this version cannot read it."""
-    return _case_of_text(result.case_resolved)
+    case = _case_of_text(result.case_resolved)
+    return None if case is None else with_states(case, result.gauges.stages)
 
 
 def principal_stresses(stress: Floats) -> Floats:

@@ -64,6 +64,9 @@ def stage_dates(result: Result) -> Floats:
         (n_stages,) seconds since 1970; NaN where nobody says.
     """
     table, dates = result.gauges.readings, case_mapping(result, "dates")
+    times = result.gauges.times
+    if times is not None and np.isfinite(times.date).any():
+        return times.date
     seconds = np.full(len(result.gauges.stages), np.nan)
     names = np.array(table.stage)
     for k, stage in enumerate(result.gauges.stages):
