@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -269,14 +269,17 @@ def _reduced_rows(
     dated = any(row.time is not None for row in rows)
     usual = "last" if checks.section.service_stage is None else "all"
     by_time = dated or any(row.since is not None for row in rows)
-    repeated = described.repeated_readings or described.several or (usual if by_time else "")
+    stated = described.repeated_readings or described.several
+    repeated = stated or (usual if by_time else "")
+    lasts = calendar.timetable.lasts
+    apart = set() if stated else {name for name, whole in calendar.owners.items() if whole in lasts}
     read.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in part.rows
         if row.time is not None and row.value is not None and not row.bad
     ]
     zero = "first" if part.surveyed else repeated if described.rezero else ""
-    readings, unzeroed = _by_stage(rows, repeated, zero, calendar, read)
+    readings, unzeroed = _by_stage(rows, repeated, zero, calendar, read, apart)
     checks.zeroed(unzeroed if part.sound else ())
     return readings, not repeated
 
@@ -358,7 +361,12 @@ class _BadReasons:
 
 
 def _by_stage(
-    rows: Iterable[Reading], repeated: str, zero: str, calendar: Calendar, read: ReadReadings
+    rows: Iterable[Reading],
+    repeated: str,
+    zero: str,
+    calendar: Calendar,
+    read: ReadReadings,
+    apart: Collection[str],
 ) -> tuple[list[Reading], list[Reading]]:
     """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
@@ -373,6 +381,7 @@ def _by_stage(
             the stage, or the mean for anything else; nothing if empty.
         calendar: stages and dates.
         read: takes the zeros, and notes on readings that are left out.
+        apart: moments of which readings of different times all count.
 
     Returns:
         The readings; and one of each channel that was not read at its zero, where that is to be
@@ -403,7 +412,7 @@ def _by_stage(
     read.notes += _early_notes(filter(is_early, rows), calendar)
     readings = [
         reading
-        for group in _groups(row for row in rows if not is_early(row))
+        for group in _groups((row for row in rows if not is_early(row)), apart)
         for reading in _reduced(group, repeated, calendar)
     ]
     channels = list(dict.fromkeys(r.channel for r in readings if r.channel in zeros))
@@ -442,11 +451,17 @@ def _stage_of(reading: Reading, calendar: Calendar) -> str:
     )
 
 
-def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
-    """Readings of the same channel and stage together, in the order of the file."""
-    together: dict[tuple[str, str], list[Reading]] = {}
+def _groups(readings: Iterable[Reading], lasting: Collection[str] = ()) -> list[list[Reading]]:
+    """Readings of the same channel and stage together, in the order of the file.
+
+    Args:
+        readings: any.
+        lasting: names of moments whose readings are together only if they are of the same time.
+    """
+    together: dict[tuple[object, ...], list[Reading]] = {}
     for reading in readings:
-        together.setdefault((reading.channel, reading.stage), []).append(reading)
+        time = (reading.time, reading.since) if reading.stage in lasting else ()
+        together.setdefault((reading.channel, reading.stage, *time), []).append(reading)
     return list(together.values())
 
 

@@ -1029,6 +1029,27 @@ class Result:
             certificate=self.certificate,
         )
 
+    @cached_property
+    def at_ends(self) -> Result:
+        """The same with forces, reactions, yielded ground and planes at the ends of stages alone.
+
+        Of stages that last there are many moments, more than tables of these can show.
+        """
+        if self.gauges.ends.all():
+            return self
+        ends = np.flatnonzero(self.gauges.ends)
+        states, certificate = np.concatenate([[0], ends + 1]), self.certificate
+        if certificate is not None:
+            activity = select(certificate.activity, ("stage",), ends)
+            certificate = replace(certificate, activity=activity)
+        return replace(
+            self,
+            members=self.members and select(self.members, ("stage",), ends),
+            reactions=self.reactions and select(self.reactions, ("state",), states),
+            yielded=self.yielded and select(self.yielded, ("state",), states),
+            certificate=certificate,
+        )
+
 
 Labelled = Sequence[tuple[str, Result]]
 """Results with their labels, such as the names of their files."""
