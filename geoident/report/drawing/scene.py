@@ -19,7 +19,7 @@ from geoident.model.mesh import element_centres
 from geoident.model.moments import with_states
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace
-from geoident.report.drawing.style import MM, short
+from geoident.report.drawing.style import MM, evenly, short
 from geoident.report.text.case import axis_names
 
 MOST_STAGES = 12
@@ -120,8 +120,12 @@ class Scene:
             return (self.only,)
         states = self.reached
         if len(states) > MOST_STAGES:
-            chosen = np.linspace(0, len(states) - 1, MOST_STAGES).round().astype(int)
-            states = states[np.unique(chosen)]
+            chosen = states[evenly(len(states), MOST_STAGES)]
+            ends = states[self.result.gauges.ends[states - 1]]
+            if len(ends) < len(states):  # of stages that last all ends, and moments between them
+                ends = ends[evenly(len(ends), MOST_STAGES)]
+                chosen = [*ends, *np.setdiff1d(chosen, ends)[: MOST_STAGES - len(ends)]]
+            states = np.unique(chosen)
         return tuple(int(state) for state in states)
 
     @cached_property
