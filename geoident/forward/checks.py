@@ -29,6 +29,11 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
+from geoident.forward.consolidation.checks import (
+    consolidation_faults,
+    drained_group_faults,
+    inadmissible_water,
+)
 from geoident.forward.gauges.kinds import gauges_outside, place_gauges, reading_faults
 from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import zeroed_too_early
@@ -107,7 +112,7 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
     structures = structure_place_faults(on_mesh)
     places = (
         mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
-        _stress_without_ground, face_faults, lining_faults,
+        _stress_without_ground, face_faults, lining_faults, consolidation_faults,
     )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
@@ -206,6 +211,7 @@ def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | 
     """
     for material in (case.materials[name] for name in sorted(sequence.materials)):
         fault = inadmissible(material, values) or no_stress_left(case, material, values)
+        fault = fault or inadmissible_water(case, material.name, values)
         if fault is not None:
             return fault
     return impossible_structure(case, values)
@@ -274,6 +280,7 @@ def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *group_faults(on_mesh),
         *support_faults(on_mesh),
         *load_faults(on_mesh),
+        *drained_group_faults(on_mesh),
         *surface_faults(on_mesh),
         *structure_faults(on_mesh),
     ]

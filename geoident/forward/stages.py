@@ -62,6 +62,7 @@ class ConstructionState:
         relaxed: group indices that lose at this stage the stress that they have had since the
             virgin state, or since their placing.
         lasts: how long the stage lasts, s; None: as long as all that takes time needs.
+        over: the time in which what it does comes evenly, s; 0: at its beginning.
         at: when in it this state is, s since its beginning; None: at its end.
         goes_on: a later moment of the same stage as the state before.
         drained: group of faces at which water leaves.
@@ -85,6 +86,7 @@ class ConstructionState:
     held_since: Mapping[str, int] = field(default_factory=dict)
     relaxed: frozenset[int] = frozenset()
     lasts: float | None = None
+    over: float = 0.0
     at: float | None = None
     goes_on: bool = False
     drained: Mapping[str, Drained] = field(default_factory=dict)
@@ -455,6 +457,7 @@ def _state_after(
         held_since=held_since,
         relaxed=frozenset(index[g] for g in stage.relaxed),
         lasts=stage.lasts,
+        over=stage.over,
         at=stage.at,
         goes_on=stage.goes_on,
         drained=drained,

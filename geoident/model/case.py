@@ -241,6 +241,7 @@ class Stage:
             that is not independent.
         lasts: how long the stage lasts, s; None: as long as all that takes time needs; 0: no time
             passes, and no water moves.
+        over: the time in which all that it does comes evenly, s; 0: at its beginning.
         at: which moment of a stage that lasts this is, s since its beginning; None: its end.
         goes_on: a later moment of the stage before it, in which nothing else happens.
         moment_of: name of the stage that lasts of which it is a moment; None for an end.
@@ -265,6 +266,7 @@ class Stage:
     independent: bool = False
     base: str | None = None
     lasts: float | None = None
+    over: float = 0.0
     at: float | None = None
     goes_on: bool = False
     moment_of: str | None = None
@@ -405,9 +407,11 @@ class Case:
 
     @property
     def consolidates(self) -> bool:
-        """Whether water takes time to leave some material, in a stage that lasts."""
-        lasts = any(stage.lasts is not None for stage in self.stages)
-        return lasts and any(material.consolidates for material in self.materials.values())
+        """Whether water takes time to leave some ground, in stages that last, or flows steadily."""
+        drained = [*self.drained.values(), *(d for s in self.stages for d in s.drained.values())]
+        flows = any(one is not None and one.head is not None for one in drained)
+        flows = flows or any(stage.lasts is not None for stage in self.stages)
+        return flows and any(material.consolidates for material in self.materials.values())
 
     @property
     def in_steps(self) -> str | None:
@@ -415,7 +419,7 @@ class Case:
         if not self.consolidates:
             return None
         name = next(one.name for one in self.materials.values() if one.consolidates)
-        return f"water takes time to leave {name}: a stage that lasts has many steps"
+        return f"water flows in {name}, in many steps in time where a stage lasts"
 
     @property
     def stage_names(self) -> tuple[str, ...]:

@@ -52,7 +52,8 @@ def with_moments(case: Case, moments: Mapping[str, Sequence[float]]) -> Case:
         stages.append(replace(stage, name=names[0], at=times[0], moment_of=owners[0]))
         for before, name, time, owner in zip(names, names[1:], times[1:], owners[1:], strict=False):
             further = Stage(name, base=before, lasts=stage.lasts, at=time, goes_on=True)
-            stages.append(replace(further, independent=stage.independent, moment_of=owner))
+            further = replace(further, over=stage.over, independent=stage.independent)
+            stages.append(replace(further, moment_of=owner))
         number += [n] * len(names)
         if stage.name in dates:
             begin = dates[stage.name] - stage.lasts

@@ -149,7 +149,7 @@ class StagedAnalysis:
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
-        self.pores = Pores(on_mesh)
+        self.pores = Pores(on_mesh, systems.rank, systems.solver_counts)
         self.warm = warm or WarmStart()
 
     def forget(self) -> None:
@@ -366,7 +366,11 @@ class AnalysisRun:
         system, state = systems[number], analysis.sequence.states[number]
         slopes = self._add_actions(number, forces)
         before = self._unreleased[state.base]
-        unreleased = analysis.release.unreleased(number, before, carried.stress, point)
+        unreleased = dict(analysis.release.unreleased(number, before, carried.stress, point))
+        if carried.pores is not None:
+            for group in state.release.keys() & state.leaving:
+                pushed = analysis.pores.push(state.base, group, carried.pores, point)
+                unreleased[group] = unreleased[group] + pushed
         self._unreleased[number] = unreleased
         forces += analysis.release.forces(number, unreleased, point)
         # what is gone or placed anew carries nothing; nodes that are gone forget their motion

@@ -7,7 +7,7 @@ flow between given heads.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,16 +15,25 @@ from geoident.forward.analysis.march import InTime, March, StepEquations
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
-from geoident.forward.consolidation.steps import OF_EACH_LENGTH, time_steps
+from geoident.forward.consolidation.steps import OF_EACH_LENGTH, stage_steps
 from geoident.model.arrays import Floats
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Going:
-    """A stage under way, and what of it was reached at its last moment."""
+    """A stage under way.
+
+    Args:
+        march: in time.
+        reached: what was reached at its last moment.
+        rest: (n_dofs, 1 + n) what is out of balance at its beginning, N.
+        motion: (n_dofs, 1 + n) what supports impose in it, m; None for none.
+    """
 
     march: March
     reached: InTime
+    rest: Floats
+    motion: Floats | None
 
 
 class ConsolidationSteps:
@@ -64,34 +73,69 @@ class ConsolidationSteps:
         """
         pores = task.carried.pores
         assert pores is not None  # of a case that consolidates
+        given = self._pores.given(task.number, task.point)
         if not self._pores.consolidates(task.state):
-            pores[:] = 0.0
+            pores[:] = self._pores.steady(task.number, given, task.point)
+            if given.any():
+                task.forces[:] += self._pores.operators(task.number, task.point).coupling.at(pores)
             return None
-        going = self._goes_on(task)
-        reached = going.march.to(self._moment(task.number))
+        going = self._goes_on(task, given)
+        moment = self._moment(task.number)
+        reached = self._still_to_come(going, going.march.to(moment), moment, task)
         du = reached.u - going.reached.u
-        self._going[task.number] = _Going(going.march, reached)
+        self._going[task.number] = replace(going, reached=reached)
         pores[:] = reached.p
         elastic_step(task, self._systems, factors, du)
         operators = self._pores.operators(task.number, task.point)
         task.forces[:] += operators.coupling.at(pores)
         return du
 
-    def _goes_on(self, task: StageTask) -> _Going:
+    def _still_to_come(
+        self, going: _Going, reached: InTime, moment: float, task: StageTask
+    ) -> InTime:
+        """What is reached, less what supports impose later; forces act less what comes later.
+
+        The analysis takes motions of supports as all imposed at once.
+        """
+        later = 1.0 - going.march.came(moment)
+        if not later:
+            return reached
+        task.forces[:] -= later * going.rest
+        if going.motion is None:
+            return reached
+        return replace(reached, u=reached.u - later * going.motion)
+
+    def _goes_on(self, task: StageTask, given: Floats) -> _Going:
         """The stage of a state, begun now or at an earlier moment."""
         state, number = task.state, task.number
         if state.goes_on:
             return self._going.pop(state.base)
         system, lasts = self._pores[number], state.lasts
-        before = np.zeros_like(task.carried.pores)
-        before[system.nodes] = task.carried.pores[system.nodes]
+        before = self._before(task)
         operators = self._pores.operators(number, task.point)
         equations = StepEquations(task, self._systems, system, operators, before)
         steps = []
         if lasts:
-            steps = time_steps(lasts, self._first(number), self._finer * OF_EACH_LENGTH)
-        march = March(equations, steps, before, self._pores.given(number, task.point))
-        return _Going(march, InTime(np.zeros_like(task.forces), before))
+            of_each = self._finer * OF_EACH_LENGTH
+            steps = stage_steps(lasts, self._first(number), state.over, of_each)
+        march = March(equations, steps, before, given, state.over)
+        nothing = InTime(np.zeros_like(task.forces), before)
+        return _Going(march, nothing, equations.rest, task.motion)
+
+    def _before(self, task: StageTask) -> Floats:
+        """Pressures (n_nodes, 1 + n) with which a stage begins, Pa.
+
+        Where the water at rest changes, all pressure is what it was: that in excess jumps.
+        """
+        state, number, carried = task.state, task.number, task.carried.pores
+        assert carried is not None
+        before, nodes = np.zeros_like(carried), self._pores[number].nodes
+        before[nodes] = carried[nodes]
+        if state.water != self._sequence.states[state.base].water:
+            stay = np.intersect1d(nodes, self._pores[state.base].nodes)
+            before[stay] += self._pores.at_rest(state.base, stay, task.point)
+            before[stay] -= self._pores.at_rest(number, stay, task.point)
+        return before
 
     def _moment(self, number: int) -> float:
         """When a state is, s since the beginning of its stage."""

@@ -2,13 +2,15 @@
 
 With u and p since the beginning of the stage, and r_0 what is then out of balance,
 
-    K u - Q p = r_0 ,     Q^T u' + S p' + H p = 0
+    K u - Q p = lambda r_0 ,     Q^T u' + S p' + H p = 0
+
+where the part lambda of what the stage does has come: all at once, or evenly over a time.
 
 An Euler step h from (u_n, p_n), and the parts of a TR-BDF2 step, are of one form: with w the
 pressures that drive the flow in it,
 
-    [  K      -Q      ] [du]   [ r_0, in the first step ]
-    [ -Q^T  -(S + h H)] [dp] = [ h H w                  ]
+    [  K      -Q      ] [du]   [ dlambda r_0 ]
+    [ -Q^T  -(S + h H)] [dp] = [ h H w       ]
 
     Euler: h = dt, w = p_n.   TR: h = beta dt, w = 2 p_n.   BDF2: w = p_g + b (p_n + p_g),
     b = (1 - gamma)^2 / (gamma (2 - gamma)), p_g the pressure in between
@@ -62,12 +64,19 @@ class March:
         steps: in time; none where no time passes.
         pressures: (n_nodes, 1 + n) before the stage, Pa.
         given: (n_nodes, 1 + n) pressures where they are given in it, Pa.
+        over: time in which what the stage does comes evenly, s; 0: at once.
     """
 
     def __init__(
-        self, equations: StepEquations, steps: list[TimeStep], pressures: Floats, given: Floats
+        self,
+        equations: StepEquations,
+        steps: list[TimeStep],
+        pressures: Floats,
+        given: Floats,
+        over: float = 0.0,
     ) -> None:
         self._equations, self._steps, self._given = equations, steps, given
+        self._over, self._came = over, 0.0
         self._time, self._done = 0.0, 0
         self._now = InTime(np.zeros((equations.n_dofs, pressures.shape[1])), pressures)
         self._parts = (self._now, self._now, self._now)
@@ -81,7 +90,7 @@ class March:
         """
         if time == 0.0:
             free = np.zeros_like(self._equations.pores.given)
-            self._now = self._after(self._now, 0.0, self._now.p, free)
+            self._now = self._after(self._now, 0.0, self._now.p, free, 0.0)
             return self._now
         while self._time < time * (1.0 - _ROUNDING):
             self._step()
@@ -95,20 +104,26 @@ class March:
     def _step(self) -> None:
         step, begun = self._steps[self._done], self._now
         held = self._equations.pores.given
+        middle, end = self._time + GAMMA * step.length, self._time + step.length
         if step.euler:
-            self._now = self._after(begun, step.share, begun.p, held)
+            self._now = self._after(begun, step.share, begun.p, held, end)
             between = _mean(begun, self._now, GAMMA)
         else:
-            between = self._after(begun, step.share, 2.0 * begun.p, held)
+            between = self._after(begun, step.share, 2.0 * begun.p, held, middle)
             drive = between.p + _BACK * (begun.p + between.p)
-            self._now = self._after(between, step.share, drive, held)
+            self._now = self._after(between, step.share, drive, held, end)
         self._parts, self._length = (begun, between, self._now), step.length
-        self._time, self._done = self._time + step.length, self._done + 1
+        self._time, self._done = end, self._done + 1
 
-    def _after(self, before: InTime, h: float, drive: Floats, held: Bools) -> InTime:
-        """The end of a part of a step, in which some pressures (n_nodes,) are held as given."""
+    def came(self, time: float) -> float:
+        """The part of what the stage does that has come at a time, s."""
+        return 1.0 if time >= self._over * (1.0 - _ROUNDING) else time / self._over
+
+    def _after(self, before: InTime, h: float, drive: Floats, held: Bools, time: float) -> InTime:
+        """At a time, the end of a part of a step; pressures of some nodes (n_nodes,) are given."""
         jump = np.where(held[:, None], self._given - before.p, 0.0)
-        du, dp = self._equations.advance(h, drive, jump, held)
+        comes, self._came = self.came(time) - self._came, self.came(time)
+        du, dp = self._equations.advance(h, drive, jump, held, comes)
         return InTime(before.u + du, before.p + dp)
 
     def _within(self, part: float) -> InTime:
@@ -125,11 +140,14 @@ class StepEquations:
     """The equations of the steps of a stage at one parameter vector.
 
     Args:
-        task: the stage; what is out of balance at its beginning acts in the first step.
+        task: the stage.
         systems: the equations of the stages.
         pores: where pressures are.
         operators: of the water.
         before: (n_nodes, 1 + n) pressures before the stage, Pa.
+
+    Attributes:
+        rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage.
     """
 
     def __init__(
@@ -146,8 +164,8 @@ class StepEquations:
         rest = task.forces - points.forces(carried.stress, task.system.volume)
         if systems.structures.n_rows:
             rest -= systems.structures.nodal_forces(carried.members)
-        self._rest: Floats | None = rest + operators.coupling.at(before)
-        self._task, self._later = task, replace(task, motion=None, thermal=None)
+        self.rest = rest + operators.coupling.at(before)
+        self._task = task
         self._stiff = _stiffness_depends(task)
         self._blocks: tuple[bytes, _Blocks] | None = None
         self._factor: tuple[float, Factor] | None = None
@@ -156,7 +174,9 @@ class StepEquations:
         """Forget the factorization."""
         self._factor = None
 
-    def advance(self, h: float, drive: Floats, jump: Floats, held: Bools) -> tuple[Floats, Floats]:
+    def advance(
+        self, h: float, drive: Floats, jump: Floats, held: Bools, comes: float
+    ) -> tuple[Floats, Floats]:
         """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) in a part of a step.
 
         Args:
@@ -164,20 +184,21 @@ class StepEquations:
             drive: w (n_nodes, 1 + n), Pa.
             jump: (n_nodes, 1 + n) changes of the pressures that are given, Pa.
             held: (n_nodes,) where they are given.
+            comes: part of what the stage does that comes in it.
 
         Raises:
             ModelError: the matrix is singular.
         """
         Q, S, H = (self._operators.coupling, self._operators.storage, self._operators.flow)
-        task, first = (self._later, False) if self._rest is None else (self._task, True)
+        task = _part_of(self._task, comes)
         forces = Q.value @ jump
         water = h * H.at(drive) + S.value @ jump + h * (H.value @ jump)
+        if comes:
+            forces += comes * self.rest
         moved = None
-        if first:
-            forces += self._rest
-            if task.motion is not None:
-                water += Q.value.T @ task.motion
-                moved = task.motion[:, 0]
+        if task.motion is not None:
+            water += Q.value.T @ task.motion
+            moved = task.motion[:, 0]
         blocks, factor = self._factorized(h, held)
         du, dp = np.zeros_like(forces), jump.copy()
         state = slice(0, 1)
@@ -195,7 +216,6 @@ class StepEquations:
                 water[:, 1 + n] += h * (slope @ p)
             rest = slice(1, None)
             blocks.solve(factor, forces[:, rest], water[:, rest], du[:, rest], dp[:, rest])
-        self._rest = None
         return du, dp
 
     def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
@@ -275,6 +295,15 @@ class _Blocks:
         solution = factor.solve(right)
         du[self.dofs] += solution[:n]
         dp[self.nodes] += self.size * solution[n:]
+
+
+def _part_of(task: StageTask, part: float) -> StageTask:
+    """A stage with a part of what supports and temperatures impose in it."""
+    if part in (0.0, 1.0):
+        return task if part else replace(task, motion=None, thermal=None)
+    motion = None if task.motion is None else part * task.motion
+    thermal = None if task.thermal is None else part * task.thermal
+    return replace(task, motion=motion, thermal=thermal)
 
 
 def _stiffness_depends(task: StageTask) -> bool:

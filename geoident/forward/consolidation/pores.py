@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from geoident.fem.consolidation import PoreMatrices, pore_matrices
+from geoident.fem.solvers.direct import SolverCounts
+from geoident.fem.solvers.quasi_definite import QuasiDefinite
 from geoident.forward.actions.supports import group_nodes
-from geoident.forward.in_situ.water import FacePressure, PorePressure
+from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import WATER, Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
@@ -68,10 +71,13 @@ class Pores:
 
     Args:
         on_mesh: the case on its mesh.
+        rank: (n_nodes,) place of each node in an order of elimination.
+        counts: of the solver.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, rank: Ints, counts: SolverCounts) -> None:
         self._on_mesh, self._case = on_mesh, on_mesh.case
+        self._rank, self._counts = rank, counts
         self._sequence = on_mesh.sequence
         self._matrices: dict[int, PoreMatrices] = {}
         self._systems: dict[int, PoreSystem] = {}
@@ -113,6 +119,55 @@ class Pores:
                 nodes = np.intersect1d(self._drained_nodes(name), self[state].nodes)
                 pressures[nodes] = self._of_head(drained.head, current.water, nodes).at(point)
         return pressures
+
+    def steady(self, state: int, given: Floats, point: ParameterPoint) -> Floats:
+        """Pressures (n_nodes, 1 + n) of the flow between given ones that never ends, Pa.
+
+        Ground that has no way to where they are given has none in excess.
+
+        Args:
+            state: number of the state.
+            given: (n_nodes, 1 + n) where they are given, Pa.
+            point: the parameters.
+        """
+        pressures, system = given.copy(), self[state]
+        if not given.any():
+            return pressures
+        flow = self.operators(state, point).flow
+        _, piece = connected_components(flow.value)
+        drained = np.isin(piece, piece[system.given])
+        nodes = system.nodes[drained[system.nodes] & ~system.given[system.nodes]]
+        H = sp.csr_array(flow.value[nodes][:, nodes])
+        order = np.argsort(self._rank[nodes])
+        matrices = QuasiDefinite(
+            H, 0.0 * H, signs=np.ones(len(nodes)), order=order, counts=self._counts
+        )
+        factor = matrices.factor(0.0)
+        pressures[nodes, :1] = -factor.solve((flow.value @ pressures[:, :1])[nodes])
+        if point.names:
+            pressures[nodes, 1:] = -factor.solve(flow.at(pressures)[nodes, 1:])
+        return pressures
+
+    def at_rest(self, state: int, nodes: Ints, point: ParameterPoint) -> Floats:
+        """Pressure (m, 1 + n) of the water at rest at some nodes of consolidating ground, Pa."""
+        current, mesh = self._sequence.states[state], self._on_mesh.mesh
+        if current.water is None:
+            return np.zeros((len(nodes), point.n_columns))
+        groups = np.array(self[state].groups)
+        wet = groups[is_wet(current.water, groups, self._sequence.groups)]
+        filled = np.isin(
+            nodes, np.concatenate([nodes[:0], *(self._of_group(g).nodes for g in wet)])
+        )
+        pressure = PorePressure(current.water, mesh, mesh.points[nodes]).at(point).columns
+        return np.where(filled[:, None], pressure, 0.0)
+
+    def push(self, state: int, group: int, pressures: Floats, point: ParameterPoint) -> Floats:
+        """Forces (n_dofs, k) of pressures (n_nodes, k) in a group that is there at a state."""
+        material = self._case.materials[self._sequence.states[state].materials[group]]
+        if not material.consolidates or material.hydraulic is None:
+            return np.zeros((self._on_mesh.discretization.n_dofs, pressures.shape[1]))
+        part = [(point.number(material.hydraulic.biot), self._of_group(group).coupling)]
+        return _summed(part).at(pressures)
 
     def _of_head(self, head: Scalar, water: Water | None, nodes: Ints) -> _Excess:
         return _Excess(self._on_mesh, head, water, self._on_mesh.mesh.points[nodes])

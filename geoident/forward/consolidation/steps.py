@@ -49,11 +49,26 @@ class TimeStep:
         return self.length if self.euler else BETA * self.length
 
 
-def time_steps(lasts: float, first: float, of_each: int = OF_EACH_LENGTH) -> list[TimeStep]:
-    """The steps of a stage.
+def stage_steps(lasts: float, first: float, over: float, of_each: int) -> list[TimeStep]:
+    """The steps of a stage; one ends where all that it does has come.
 
     Args:
         lasts: how long it lasts, s, above zero.
+        first: the first moment that is looked at, s, above zero; at most the end.
+        over: the time in which what it does comes evenly, s; 0: at once.
+        of_each: steps of each length.
+    """
+    if not 0.0 < over < lasts:
+        return time_steps(lasts, first, of_each)
+    rest = time_steps(lasts - over, min(over, lasts - over), of_each)
+    return time_steps(over, min(first, over), of_each) + rest
+
+
+def time_steps(lasts: float, first: float, of_each: int = OF_EACH_LENGTH) -> list[TimeStep]:
+    """Steps that begin with a jump.
+
+    Args:
+        lasts: how long they last together, s, above zero.
         first: the first moment that is looked at, s, above zero; at most the end.
         of_each: steps of each length.
     """

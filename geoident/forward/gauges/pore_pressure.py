@@ -66,7 +66,7 @@ class PoreWater:
             return np.ones(len(self._groups), dtype=np.bool_)
         groups = self._later if water is None else water.groups
         wet = np.isin(self._groups, list(groups or ()))
-        return wet | self._filled(state) if self._case.consolidates else wet
+        return wet | self._filled(state)
 
     def _filled(self, state: int) -> Bools:
         """(g,) which points are in ground that water takes time to leave."""

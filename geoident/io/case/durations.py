@@ -194,6 +194,7 @@ def timetable_of(section: CaseSection, faults: Faults) -> Timetable:
             else:
                 lasts[stage.name] = end - begin
                 _follow(bases, lasts, dates)
+                _require_room(n, stage, end - begin, faults)
         elif begin is not None and end is not None:
             _require_agreement(n, stage.name, lasts[stage.name], begin, end, section, faults)
     return Timetable(stages, bases, lasts, dates)
@@ -265,6 +266,18 @@ def _require_agreement(
     hint = "Correct one of them; 'lasts: dates' takes the duration from the dates."
     place: KeyPath = ("dates", stage) if stage in section.dates else ("stages", n, "lasts")
     faults.add(place, "contradiction", message, hint)
+
+
+def _require_room(n: int, stage: StageSection, lasts: float, faults: Faults) -> None:
+    """A duration that follows from dates is long enough for what the stage says of its time."""
+    given = [(("over",), stage.over)] if stage.over is not None else []
+    given += [(("moments", k), time) for k, time in enumerate(stage.moments or ())]
+    for path, time in given:
+        if time.factor > lasts:
+            by_dates = f"{time_text(lasts)} by its dates"
+            message = f"'{time.text}' is longer than the stage lasts, {by_dates}"
+            place = ("stages", n, *path)
+            faults.add(place, "after-stage", message, "Correct it, or the date.")
 
 
 def check_durations(section: CaseSection, faults: Faults) -> None:

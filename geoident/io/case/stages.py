@@ -150,6 +150,12 @@ class StageSection(Section):
         "is the beginning, when all that the stage does is done and no time has passed.",
         examples=[["1 d", "3 d", "10 d"]],
     )
+    over: FixedTime | None = Field(
+        None,
+        description="Of a stage that lasts: the time, from its beginning on, in which all that it "
+        "does comes evenly (a fill that is placed in three days); at once if missing.",
+        examples=["3 d"],
+    )
 
     def check(self, faults: SectionFaults) -> None:
         """Moments lie within the stage."""
@@ -162,9 +168,25 @@ class StageSection(Section):
 
     def for_model(self, context: Context) -> Stage:
         """The stage for the model; what cannot be is noted as a fault."""
+        if self.over is not None:
+            self._check_over(self.over.factor, context)
         supports = build_supports(self.supports, context.at("supports"))
         drained = build_drained(self.drained, context.at("drained"))
         return self.to_model(Stage, context, supports=supports, drained=drained)
+
+    def _check_over(self, over: float, context: Context) -> None:
+        """What a stage does comes while it lasts."""
+        assert self.over is not None
+        if self.lasts is None or over < 0.0 or over > self.lasts.factor:  # a NaN follows from dates
+            message = f"'{self.over.text}' is longer than the stage lasts, or negative"
+            if self.lasts is None:
+                message = "what the stage does comes in a time, and the stage has no duration"
+            hint = "Give 'lasts', at least as long."
+            context.at("over").refuse("out-of-range", message, hint)
+        if self.temperature:
+            message = "a temperature changes at the beginning of a stage"
+            hint = "Remove 'over', or change the temperature in a stage of its own."
+            context.at("over").refuse("contradiction", message, hint)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,149 @@
+"""Whether ground can consolidate on its mesh, and water has a way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.forward.actions.supports import group_nodes
+from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.model.case import Case, KeyPath
+from geoident.model.cells import CELLS
+from geoident.model.mesh import nodes_in, rows_in
+from geoident.model.parameter import Values
+
+
+def drained_group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Drained faces that the mesh does not have."""
+    mesh = on_mesh.mesh
+    usual = {**mesh.facet_groups, **mesh.node_groups}
+    return [
+        on_mesh.missing_group(path, f"group '{name}'", "groups of faces and nodes", usual)
+        for path, name in _drained_keys(on_mesh.case)
+        if name not in {**usual, **mesh.groups}
+    ]
+
+
+def consolidation_faults(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Elements of first order, stages from which no water leaves, drained faces without ground."""
+    if not on_mesh.case.consolidates:
+        return []
+    return [
+        *_orders(on_mesh),
+        *_undrained(on_mesh),
+        *_drained_elsewhere(on_mesh),
+        *_yielding(on_mesh),
+    ]
+
+
+def inadmissible_water(case: Case, name: str, values: Values) -> str | None:
+    """Why the water of a material is not admissible, a sentence; None if it is."""
+    hydraulic = case.materials[name].hydraulic
+    breach = None if hydraulic is None else hydraulic.breach(values)
+    return None if breach is None else f"of {name} {breach}"
+
+
+def _orders(on_mesh: CaseOnMesh) -> Iterator[Fault]:
+    """Consolidating materials with elements whose pressures would oscillate."""
+    case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+    for name, material in case.materials.items():
+        if not material.consolidates:
+            continue
+        groups = {g for s in sequence.states for g, m in s.materials.items() if m == name}
+        elements = np.flatnonzero(np.isin(sequence.group_of, sorted(groups)))
+        kinds = [
+            block.kind
+            for block, rows in rows_in(mesh.blocks, elements)
+            if len(rows) and CELLS[block.kind].order == 1
+        ]
+        if kinds:
+            yield case.source.fault(
+                ("materials", name, "hydraulic"),
+                code="first-order",
+                message=f"'{name}' consolidates, and the mesh {mesh.file} has elements of first "
+                f"order there ({', '.join(kinds)}), in which pressures of water oscillate",
+                hint=f"Write 'mesh: {{file: {mesh.file}, order: 2}}'.",
+            )
+
+
+def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
+    """Stages that last, and from whose ground no water can leave."""
+    case = on_mesh.case
+    for n, state in enumerate(on_mesh.sequence.states):
+        if not state.lasts or state.goes_on or not _consolidates(case, state):
+            continue
+        corners = _corners(on_mesh, state, consolidating=True)
+        at_once = _corners(on_mesh, state, consolidating=False)
+        drained = [group_nodes(on_mesh.mesh, name) for name in state.drained]
+        if not np.intersect1d(corners, np.concatenate([at_once, *drained])).size:
+            yield case.source.fault(
+                _stage_key(case, n),
+                code="undrained",
+                message=f"'{state.name}' lasts, and no water leaves its ground: no face is drained",
+                hint="Write 'drained: {GROUP OF FACES: {}}' in the case or in the stage, or "
+                "'lasts: 0 d' for a stage in which no time passes.",
+            )
+
+
+def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
+    """Drained faces that touch no consolidating ground at any state."""
+    case, mesh, states = on_mesh.case, on_mesh.mesh, on_mesh.sequence.states
+    corners = [_corners(on_mesh, state, consolidating=True) for state in states]
+    filled = np.unique(np.concatenate(corners))
+    for path, name in _drained_keys(case):
+        if not np.intersect1d(group_nodes(mesh, name), filled).size:
+            yield case.source.fault(
+                path,
+                code="no-water-there",
+                message=f"'{name}' is drained, and touches no ground with 'hydraulic' at any stage",
+                hint="Correct the name of the group, or give the material there 'hydraulic'.",
+            )
+
+
+def _yielding(on_mesh: CaseOnMesh) -> Iterator[Fault]:
+    """Stages in which ground would yield while water leaves it."""
+    case = on_mesh.case
+    for n, state in enumerate(on_mesh.sequence.states):
+        if state.lasts is None or state.goes_on or not _consolidates(case, state):
+            continue
+        parts = {m: case.materials[m].yields for m in state.materials.values()}
+        parts |= {name: case.structures[name].yields for name in state.structures}
+        for name in (name for name, yields in parts.items() if yields):
+            yield case.source.fault(
+                _stage_key(case, n),
+                code="yields-in-time",
+                message=f"'{name}' yields, and '{state.name}' lasts while water leaves the ground; "
+                "only elastic ground consolidates in time",
+                hint="Remove 'yield' of it, or 'lasts' of the stage: it is then the drained end.",
+            )
+            return
+
+
+def _consolidates(case: Case, state: ConstructionState) -> bool:
+    return any(case.materials[name].consolidates for name in state.materials.values())
+
+
+def _corners(on_mesh: CaseOnMesh, state: ConstructionState, *, consolidating: bool) -> np.ndarray:
+    """Nodes of the ground of a state that water takes time to leave, or leaves at once."""
+    materials, sequence = on_mesh.case.materials, on_mesh.sequence
+    wanted = [
+        group
+        for group, name in state.materials.items()
+        if (materials[name].consolidates if consolidating else materials[name].hydraulic is None)
+    ]
+    return nodes_in(on_mesh.mesh.blocks, np.isin(sequence.group_of, wanted))
+
+
+def _drained_keys(case: Case) -> list[tuple[KeyPath, str]]:
+    """Every group of drained faces with the key where it is written."""
+    keys: list[tuple[KeyPath, str]] = [(("drained", name), name) for name in case.drained]
+    for n, stage in enumerate(case.stages):
+        keys += [(("stages", n, "drained", name), name) for name in stage.drained]
+    return keys
+
+
+def _stage_key(case: Case, state: int) -> KeyPath:
+    """Where the stage of a state is written."""
+    return ("stages", state - 1, "lasts") if state else ("stages",)
