@@ -19,6 +19,7 @@ from geoident.model.actions import (
     Water,
 )
 from geoident.model.arrays import Floats
+from geoident.model.creep import Ageing, CreepElement
 from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
@@ -119,8 +120,9 @@ class Material:
     varies from place to place; the constant itself is then the mean. One that grows is the number
     from which it grows.
 
-    In service, with the time under load: it creeps by a share of its elastic strain, its modulus
-    grows by a share (ageing), or loses one (softening).
+    Under load it creeps by a chain of elements, and its modulus grows with its age (ageing). In
+    service it creeps by one share of its elastic strain, and its modulus grows or falls (softening)
+    by a share with the time under load.
 
     Its water: without ``hydraulic`` it leaves at once.
     """
@@ -135,16 +137,17 @@ class Material:
     conductivity: Scalar | None = None
     heat_capacity: Scalar | None = None
     specific_heat: Scalar | None = None
-    creep: TimeCurve | None = None
-    ageing: TimeCurve | None = None
+    creep: tuple[CreepElement, ...] = ()
+    ageing: Ageing | None = None
     softening: TimeCurve | None = None
     hydraulic: Hydraulic | None = None
 
     @property
     def in_time(self) -> dict[str, TimeCurve]:
         """How it changes in service: ``creep``, ``ageing`` or ``softening`` to its curve."""
-        curves = {"creep": self.creep, "ageing": self.ageing, "softening": self.softening}
-        return {name: curve for name, curve in curves.items() if curve is not None}
+        creep = self.creep[0] if self.creep else None
+        curves = {"creep": creep, "ageing": self.ageing, "softening": self.softening}
+        return {name: curve for name, curve in curves.items() if isinstance(curve, TimeCurve)}
 
     @property
     def consolidates(self) -> bool:
@@ -172,7 +175,9 @@ class Material:
             ),
             *(() if self.hydraulic is None else self.hydraulic.scalars),
             *(number for surface in self.yields for number in surface.numbers),
-            *(number for curve in self.in_time.values() for number in (curve.share, curve.time)),
+            *(number for element in self.creep for number in scalars_of(element).values()),
+            *(() if self.ageing is None else self.ageing.numbers),
+            *(() if self.softening is None else self.softening.numbers),
             *(field.mean for field in self.fields),
             *(number for g in self.growths for number in (g.base, *scalars_of(g.law).values())),
         )
@@ -414,8 +419,18 @@ class Case:
         return flows and any(material.consolidates for material in self.materials.values())
 
     @property
+    def creeps(self) -> bool:
+        """Whether any ground creeps or ages in its stages; in service that comes after them."""
+        some = (one for one in self.materials.values() if one.creep or one.ageing is not None)
+        return self.service is None and any(some)
+
+    @property
     def in_steps(self) -> str | None:
         """Why its stages take steps in time, a clause; None where each is one equilibrium."""
+        for one in self.materials.values() if self.creeps else ():
+            if one.creep or one.ageing is not None:
+                word = "creeps" if one.creep else "ages"
+                return f"{one.name} {word}: a stage that lasts has many steps"
         if not self.consolidates:
             return None
         name = next(one.name for one in self.materials.values() if one.consolidates)
