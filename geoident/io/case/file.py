@@ -403,10 +403,19 @@ def _resolved_text(section: CaseSection, chain: Sequence[str]) -> str:
     return yaml_text(_without_empty(data))
 
 
-def _without_empty(node: Any) -> Any:
-    """The same without empty lists and mappings, which stand for missing keys."""
+def _without_empty(node: Any, *, entries: bool = False) -> Any:
+    """The same without empty lists and mappings, which stand for missing keys.
+
+    Args:
+        node: of a case.
+        entries: it is one whose entries say something though they are empty.
+    """
     if isinstance(node, Mapping):
-        return {key: _without_empty(value) for key, value in node.items() if value not in ({}, [])}
+        return {
+            key: _without_empty(value, entries=key == "drained")
+            for key, value in node.items()
+            if entries or value not in ({}, [])
+        }
     if isinstance(node, list):
         return [_without_empty(value) for value in node]
     return node if isinstance(node, str) else str(node).lower()
