@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.in_stages import write_msh
-from tests.support.meshes import box
+from support.in_stages import write_msh
+from support.meshes import from_grid
 
 DAY = 86400.0
+CELLS = 20
 HEIGHT, LOAD, E, K, GAMMA = 5.0, 100e3, 4e6, 2e-9, 9810.0
 """m, Pa, Pa, m/s, N/m3; Poisson's ratio is 0, so that E is the constrained modulus."""
 
@@ -32,7 +33,7 @@ drained: {{y1: {{}}}}
 stages:
 {stages}
 gauges:
-  S1: {{kind: settlement, point: [0, 5 m], accuracy: 0.5 mm}}
+  S1: {{kind: settlement, point: [0, 5 m], accuracy: 0.2 mm}}
 {more}fit: {{mesh_error: false, backtest: false{fit}}}
 """
 
@@ -51,9 +52,10 @@ def write_column(
         fit: further keys of `fit`, beginning with a comma.
         name: of the case.
     """
-    write_msh(
-        box("quad8", (1, 10), size=(1.0, HEIGHT)), folder / "column.msh", ["x0", "x1", "y0", "y1"]
-    )
+    up = HEIGHT * (1.0 - np.linspace(1.0, 0.0, CELLS + 1) ** 2)  # fine at the drained top
+    points = np.stack(np.meshgrid([0.0, 1.0], up, indexing="ij"), -1).reshape(-1, 2)
+    mesh = from_grid("quad8", points, (1, CELLS))
+    write_msh(mesh, folder / "column.msh", ["x0", "x1", "y0", "y1"])
     path = folder / name
     path.write_text(CASE.format(stages=stages, more=more, fit=fit), encoding="utf-8")
     return path
