@@ -8,6 +8,7 @@ agree.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 BY_DATES = "dates"
 """Stands in place of a duration that follows from `dates`."""
+
+_DATE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}")
 
 _SAME = 1.0
 """Dates and durations agree to this, s."""
@@ -60,9 +63,9 @@ class DurationOrDates(QuantityType):
             given = super().parse(text)
         except (UnitError, Refusal) as error:
             message = f"'{shorten(text)}' is not {self.expected}"
-            raise Refusal("bad-time", message, error.hint) from error
-        require_no_negative(given)
-        return given
+            hint = f"Write it like 12 d, or '{BY_DATES}' for what the dates of stages say."
+            raise Refusal("bad-time", message, hint) from error
+        return require_no_negative(given)
 
     def described(self) -> dict[str, Any]:
         """The JSON schema of the number."""
@@ -165,7 +168,7 @@ def timetable_of(section: CaseSection, faults: Faults) -> Timetable:
         faults: is told of dates of no stage, of those earlier than one before, and of durations
             that do not follow or contradict dates.
     """
-    stages = (VIRGIN, *(stage.name for stage in section.stages))
+    stages = stages_of(section)
     dates: dict[str, float] = {}
     for name, text in section.dates.items():
         if name in stages:
@@ -187,6 +190,8 @@ def timetable_of(section: CaseSection, faults: Faults) -> Timetable:
         if math.isnan(lasts[stage.name]):
             if begin is None or end is None:
                 _refuse_unknown(n, stage.name, bases[stage.name], end, faults)
+            elif end < begin and bases[stage.name] in section.dates:
+                continue  # `_require_order` has said it
             elif end < begin:
                 message = f"'{stage.name}' ends before it begins, at the end of "
                 message += f"'{bases[stage.name]}' ({date_text(begin)})"
@@ -198,6 +203,11 @@ def timetable_of(section: CaseSection, faults: Faults) -> Timetable:
         elif begin is not None and end is not None:
             _require_agreement(n, stage.name, lasts[stage.name], begin, end, section, faults)
     return Timetable(stages, bases, lasts, dates)
+
+
+def stages_of(section: CaseSection) -> tuple[str, ...]:
+    """Names of the stages of a case, the virgin state first; each once."""
+    return tuple(dict.fromkeys((VIRGIN, *(stage.name for stage in section.stages))))
 
 
 def bases_of(stages: Sequence[StageSection]) -> dict[str, str]:
@@ -377,8 +387,8 @@ def until_of(section: CaseSection, times: Timetable, faults: Faults) -> tuple[st
 
 
 def is_date(text: str) -> bool:
-    """Whether a text begins as a date does."""
-    return len(text) >= 10 and text[:4].isdigit() and text[4] == "-" and text[7] == "-"
+    """Whether a text begins as a date does, of whatever form."""
+    return _DATE.match(text) is not None
 
 
 def moments_by_stage(names: Iterable[str], times: Timetable) -> dict[str, list[float]]:

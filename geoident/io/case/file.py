@@ -24,6 +24,7 @@ from geoident.io.case.durations import (
     check_durations,
     in_moments,
     moments_by_stage,
+    stages_of,
     timetable_of,
     until_of,
     with_moment_names,
@@ -61,7 +62,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.io.text.yaml_writer import yaml_text
-from geoident.model.case import VIRGIN, Analysis, Case, KeyPath
+from geoident.model.case import Analysis, Case, KeyPath
 from geoident.model.external import ExternalSource, RunTable
 from geoident.model.in_service import SeasonalModel, Series
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
@@ -199,7 +200,7 @@ def _build(
             for name, gauge in section.gauges.items()
         }
         section = section.model_copy(update={"gauges": gauges})
-    times = Timetable((VIRGIN, *(stage.name for stage in section.stages)))
+    times = Timetable(stages_of(section))
     before, times_wrong = len(faults.found), not {"stages", "dates"}.isdisjoint(wrong)
     if not times_wrong:
         check_durations(section, faults)

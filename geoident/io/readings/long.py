@@ -7,6 +7,7 @@ kept, and counted later.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from geoident.io.readings.layout import COLUMNS, Origin
@@ -103,6 +104,7 @@ class LongRows:
         else:
             channel, origin = name, Origin()
         time = table.date(line, row["date"]) if self.when == "date" else None
+        since = table.since(line, row["time"]) if "time" in row else None
         accuracy = row.get("accuracy", _NONE)
         unit = row.get("unit", _NONE)
         unit = unit if unit.text else Cell(layout.unit_of(origin), unit.column)
@@ -118,7 +120,8 @@ class LongRows:
             value, sd = None, None
         own = None if sd is None or scale is None else scale.accuracy(sd, number)
         written = "" if scale is None else scale.unit
-        return [table.reading(line, row, channel, value, time, row["gauge"], own, written)]
+        reading = table.reading(line, row, channel, value, time, row["gauge"], own, written)
+        return [reading if since is None else replace(reading, since=since)]
 
     def _fits_header(self, line: int, cells: list[Cell]) -> bool:
         """Whether a row has the columns of the header; notes it if not."""

@@ -354,9 +354,8 @@ class Table:
             return None
         if quantity.value < 0.0:
             message = f"'{shorten(cell.text)}' is a negative time"
-            self.refuse(
-                line, cell, "out-of-range", message, "It counts from the stage's beginning."
-            )
+            hint = "It counts from the beginning of the stage."
+            self.refuse(line, cell, "out-of-range", message, hint)
             return None
         return quantity.value
 
@@ -469,7 +468,6 @@ class Table:
             bad=flag(row["bad"].text) if "bad" in row else "",
             note=row["remarks"].text if "remarks" in row else "",
             unit=unit,
-            since=self.since(line, row["time"]) if "time" in row and value is not None else None,
         )
 
 
