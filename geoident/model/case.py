@@ -59,13 +59,22 @@ class Analysis(Enum):
 
 @dataclass(frozen=True)
 class Source:
-    """Where each key of the case is written in its file, so that later faults can name it."""
+    """Where each key of the case is written in its file, so that later faults can name it.
+
+    Args:
+        file: path of the file.
+        positions: key to line and column.
+        stages: for each stage of the case the number of that in the file of which it is a moment;
+            empty where they are the same.
+    """
 
     file: str = ""
     positions: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
+    stages: tuple[int, ...] = ()
 
     def locate(self, path: KeyPath) -> Location:
         """Line and column of a key; of its nearest enclosing key if it is not written."""
+        path = self._written(path)
         for end in range(len(path), -1, -1):
             if path[:end] in self.positions:
                 return Location(self.file, *self.positions[path[:end]])
@@ -80,7 +89,13 @@ class Source:
             message: what is wrong, half a sentence.
             hint: what would be right; empty for nothing to say.
         """
-        return Fault(code, message, hint, self.locate(path), format_path(path))
+        return Fault(code, message, hint, self.locate(path), format_path(self._written(path)))
+
+    def _written(self, path: KeyPath) -> KeyPath:
+        """The path of a key in the file, whose stages may be fewer than those of the case."""
+        if self.stages and path[:1] == ("stages",) and len(path) > 1:
+            return ("stages", self.stages[int(path[1])], *path[2:])
+        return path
 
 
 def format_path(path: KeyPath) -> str:
@@ -234,6 +249,7 @@ class Stage:
         over: the time in which all that it does comes evenly, s; 0: at its beginning.
         at: which moment of a stage that lasts this is, s since its beginning; None: its end.
         goes_on: a later moment of the stage before it, in which nothing else happens.
+        moment_of: name of the stage that lasts of which it is a moment; None for an end.
     """
 
     name: str
@@ -258,6 +274,12 @@ class Stage:
     over: float = 0.0
     at: float | None = None
     goes_on: bool = False
+    moment_of: str | None = None
+
+    @property
+    def whole(self) -> str:
+        """Name of the stage of which it is the end, or a moment."""
+        return self.moment_of or self.name
 
 
 @dataclass(frozen=True)
@@ -284,7 +306,7 @@ class FitSettings:
         methods: the chain of methods, each with its options, run one after the other.
         stages: names of the stages whose readings are used; None for all stages.
         predict_gauges: names of gauges, or of channels, whose readings are not used but predicted.
-        until: the last time, s since 1970, of the readings that are used; None for all.
+        until: the last time, s as `Case.times`, of the readings that are used; None for all.
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
         model_error: how far the ground may differ from the model.
@@ -425,6 +447,29 @@ class Case:
     def stage_names(self) -> tuple[str, ...]:
         """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))
+
+    @property
+    def lasts(self) -> bool:
+        """Whether any stage lasts, so that it may have moments."""
+        return any(stage.lasts is not None for stage in self.stages)
+
+    @cached_property
+    def times(self) -> Mapping[str, float]:
+        """State to when it is, s: since 1970 where the case has dates, else since its beginning.
+
+        Without dates durations say it, and stages without one count as none; empty where no stage
+        lasts either.
+        """
+        if self.dates or not self.lasts:
+            return self.dates
+        times, trunk = {VIRGIN: 0.0}, VIRGIN
+        begun = dict[str, float]()
+        for stage in self.stages:
+            begin = begun[stage.whole] if stage.goes_on else times[stage.base or trunk]
+            begun[stage.whole] = begin
+            times[stage.name] = begin + (stage.at or 0.0)
+            trunk = trunk if stage.independent else stage.name
+        return times
 
     def reading_at(self, channel: Channel, stage: str) -> Reading:
         """What was read of a channel at a stage, several good readings taken together.

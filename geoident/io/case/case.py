@@ -29,6 +29,7 @@ from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.creep import IN_TIME
 from geoident.io.case.creep_checks import check_creep_in_service, check_staged_creep
 from geoident.io.case.decisions import Decisions, build_decisions
+from geoident.io.case.durations import Timetable, is_date
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
@@ -293,7 +294,10 @@ class CaseSection(Section):
         if self.service is not None and self.model is None:
             _check_in_service(self, self.service, faults)
         until, since = self.fit.until, self.service_since
-        if until is not None and since is not None and read_date(until) <= read_date(since):
+        if until is not None and since is not None and not is_date(until):
+            message = f"'{until}' is no date, and a structure in service has no other stages"
+            faults.add(("fit", "until"), "bad-date", message, "Write it like 2024-03-01.")
+        elif until is not None and since is not None and read_date(until) <= read_date(since):
             key = "service" if self.model is None else "model"
             message = f"'{until}' is not after {key}.since, '{since}'"
             faults.add(("fit", "until"), "dates", message, "Correct one of them.")
@@ -466,11 +470,14 @@ def _check_series(section: CaseSection, faults: SectionFaults) -> None:
             faults.add(("loads", name), "unused-load", message, hint)
 
 
-def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> Case:
+def build_case(
+    section: CaseSection, times: Timetable, faults: Faults, wrong: Collection[str] = ()
+) -> Case:
     """The case in SI units, without mesh and readings; what does not fit its axes is a fault.
 
     Args:
         section: the case.
+        times: of its stages.
         faults: takes the faults.
         wrong: sections that are left out because they are wrong.
     """
@@ -534,7 +541,7 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         decisions=build_decisions(
             None if {"gauges", "stages"} & {*wrong} or gauges_wrong else section.decision,
             channels,
-            [stage.name for stage in section.stages],
+            times,
             context.at("decision"),
         ),
     )

@@ -66,7 +66,8 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
             return "the stage is not in fit.stages"
         if case.service is not None and reading.stage != case.stages[-1].name:
             return "it was read before the service"
-        if case.fit.until is not None and (reading.time or -math.inf) > case.fit.until:
+        time = case.times.get(reading.stage, -math.inf) if reading.time is None else reading.time
+        if case.fit.until is not None and time > case.fit.until:
             return LATER
         channel = channels[reading.channel]
         if not {channel.gauge, channel.name}.isdisjoint(case.fit.predict_gauges):
