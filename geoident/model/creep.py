@@ -1,4 +1,4 @@
-"""How a material creeps under stress, and how its stiffness changes with age (theory 18.4, 18.5)."""
+"""How a material creeps under stress, and its stiffness by age (theory 18.4, 18.5)."""
 
 from __future__ import annotations
 

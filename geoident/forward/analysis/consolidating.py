@@ -16,7 +16,11 @@ from geoident.forward.analysis.march import InTime, March, StepEquations
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
-from geoident.forward.consolidation.steps import OF_EACH_LENGTH, stage_steps
+from geoident.forward.consolidation.steps import (
+    OF_EACH_LENGTH,
+    OF_EACH_WITHOUT_WATER,
+    stage_steps,
+)
 from geoident.forward.creep.steps import CreepSteps
 from geoident.model.arrays import Floats
 
@@ -139,7 +143,8 @@ class ConsolidationSteps:
         )
         steps = []
         if lasts:
-            of_each = self._finer * OF_EACH_LENGTH
+            usual = OF_EACH_LENGTH if len(system.nodes) else OF_EACH_WITHOUT_WATER
+            of_each = self._finer * usual
             steps = stage_steps(lasts, self._first(number), state.over, of_each)
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
