@@ -389,3 +389,19 @@ def test_a_lining_that_hardens_as_it_is_squeezed(tmp_path):
     assert pressure[-1] > 0.2 * P
     coarse = write_tunnel(tmp_path, path.read_text(), cells=3)
     assert_exact(model_at(coarse, {"line": [DAY, 30 * DAY]}), 2)
+
+
+@pytest.mark.parametrize("part", ["shear", "volume"])
+def test_an_oedometer_creeps_by_one_part_of_its_strain(tmp_path, part):
+    """Shear and volume strain together there, and one hands stress over to the other."""
+    days = np.array([1.0, 10.0, 30.0, 100.0])
+    creep = f"{{share: 3, time: 20 d, in: {part}}}"
+    found = bar(tmp_path, creep, days[:-1], **{"x0: x, y0: y": "x0: x, y0: y, y1: y"})[0]
+    K, G = 10e9 / (3 * (1 - 0.4)), 10e9 / 2.4
+
+    def strain(s):
+        soft = 1 + 3 / (1 + s * 20 * DAY)
+        of_K, of_G = (1, soft) if part == "shear" else (soft, 1)
+        return 1e6 / s / (K / of_K + 4 / 3 * G / of_G)
+
+    np.testing.assert_allclose(found, [of_transform(strain, d * DAY) for d in days], rtol=1e-3)
