@@ -93,7 +93,9 @@ def main() -> None:
     rng = np.random.default_rng(SEED)
     with (HERE / "readings.csv").open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow(["date", *(f"{name} (mm)" for name in ("C0", "C45", "C90", "EX.a2", "EX.a8"))])
+        table.writerow(
+            ["date", *(f"{name} (mm)" for name in ("C0", "C45", "C90", "EX.a2", "EX.a8"))]
+        )
         for day in DAYS:
             u = 1e3 * (seen[day] - seen[1.0])
             wall, at = u[0], np.interp([6.0, 12.0], EDGES, u)

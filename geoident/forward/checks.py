@@ -224,6 +224,13 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     notes += _idle_densities(on_mesh) if case.gravity is None else []
+    lasting = [stage.name for stage in case.stages if stage.lasts and not stage.goes_on]
+    if lasting and case.in_steps is None:
+        notes.append(
+            f"{', '.join(map(repr, lasting))} last{'s' * (len(lasting) == 1)}, and nothing in the "
+            "ground takes time: give its material 'hydraulic' (water that takes time to leave), or "
+            "remove 'lasts'"
+        )
     notes += [
         f"no group is of the material {name!r}: its constants, and parameters that only they "
         "follow, have no effect"

@@ -423,6 +423,11 @@ class Case:
         """Whether any ground creeps or ages in its stages; in service that comes after them."""
         return self.service is None and bool(self._in_time)
 
+    @property
+    def ages(self) -> bool:
+        """Whether the stiffness of anything grows with its age in its stages."""
+        return self.creeps and any(clause.endswith(" ages") for clause in self._in_time)
+
     @cached_property
     def _in_time(self) -> tuple[str, ...]:
         """Materials and structures that creep or age, clauses."""

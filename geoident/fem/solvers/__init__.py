@@ -12,13 +12,18 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
+import scipy.sparse as sp
+
 from geoident.errors import UsageError
 from geoident.fem.solvers.direct import LowerPattern, SolverCounts, SymbolicFactorization
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.fem.solvers.iterative import IterativeFactorization
 from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
 from geoident.fem.solvers.levels import Analyse
+from geoident.fem.solvers.quasi_definite import Prepare, QuasiDefinite
+from geoident.fem.solvers.splu import SpluIndefinite
 from geoident.fem.solvers.threads import granted_threads
+from geoident.model.arrays import Floats, Ints
 
 AUTO = "auto"
 """The name that leaves the choice to `pick_solver`."""
@@ -32,6 +37,9 @@ DIRECT = {
 
 BEYOND = "iterative"
 """The solver where a factor would take too much time or memory."""
+
+INDEFINITE = {"pardiso": "PardisoIndefinite", "splu": "SpluIndefinite"}
+"""Of them, those for quasi-definite matrices, with their classes; the last is always there."""
 
 SOLVERS = (*DIRECT, BEYOND)
 """Names of the solvers."""
@@ -66,15 +74,21 @@ class Solver:
         name: as users write it, such as ``cholmod``.
         direct: factorizes, and counts where it is told.
         iterates: whether to solve matrices of a pattern, with places, by conjugate gradients.
+        indefinite: factorizes quasi-definite matrices.
 
     Attributes:
         counts: what has been done so far.
     """
 
     def __init__(
-        self, name: str, direct: Analyse, iterates: Callable[[LowerPattern], bool]
+        self,
+        name: str,
+        direct: Analyse,
+        iterates: Callable[[LowerPattern], bool],
+        indefinite: Prepare = SpluIndefinite,
     ) -> None:
         self.name, self.counts = name, SolverCounts()
+        self._indefinite = indefinite
         self._direct, self._iterates, self._kept = direct, iterates, KeptSolutions()
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
@@ -82,6 +96,26 @@ class Solver:
         if pattern.places is not None and self._iterates(pattern):
             return IterativeFactorization(pattern, self.counts, self._direct, self._kept)
         return self._direct(pattern, self.counts)
+
+    def quasi_definite(
+        self, constant: sp.csr_array, growing: sp.csr_array, *, signs: Floats, order: Ints
+    ) -> QuasiDefinite:
+        """Quasi-definite matrices A_0 + h A_1 of one pattern; counts one analysis.
+
+        Args:
+            constant: A_0 (n, n).
+            growing: A_1 (n, n).
+            signs: (n,) of the diagonal, 1 or -1.
+            order: (n,) of elimination.
+        """
+        return QuasiDefinite(
+            constant,
+            growing,
+            signs=signs,
+            order=order,
+            prepare=self._indefinite,
+            counts=self.counts,
+        )
 
     def keep_solutions(self, store: SolutionStore | None) -> None:
         """Look up solutions by conjugate gradients in a store first, and put there what takes long.
@@ -121,15 +155,24 @@ def pick_solver(name: str = AUTO) -> Solver:
         UsageError: there is no solver of that name, or it is not installed.
     """
     if name == AUTO:
-        return Solver(name, _direct(picked()), _iterates_better)
+        return _solver(name, picked(), _iterates_better)
     if name == BEYOND:
-        return Solver(name, _direct(picked()), lambda pattern: pattern.n > SMALL)
+        return _solver(name, picked(), lambda pattern: pattern.n > SMALL)
     if name not in DIRECT:
         raise UsageError(f"unknown solver {name!r}: choose from {', '.join((AUTO, *SOLVERS))}")
     try:
-        return Solver(name, _direct(name), lambda _: False)
+        return _solver(name, name, lambda _: False)
     except (ImportError, OSError) as error:
         raise UsageError(_remedy(name, error)) from error
+
+
+def _solver(name: str, by: str, iterates: Callable[[LowerPattern], bool]) -> Solver:
+    """A solver of a name that factorizes by another one."""
+    indefinite = by if by in INDEFINITE else "splu"
+    prepare: Prepare = getattr(
+        import_module(f"geoident.fem.solvers.{indefinite}"), INDEFINITE[indefinite]
+    )
+    return Solver(name, _direct(by), iterates, prepare)
 
 
 def picked() -> str:

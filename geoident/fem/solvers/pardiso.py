@@ -37,7 +37,7 @@ ONE_THREAD = 1e10
 For small matrices all cores together are hardly faster, and their time adds up to more.
 """
 
-_SPD = 2  # mtype of real symmetric positive definite matrices
+_SPD, _INDEFINITE = 2, -2  # mtype of real symmetric matrices, positive definite or indefinite
 _ANALYSE, _FACTORIZE, _SOLVE, _RELEASE, _RELEASE_FACTOR = 11, 22, 33, -1, 0
 _NOT_DEFINITE = (-4, -7)  # zero or negative pivot, singular diagonal matrix
 _NO_MEMORY = (-2, -9)  # in main memory; in the file beside it
@@ -63,18 +63,45 @@ class PardisoFactorization(SymbolicFactorization):
         return self._handle.solve
 
 
+class PardisoIndefinite:
+    """A pattern of quasi-definite matrices inside MKL; see `quasi_definite`.
+
+    Args:
+        pattern: of the lower triangle, in a fill-reducing order.
+        signs: (n,) of the diagonal, 1 or -1; MKL counts those of the pivots.
+    """
+
+    def __init__(self, pattern: LowerPattern, signs: Floats) -> None:
+        self._handle, self._negative = _Handle(pattern, _INDEFINITE), int((signs < 0.0).sum())
+        self._handle.call(_ANALYSE)
+        weakref.finalize(self, self._handle.call, _RELEASE)
+
+    def factorize(self, values: Floats) -> Solve:
+        """How to solve with the matrix of these values (nnz,), until the next call.
+
+        Raises:
+            NotPositiveDefinite: a pivot is zero, or there are too few or too many negative ones.
+        """
+        self._handle.values = np.array(values, dtype=np.float64)
+        self._handle.call(_FACTORIZE)
+        if self._handle.n_negative != self._negative:
+            raise NotPositiveDefinite
+        return self._handle.solve
+
+
 class _Handle:
     """One matrix in MKL.
 
     The lower triangle by columns is the upper triangle by rows, which PARDISO wants.
     """
 
-    def __init__(self, pattern: LowerPattern) -> None:
+    def __init__(self, pattern: LowerPattern, kind: int = _SPD) -> None:
+        self._kind = kind
         self._indptr = np.array(pattern.indptr, dtype=np.int32)
         self._indices = np.array(pattern.indices, dtype=np.int32)
         self._order = np.arange(pattern.n, dtype=np.int32)
         self._memory = np.zeros(64, dtype=np.int64)
-        self._settings = _settings()
+        self._settings = _settings(kind)
         self._threads = 1
         if pattern.flops_at_most > ONE_THREAD:
             self._threads = granted_threads("MKL_NUM_THREADS")
@@ -85,6 +112,11 @@ class _Handle:
         solution = np.empty_like(rhs)
         self.call(_SOLVE, rhs, solution)
         return solution
+
+    @property
+    def n_negative(self) -> int:
+        """Number of negative pivots of an indefinite matrix."""
+        return int(self._settings[22])
 
     def pivots(self) -> Floats:
         """(n,) squared diagonal of the factor, by unknown."""
@@ -107,7 +139,7 @@ class _Handle:
         threads_before = load()["MKL_Set_Num_Threads_Local"](self._threads)
         load()["pardiso"](
             _address(self._memory),
-            *_numbers(1, 1, _SPD, phase, n),
+            *_numbers(1, 1, self._kind, phase, n),
             _address(self.values),
             _address(self._indptr),
             _address(self._indices),
@@ -153,13 +185,17 @@ def load() -> ctypes.CDLL:
     return library
 
 
-def _settings() -> npt.NDArray[np.int32]:
+def _settings(kind: int) -> npt.NDArray[np.int32]:
     """PARDISO's iparm, counted from 0."""
     settings = np.zeros(64, dtype=np.int32)
     settings[0] = 1  # not all defaults
     settings[4] = 1  # the order is given
     settings[34] = 1  # indices count from 0
-    settings[55] = 1  # keep the pivots
+    if kind == _SPD:
+        settings[55] = 1  # keep the pivots
+    else:
+        settings[9] = 13  # a pivot below this power of a tenth of the matrix is moved up to it
+        settings[20] = 1  # blocks of two beside each other may be a pivot (Bunch and Kaufman)
     return settings
 
 

@@ -1,30 +1,50 @@
-"""Symmetric quasi-definite matrices [K, -Q; -Q^T, -C] with K and C positive definite, by SuperLU.
+"""Symmetric quasi-definite matrices [K, -Q; -Q^T, -C] with K and C positive definite.
 
-Such a matrix has a factorization L D L^T in every order of its unknowns (Vanderbei, SIAM Journal on
-Optimization 5, 1995), so its pivots may stay on the diagonal, whose signs are known. SuperLU takes
-no advantage of the symmetry, and is nevertheless about as fast as indefinite solvers.
+Such a matrix has factors L D L^T in every order of its unknowns (Vanderbei, SIAM Journal on
+Optimization 5, 1995), so it is factorized in an order with little fill. Pivots that are small
+beside what they stand on cost digits: C is next to nothing where water hardly gives way and hardly
+flows. So what is left of right-hand sides is solved for again, if it is more than rounding.
 
-Pivots that are small beside what they stand on cost digits: C is next to nothing where water hardly
-gives way and hardly flows. So what is left of the right-hand sides is solved for again, if it is
-more than rounding.
-
-Matrices that differ in C alone, C = C_0 + h C_1, have one pattern: it is made once, in an order
-that is given, and a factor for each h.
+Matrices that differ in C alone, C = C_0 + h C_1, have one pattern: it is made once, and a factor
+for each h.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SolverCounts
-from geoident.fem.solvers.splu import quasi_definite_solve
+from geoident.fem.solvers.direct import (
+    Factor,
+    LowerPattern,
+    NotPositiveDefinite,
+    Solve,
+    SolverCounts,
+)
 from geoident.model.arrays import Floats, Ints
 
 _ROUNDING = 1e-11
 """Part of the largest entry of a right-hand side that may be left of it."""
 
 _MOST_CORRECTIONS = 4
+
+
+class IndefiniteFactorization(Protocol):
+    """A library's factorization of quasi-definite matrices of one pattern."""
+
+    def factorize(self, values: Floats) -> Solve:
+        """How to solve with the matrix of these values (nnz,), until the next call.
+
+        Raises:
+            NotPositiveDefinite: a pivot is zero, or none of its block.
+        """
+
+
+Prepare = Callable[[LowerPattern, Floats], IndefiniteFactorization]
+"""Prepares a library for a pattern, with the signs (n,) of the diagonal."""
 
 
 class QuasiDefinite:
@@ -35,6 +55,7 @@ class QuasiDefinite:
         growing: A_1 (n, n), symmetric.
         signs: (n,) of the diagonal of A(h), 1 or -1.
         order: (n,) order of elimination with little fill.
+        prepare: a library.
         counts: where to count.
     """
 
@@ -45,38 +66,46 @@ class QuasiDefinite:
         *,
         signs: Floats,
         order: Ints,
+        prepare: Prepare,
         counts: SolverCounts,
     ) -> None:
-        self._order, self._counts, self._signs = order, counts, signs[order]
-        first, second = _in_order(constant, order), _in_order(growing, order)
-        pattern = abs(first) + abs(second)
-        pattern.sort_indices()
-        self._indices, self._indptr = pattern.indices, pattern.indptr
-        self._constant, self._growing = _on(pattern, first), _on(pattern, second)
+        self._order, self._counts = order, counts
+        first, second = _lower(constant, order), _lower(growing, order)
+        both = sp.csc_array(abs(first) + abs(second) + sp.eye_array(len(order)))
+        both.sort_indices()
+        self._constant, self._growing = _on(both, first), _on(both, second)
+        indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
+        self._pattern = LowerPattern(indptr, indices)
+        self._library = prepare(self._pattern, signs[order])
+        self._last = 0  # number of the last factorization
         counts.analyses += 1
 
     def factor(self, h: float) -> Factor:
-        """The factor of A(h).
+        """The factor of A(h), valid until the next one.
 
         Raises:
             NotPositiveDefinite: a block is not definite.
         """
+        n, order, pattern = len(self._order), self._order, self._pattern
+        values = self._constant + h * self._growing
+        number = self._last = self._last + 1
         self._counts.factorizations += 1
-        columns = self._constant + h * self._growing, self._indices, self._indptr
-        n, order = len(self._order), self._order
-        matrix = sp.csr_array(columns, shape=(n, n))  # as symmetric as it is
+        if not np.isfinite(values).all():
+            raise NotPositiveDefinite
         try:
-            ordered = quasi_definite_solve(columns, self._signs)
+            ordered = self._library.factorize(values)
         except NotPositiveDefinite as error:
             unknown = None if error.unknown is None else int(order[error.unknown])
             raise NotPositiveDefinite(unknown) from error
+        lower = sp.csc_array((values, pattern.indices, pattern.indptr), shape=(n, n))
+        diagonal = values[pattern.indptr[:-1], None]
 
         def solve(rhs: Floats) -> Floats:
             right = rhs[order]
             found = ordered(np.array(right, order="F"))
             allowed = _ROUNDING * np.abs(right).max(axis=0)
             for _ in range(_MOST_CORRECTIONS):
-                rest = right - matrix @ found
+                rest = right + diagonal * found - lower @ found - lower.T @ found
                 if (np.abs(rest).max(axis=0) <= allowed).all():
                     break
                 found += ordered(np.asfortranarray(rest))
@@ -84,14 +113,14 @@ class QuasiDefinite:
             x[order] = found
             return x
 
-        return Factor(n, self._counts, solve, lambda: True)
+        return Factor(n, self._counts, solve, lambda: number == self._last)
 
 
-def _in_order(matrix: sp.csr_array, order: Ints) -> sp.csc_array:
-    """A matrix by columns in an order of its unknowns, without the zeros that it stores."""
-    ordered = sp.csc_array(sp.csr_array(matrix)[order][:, order])
-    ordered.eliminate_zeros()
-    return ordered
+def _lower(matrix: sp.csr_array, order: Ints) -> sp.csc_array:
+    """The lower triangle in an order of the unknowns, by columns, without zeros that are stored."""
+    lower = sp.csc_array(sp.tril(sp.csr_array(matrix)[order][:, order]))
+    lower.eliminate_zeros()
+    return lower
 
 
 def _on(pattern: sp.csc_array, matrix: sp.csc_array) -> Floats:

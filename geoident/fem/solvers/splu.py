@@ -81,28 +81,35 @@ def general_factor(
     return Factor(pattern.n, counts, lambda rhs: _solve_in_blocks(lu, rhs), lambda: True)
 
 
-def quasi_definite_solve(columns: Any, signs: Floats) -> Solve:
-    """Factorize a symmetric matrix whose pivots have known signs in every order (Vanderbei 1995).
+class SpluIndefinite:
+    """A pattern of quasi-definite matrices for SuperLU; see `quasi_definite`.
+
+    It takes no advantage of the symmetry: its pivots stay on the diagonal all the same.
 
     Args:
-        columns: values, row indices and starts of its compressed columns, in a fill-reducing order.
-        signs: (n,) of its pivots, 1 or -1.
-
-    Raises:
-        NotPositiveDefinite: a pivot is zero, or has the other sign.
+        pattern: of the lower triangle, in a fill-reducing order.
+        signs: (n,) of the diagonal, 1 or -1.
     """
-    scale = np.maximum.reduceat(np.abs(columns[0]), columns[2][:-1])
-    if not np.isfinite(scale).all():
-        raise NotPositiveDefinite(int(np.flatnonzero(~np.isfinite(scale))[0]))
-    lu = _lu(columns, DIAGONAL)
-    moved = np.flatnonzero(lu.perm_r != lu.perm_c)
-    if moved.size:
-        raise NotPositiveDefinite(int(moved[0]))
-    if lu.nnz <= READABLE:
-        wrong = np.flatnonzero(~(lu.U.diagonal()[lu.perm_c] * signs > 0.0))
-        if wrong.size:
-            raise NotPositiveDefinite(int(wrong[0]))
-    return lambda rhs: _solve_in_blocks(lu, rhs)
+
+    def __init__(self, pattern: LowerPattern, signs: Floats) -> None:
+        self._pattern, self._signs = pattern, signs
+
+    def factorize(self, values: Floats) -> Solve:
+        """How to solve with the matrix of these values (nnz,).
+
+        Raises:
+            NotPositiveDefinite: a pivot is zero, or has the other sign.
+        """
+        whole = self._pattern.whole(values)
+        lu = _lu((whole.data, whole.indices, whole.indptr), DIAGONAL)
+        moved = np.flatnonzero(lu.perm_r != lu.perm_c)
+        if moved.size:
+            raise NotPositiveDefinite(int(moved[0]))
+        if lu.nnz <= READABLE:
+            wrong = np.flatnonzero(~(lu.U.diagonal()[lu.perm_c] * self._signs > 0.0))
+            if wrong.size:
+                raise NotPositiveDefinite(int(wrong[0]))
+        return lambda rhs: _solve_in_blocks(lu, rhs)
 
 
 def _lu(columns: Any, pivoting: dict[str, Any]) -> Any:

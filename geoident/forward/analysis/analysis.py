@@ -150,7 +150,7 @@ class StagedAnalysis:
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
-        self.pores = Pores(on_mesh, systems.rank, systems.solver_counts)
+        self.pores = Pores(on_mesh, systems.definite)
         self.warm = warm or WarmStart()
 
     def forget(self) -> None:

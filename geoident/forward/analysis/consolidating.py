@@ -7,6 +7,7 @@ flow between given heads; and of all creep, one step of infinite length.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +20,11 @@ from geoident.forward.consolidation.pores import Pores
 from geoident.forward.consolidation.steps import (
     OF_EACH_LENGTH,
     OF_EACH_WITHOUT_WATER,
+    TimeStep,
     stage_steps,
 )
 from geoident.forward.creep.steps import CreepSteps
+from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Floats
 
 
@@ -94,7 +97,7 @@ class ConsolidationSteps:
                 task.forces[:] += self._pores.operators(task.number, task.point).coupling.at(pores)
             return None if self._creep is None else self._to_the_end(task, self._creep, factors)
         going = self._goes_on(task, given, factors)
-        moment = self._moment(task.number)
+        moment = moment_of(task.state)
         reached = self._still_to_come(going, going.march.to(moment), moment, task)
         du = reached.u - going.reached.u
         self._going[task.number] = replace(going, reached=reached)
@@ -135,17 +138,13 @@ class ConsolidationSteps:
         state, number = task.state, task.number
         if state.goes_on:
             return self._going.pop(state.base)
-        system, lasts = self._pores[number], state.lasts
+        system = self._pores[number]
         before = self._before(task)
         operators = self._pores.operators(number, task.point)
         equations = StepEquations(
             task, self._systems, system, operators, before, factors, self._creep
         )
-        steps = []
-        if lasts:
-            usual = OF_EACH_LENGTH if len(system.nodes) else OF_EACH_WITHOUT_WATER
-            of_each = self._finer * usual
-            steps = stage_steps(lasts, self._first(number), state.over, of_each)
+        steps = steps_of(self._sequence.states, number, self._finer, water=len(system.nodes) > 0)
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
         return _Going(march, nothing, equations.rest, task.motion)
@@ -167,16 +166,31 @@ class ConsolidationSteps:
             before[stay] -= self._pores.at_rest(number, stay, task.point)
         return before
 
-    def _moment(self, number: int) -> float:
-        """When a state is, s since the beginning of its stage."""
-        state = self._sequence.states[number]
-        return float(state.lasts or 0.0) if state.at is None else state.at
 
-    def _first(self, number: int) -> float:
-        """The first moment of a stage after its beginning, s."""
-        states, moments, at = self._sequence.states, [self._moment(number)], number
-        for later in range(number + 1, len(states)):
-            if states[later].goes_on and states[later].base == at:
-                moments.append(self._moment(later))
-                at = later
-        return min(moment for moment in moments if moment > 0.0)
+def moment_of(state: ConstructionState) -> float:
+    """When a state is, s since the beginning of its stage."""
+    return float(state.lasts or 0.0) if state.at is None else state.at
+
+
+def steps_of(
+    states: Sequence[ConstructionState], number: int, finer: int = 1, *, water: bool
+) -> list[TimeStep]:
+    """The steps in time of the stage that begins with a state; none where no time passes.
+
+    Args:
+        states: of the case.
+        number: of the state.
+        finer: how many times as many steps are made as usual.
+        water: whether water flows in it; else ground creeps alone.
+    """
+    state = states[number]
+    if not state.lasts:
+        return []
+    moments, at = [moment_of(state)], number
+    for later in range(number + 1, len(states)):
+        if states[later].goes_on and states[later].base == at:
+            moments.append(moment_of(states[later]))
+            at = later
+    first = min(moment for moment in moments if moment > 0.0)
+    of_each = OF_EACH_LENGTH if water else OF_EACH_WITHOUT_WATER
+    return stage_steps(state.lasts, first, state.over, finer * of_each)

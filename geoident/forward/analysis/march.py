@@ -324,15 +324,9 @@ class StepEquations:
         nothing = sp.csr_array((len(dofs), len(dofs)))
         growing = sp.csr_array(sp.block_diag([nothing, -(size**2) * H], format="csr"))
         dim = systems.discretization.kinematics.dim
-        place = np.concatenate([2 * systems.rank[dofs // dim], 2 * systems.rank[nodes] + 1])
+        places = np.concatenate([2 * systems.rank[dofs // dim], 2 * systems.rank[nodes] + 1])
         signs = np.repeat([1.0, -1.0], [len(dofs), len(nodes)])
-        matrices = QuasiDefinite(
-            constant,
-            growing,
-            signs=signs,
-            order=np.argsort(place, kind="stable"),
-            counts=systems.solver_counts,
-        )
+        matrices = systems.quasi_definite(constant, growing, places=places, signs=signs)
         return _Blocks(matrices, dofs, nodes, size)
 
 

@@ -22,6 +22,7 @@ from geoident.fem.solvers.direct import (
 )
 from geoident.fem.solvers.factor_cost import FactorCost
 from geoident.fem.solvers.ordering import nested_dissection
+from geoident.fem.solvers.quasi_definite import QuasiDefinite
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
@@ -150,6 +151,30 @@ class StageSystems:
             n_rows, n_strain = self.structures.n_rows, self.discretization.points.n_strain
             self._member_points[key] = MemberPoints(parts, n_rows, n_strain) if parts else None
         return self._member_points[key]
+
+    def quasi_definite(
+        self,
+        constant: sp.csr_array,
+        growing: sp.csr_array,
+        *,
+        places: Ints,
+        signs: Floats,
+    ) -> QuasiDefinite:
+        """Quasi-definite matrices A_0 + h A_1, whose unknowns stand at places in the elimination.
+
+        Args:
+            constant: A_0 (n, n).
+            growing: A_1 (n, n).
+            places: (n,) by which the unknowns are ordered.
+            signs: (n,) of the diagonal, 1 or -1.
+        """
+        order = np.argsort(places, kind="stable")
+        return self._solver.quasi_definite(constant, growing, signs=signs, order=order)
+
+    def definite(self, matrix: sp.csr_array, nodes: Ints) -> QuasiDefinite:
+        """A positive definite matrix (n, n) with one unknown at each of some nodes (n,)."""
+        nothing, signs = sp.csr_array(matrix.shape), np.ones(len(nodes))
+        return self.quasi_definite(matrix, nothing, places=self.rank[nodes], signs=signs)
 
     @property
     def solver_counts(self) -> SolverCounts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from geoident.fem.consolidation import PoreMatrices, pore_matrices
-from geoident.fem.solvers.direct import SolverCounts
 from geoident.fem.solvers.quasi_definite import QuasiDefinite
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
@@ -71,13 +70,14 @@ class Pores:
 
     Args:
         on_mesh: the case on its mesh.
-        rank: (n_nodes,) place of each node in an order of elimination.
-        counts: of the solver.
+        definite: prepares a positive definite matrix (n, n) of unknowns at nodes (n,).
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, rank: Ints, counts: SolverCounts) -> None:
+    def __init__(
+        self, on_mesh: CaseOnMesh, definite: Callable[[sp.csr_array, Ints], QuasiDefinite]
+    ) -> None:
         self._on_mesh, self._case = on_mesh, on_mesh.case
-        self._rank, self._counts = rank, counts
+        self._definite = definite
         self._sequence = on_mesh.sequence
         self._matrices: dict[int, PoreMatrices] = {}
         self._systems: dict[int, PoreSystem] = {}
@@ -142,10 +142,7 @@ class Pores:
         drained = np.isin(piece, piece[system.given])
         nodes = system.nodes[drained[system.nodes] & ~system.given[system.nodes]]
         H = sp.csr_array(flow.value[nodes][:, nodes])
-        order = np.argsort(self._rank[nodes])
-        matrices = QuasiDefinite(
-            H, 0.0 * H, signs=np.ones(len(nodes)), order=order, counts=self._counts
-        )
+        matrices = self._definite(H, nodes)
         factor = matrices.factor(0.0)
         pressures[nodes, :1] = -factor.solve((flow.value @ pressures[:, :1])[nodes])
         if point.names:

@@ -25,6 +25,8 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
     ground, in_situ = case.materials[material], case.in_situ
     if case.analysis is not Analysis.PLANE_STRAIN:
         return NO_SECTION
+    if case.in_steps is not None:
+        return case.in_steps
     if not isinstance(ground.elastic, Isotropic):
         return f"'{material}' is not isotropic"
     if len(ground.yields) > 1 or not all(

@@ -367,6 +367,11 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
                 message = "a structure in service is elastic: its motions are sums"
                 hint = f"Remove '{key}'; it is elastic without."
                 faults.add(("structures", name, key), "yields", message, hint)
+    for n, stage in enumerate(section.stages):
+        if stage.lasts is not None:
+            message = "the stages of a structure in service are equilibria without time"
+            hint = "Remove it: water has drained from the ground when the service begins."
+            faults.add(("stages", n, "lasts"), "no-time", message, hint)
     if service.loaded is not None and not any(
         getattr(material, key) for material in section.materials.values() for key in IN_TIME
     ):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from geoident.fem.refinement.finer import n_raised
-from geoident.fem.solvers import AUTO, BEYOND, ITERATED, is_beyond, picked
+from geoident.fem.solvers import AUTO, BEYOND, INDEFINITE, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
+from geoident.forward.analysis.consolidating import steps_of
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -41,6 +42,7 @@ _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, the
 _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
+_PORES = 1.3  # what pressures of water add to the entries and operations of a factor
 _PROGRAM = 120e6  # bytes of Python and its libraries
 _PATTERNS = 9  # values and places of the entries of K that are there at once, in patterns
 
@@ -66,6 +68,7 @@ def estimate_cost(
     flops = steps * sum(c.flops for c in costs)
     entries = sum(c.entries for c in costs)
     most = max((c.flops for c in costs), default=0.0)
+    in_time = _in_time(model, costs, columns)
     largest = max((c.entries for c in costs), default=0)
     nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
     if solver == AUTO:
@@ -78,9 +81,32 @@ def estimate_cost(
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
+    seconds += sum(in_time)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * _BYTES[solver]
     memory = _PROGRAM + solved + _memory_beside(model, columns)
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
+
+
+def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) -> Iterator[float]:
+    """Seconds of each stage that takes steps in time, beyond those of one equilibrium.
+
+    Args:
+        model: of the case.
+        costs: of one equilibrium of each state.
+        columns: right-hand sides of one equilibrium.
+    """
+    states, points = model.sequence.states, model.discretization.points.n_points
+    by = picked() if picked() in INDEFINITE else "splu"
+    for n, cost in zip(_states(model), costs, strict=True):
+        water = model.analysis.pores.consolidates(states[n])
+        creeps = model.case.creeps and states[n].lasts is not None
+        if not (water or creeps) or states[n].goes_on:
+            continue
+        steps = steps_of(states, n, water=water)
+        solved, pores = 2.0 * len(steps) * columns, _PORES if water else 1.0
+        factors = 2 * len(steps) if model.case.ages else len({step.share for step in steps})
+        yield pores * cost.flops / _FLOPS[by] * factors * (2 if water and creeps else 1)
+        yield solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + _POINT_SECONDS * points)
 
 
 def _memory_beside(model: StagedModel, columns: float) -> float:

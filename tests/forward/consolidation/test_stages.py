@@ -184,6 +184,29 @@ def test_heads_make_a_steady_flow_at_once_in_the_end_and_in_time(tmp_path):
         assert foot == pytest.approx(6.0 * 9810.0)
         assert middle == pytest.approx((6.5 - 1.5) * 9810.0)
         assert settlement == pytest.approx(heave)
+    still = text.replace("stages:", "water: {table: 7 m}\nstages:")
+    settlement, foot, middle = read(column(tmp_path, still.replace(", lasts: 300 years", "")))
+    assert foot == pytest.approx(6.0 * 9810.0)
+    assert middle == pytest.approx((6.5 - 1.5) * 9810.0)
+    before = 9810.0 * 0.5 * (1.0 + 7.0) * 6.0 / M  # of the water that stood still
+    assert settlement == pytest.approx(heave + before, abs=1e-9)
+
+
+def test_nothing_moves_where_all_of_a_push_is_held(tmp_path):
+    """Ground under pressure leaves, and its stress and its pressure go on acting on the rest."""
+    mesh = regroup(box("quad8", (1, 12), size=(1.0, 6.0)), upper=lambda c: c[:, 1] > 3.0)
+    write_msh(mesh, tmp_path / "m.msh", ["x0", "x1", "y0", "y1"])
+    text = COLUMN.replace("100 d", "0 d").replace("{all: clay}", "{rock: clay, upper: clay}")
+    more = (
+        "  - {name: dig, excavate: [upper], release: {upper: 0}, remove: [q], lasts: 0 d}\ngauges:"
+    )
+    text = text.replace("gauges:", more).replace("6 m], acc", "3 m], acc")
+    text = text.replace("{permeability: $k}", "{permeability: $k, water_modulus: 20 MPa}")
+    path = tmp_path / "case.yaml"
+    path.write_text(text)
+    (loaded, dug), (first, last) = read(path)
+    assert loaded > 1e-4
+    assert [dug, last] == pytest.approx([loaded, first], rel=1e-6)
 
 
 def test_all_pressure_stays_when_the_water_table_falls(tmp_path):
@@ -242,3 +265,14 @@ def test_errors_fall_with_the_square_of_elements_and_of_steps(tmp_path):
     for coarse, usual, fine in (by_mesh, by_step):
         ratio = np.abs(coarse - usual).max() / np.abs(usual - fine).max()
         assert 3.0 < ratio < 5.5
+
+
+def test_a_stage_in_which_nothing_takes_time_is_noted(tmp_path):
+    text = COLUMN.replace(", hydraulic: {permeability: $k}", "").replace("drained: {y1: {}}\n", "")
+    text = text.replace("nu: 0.3}", "nu: 0.3, density: 1000 kg/m3}")
+    text = text[: text.index("  P: {kind")].replace("parameters:\n", "parameters: {}\n")
+    text = text.replace("  k: {start: 1e-9 m/s, bounds: [1e-11 m/s, 1e-7 m/s]}\n", "")
+    model = model_at(column(tmp_path, text))
+    assert any("'load' lasts, and nothing in the ground takes time" in note for note in model.notes)
+    drained = 50e3 * 6.0 / M
+    assert model.computed(np.empty(0))[0, 0] == pytest.approx(drained)
