@@ -16,6 +16,7 @@ from typing import Any
 from geoident.io.case.case import CaseSection
 from geoident.io.case.durations import SAME, Timetable, is_date
 from geoident.io.case.stages import StageSection
+from geoident.io.schema.values import CaseNumber
 from geoident.io.text.dates import date_text, read_date
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
@@ -143,7 +144,9 @@ def _require_agreement(
 
 def _require_room(n: int, stage: StageSection, lasts: float, faults: Faults) -> None:
     """A duration that follows from dates is long enough for what the stage says of its time."""
-    given = [(("over",), stage.over)] if stage.over is not None else []
+    given: list[tuple[KeyPath, CaseNumber]] = []
+    if stage.over is not None:
+        given.append((("over",), stage.over))
     given += [(("moments", k), time) for k, time in enumerate(stage.moments or ())]
     for path, time in given:
         if time.factor > lasts:
