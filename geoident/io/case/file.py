@@ -19,16 +19,7 @@ from pydantic import ValidationError
 
 from geoident.errors import InputError
 from geoident.io.case.case import LEFT_OUT, CaseSection, build_case, tied_parameters
-from geoident.io.case.durations import (
-    Timetable,
-    check_durations,
-    in_moments,
-    moments_by_stage,
-    stages_of,
-    timetable_of,
-    until_of,
-    with_moment_names,
-)
+from geoident.io.case.durations import Timetable
 from geoident.io.case.external.build import build_elsewhere
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
@@ -49,6 +40,15 @@ from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.site_files.point_tables import with_tables
+from geoident.io.case.timetable import (
+    check_durations,
+    in_moments,
+    moments_by_stage,
+    stages_of,
+    timetable_of,
+    until_of,
+    with_moment_names,
+)
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.section import Context

@@ -252,9 +252,9 @@ def _of_file(
         read.notes += [note] if note not in read.notes else []
     if sound:
         read.notes += exchanged(rows, described.date_format, calendar)
-    rows = _at_moments(rows, calendar, faults)
-    checks.after_the_end(rows)
-    return _FileRows(described, path, rows, surveyed=survey is not None, sound=sound)
+    placed = _at_moments(rows, calendar, faults)
+    checks.after_the_end(placed)
+    return _FileRows(described, path, placed, surveyed=survey is not None, sound=sound)
 
 
 def _reduced_rows(

@@ -124,7 +124,8 @@ class Scene:
             ends = states[self.result.gauges.ends[states - 1]]
             if len(ends) < len(states):  # of stages that last all ends, and moments between them
                 ends = ends[evenly(len(ends), MOST_STAGES)]
-                chosen = [*ends, *np.setdiff1d(chosen, ends)[: MOST_STAGES - len(ends)]]
+                between = np.setdiff1d(chosen, ends)[: MOST_STAGES - len(ends)]
+                chosen = np.concatenate([ends, between])
             states = np.unique(chosen)
         return tuple(int(state) for state in states)
 

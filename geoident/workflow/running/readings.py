@@ -200,15 +200,30 @@ def _count(number: int, noun: str) -> str:
 
 
 def unused_by_stage(readings: ReadingTable) -> tuple[str, ...]:
-    """The unused readings in words, those of one stage and reason together."""
+    """The unused readings in words, those of one stage and reason together.
+
+    So are many stages in which the same channels are left out for one reason.
+    """
     together: dict[tuple[str, str], list[str]] = {}
     for k in readings.unused:
         key = readings.stage[k], readings.reason[k]
         together.setdefault(key, []).append(readings.channel[k])
+    alike: dict[tuple[str, str], list[str]] = {}
+    for (stage, reason), channels in together.items():
+        alike.setdefault((", ".join(dict.fromkeys(channels)), reason), []).append(stage)
     return tuple(
-        f"{', '.join(channels)} at {stage}: {reason}"
-        for (stage, reason), channels in together.items()
+        f"{channels} at {at}: {reason}"
+        for (channels, reason), stages in alike.items()
+        for at in (stages if len(stages) <= _FEW else [_first_to_last(stages)])
     )
+
+
+_FEW = 4
+"""Stages that are named one by one."""
+
+
+def _first_to_last(stages: Sequence[str]) -> str:
+    return f"{stages[0]} to {stages[-1]} ({len(stages)} stages)"
 
 
 def unused_notes(readings: ReadingTable) -> tuple[str, ...]:

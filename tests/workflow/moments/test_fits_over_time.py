@@ -7,6 +7,7 @@ Erdbaumechanik, 1925.
 from __future__ import annotations
 
 import json
+import re
 from datetime import date, timedelta
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from support.commands import run_command
 
 from geoident.api import fit
 from geoident.io.result.file import read_result
+from geoident.report.drawing.gauges.axis import stage_axis
 from geoident.workflow.running.jobs import load_inputs
 
 BEGIN = date(2024, 3, 1)
@@ -34,6 +36,13 @@ def write_readings(folder: Path, days=DAYS, sd=0.2e-3, seed=1) -> None:
 
 
 FIRST_130 = ", model_error: none, until: fill + 130 d"
+
+
+def times_of_date(day: date) -> float:
+    """Seconds since 1970."""
+    return (day - date(1970, 1, 1)).days * DAY
+
+
 DATED = f"dates: {{virgin: {BEGIN}}}\nreadings: {{file: read.csv, layout: wide}}\n"
 
 
@@ -67,6 +76,18 @@ def test_later_readings_are_predicted_from_the_first_four_months(tmp_path):
     assert times["fill + 30 d"]["date"] == "2024-03-31T00:00:00"
     assert times["fill + 30 d"]["since"] == times["fill + 30 d"]["elapsed"] == 30 * DAY
     assert times["fill"]["moment_of"] == "fill"
+
+    # tables show ends of stages, what was read and what is to come; pictures the logarithm of time
+    text = run_command("show", tmp_path / "case.fit.h5").stdout
+    predictions = text[text.index("Predictions (") : text.index("Reactions of supports")]
+    rows = [re.split(r"\s{2,}", line) for line in predictions.splitlines()[2:] if line]
+    assert [row[1] for row in rows] == ["fill + 180 d", "fill"]
+    forces = text[text.index("Reactions of supports") :].split("\n\n")[0]
+    assert "fill + " not in forces
+    assert forces.count("fill ") == 3
+    axis = stage_axis(read_result(tmp_path / "case.fit.h5"))
+    assert axis.log
+    assert axis.of_reading(0, times_of_date(BEGIN + timedelta(30))) == pytest.approx(30.0)
 
     # a prediction has the moments of its fit, and says the same
     assert run_command("predict", tmp_path / "case.fit.h5").exit_code == 0
@@ -108,6 +129,9 @@ def test_staged_fills_and_the_end_as_a_date(tmp_path):
     for n, value in enumerate((E, K)):
         assert values.lower95[n] < value < values.upper95[n]
     told = result.gauges
+    axis = stage_axis(result)
+    assert axis.dated
+    assert np.diff(list(axis.marks.values())) == pytest.approx([40.0, 130.0])
     at = told.stages.index("fill 3 + 80 d")
     prediction = result.prediction
     assert prediction.lower95[0, at] < truth(150) < prediction.upper95[0, at]

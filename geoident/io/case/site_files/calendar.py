@@ -149,6 +149,16 @@ class Calendar:
                 continue
             stated = None if stage.moments is None else [time.factor for time in stage.moments]
             fixed = [*named.get(stage.name, ()), *(stated or ())]
-            shown = usual_moments(lasts) if stated is None else ()
+            shown = usual_moments(lasts) if stated is None and _takes_time(section) else ()
             moments[stage.name] = chosen_moments(lasts, read.get(stage.name, ()), fixed, shown)
         return replace(self, moments=moments)
+
+
+_IN_TIME = ("hydraulic", "creep", "ageing")
+"""Keys of materials whose ground changes while nothing is done."""
+
+
+def _takes_time(section: CaseSection) -> bool:
+    """Whether any ground changes in stages that last."""
+    materials = section.materials.values()
+    return any(getattr(one, key) is not None for one in materials for key in _IN_TIME)

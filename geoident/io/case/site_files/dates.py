@@ -42,7 +42,7 @@ def when_read(dated: Sequence[Reading], calendar: Calendar) -> tuple[StageReadin
         return ()
     together: dict[str, list[Reading]] = {}
     for row in dated:
-        together.setdefault(calendar.owners[row.stage], []).append(row)
+        together.setdefault(calendar.owners.get(row.stage, row.stage), []).append(row)
     return tuple(
         StageReadings(
             stage=stage,

@@ -228,7 +228,8 @@ def bands_of(result: Result) -> tuple[Floats, Floats]:
     low, high = (gauges.in_units(end) for end in (prediction.lower95, prediction.upper95))
     known = np.isfinite(low) & np.isfinite(high)
     between = ~gauges.ends & (np.arange(len(gauges.stages)) < last_fitted(result))
-    known &= ~(between & gauges.used.any(axis=1)[:, None])
+    fitted = np.asarray(gauges.used.any(axis=1), dtype=np.bool_)
+    known &= ~(between & fitted[:, None])
     return np.where(known, low, np.nan), np.where(known, high, np.nan)
 
 

@@ -32,6 +32,7 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         "water": lambda s: numbers.text(s["water"]) if s.get("water") else "",
         "temperature": lambda s: _pairs(entries(s, "temperature"), numbers),
         "supports": lambda s: _supports(s, numbers, solid=solid),
+        "lasts": lambda s: str(s.get("lasts", "")),
         "follows": _base,
     }
     if entries(case, "model").get("kind") == "seasonal":
