@@ -1,12 +1,13 @@
 """Makes readings.csv: salt that creeps by a power of its stress, plus noise.
 
 A computation of its own: rings of elements about the axis, elastic and incompressible in creep
-(Norton, de/dt = 3/2 A q^(n-1) s), and a thin ring of shotcrete that hardens by Eurocode 2. Nothing of
-it is in the program. Run: python make_readings.py.
+(Norton, de/dt = 3/2 A q^(n-1) s), and a thin ring of shotcrete that hardens by Eurocode 2. Nothing
+of it is in the program. Run: python make_readings.py.
 """
 
 import csv
 from datetime import date, timedelta
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -86,8 +87,8 @@ def rate(t: float, y: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     y, seen = np.zeros(2 * len(MIDDLE) + 1), {}
-    days = [0.0, 1.0, 2.0, LINED, *(d - 0.0 for d in DAYS if d > LINED)]
-    for begin, end in zip(days, days[1:], strict=False):
+    days = [0.0, 1.0, 2.0, LINED, *(d for d in DAYS if d > LINED)]
+    for begin, end in pairwise(days):
         y = solve_ivp(rate, (begin, end), y, "LSODA", rtol=1e-7, atol=1e-10).y[:, -1]
         seen[end] = displacements(y[:-1].reshape(2, -1), float(y[-1]))
     rng = np.random.default_rng(SEED)

@@ -426,7 +426,8 @@ class Case:
     @property
     def ages(self) -> bool:
         """Whether the stiffness of anything grows with its age in its stages."""
-        return self.creeps and any(clause.endswith(" ages") for clause in self._in_time)
+        materials = any(one.ageing is not None for one in self.materials.values())
+        return self.creeps and (materials or any(ages(one) for one in self.structures.values()))
 
     @cached_property
     def _in_time(self) -> tuple[str, ...]:
