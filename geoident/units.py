@@ -37,6 +37,7 @@ DIMENSIONS: Mapping[str, str] = {
     "frequency": "Hz",
     "compressibility": "1/Pa",
     "time": "s",
+    "viscosity": "Pa s",
     DIMENSIONLESS: "",
     "strain": "m/m",
     "pressure rate": "Pa/s",
@@ -63,6 +64,7 @@ _GON = math.pi / 200
 
 _OF_DURATION = {"sec": 1.0, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": _DAY}
 _PART_OF_DURATION = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*(sec|s|min|m|h|d)\s*")
+_OF_FLOW = {"s": 1.0, "h": 3600.0, "d": _DAY, "days": _DAY, "year": _YEAR, "years": _YEAR}
 _TIMES = {"month": _YEAR / 12, "year": _YEAR, "day": _DAY, "week": 7 * _DAY, "s": 1.0}
 
 
@@ -259,6 +261,11 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "year": _YEAR,
         "years": _YEAR,
     },
+    "viscosity": {
+        f"{unit} {time}": size * s
+        for time, s in _OF_FLOW.items()
+        for unit, size in {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}.items()
+    },
     DIMENSIONLESS: {"": 1.0, "%": 1e-2},
     "strain": {
         "m/m": 1.0,
@@ -351,6 +358,9 @@ _SAME = {
     "ft-lbf": "lbf-ft",
     "ft-kip": "kip-ft",
     "kcf": "kip/ft3",
+    "Ns/m2": "Pa s",
+    **{unit.replace(" ", ""): unit for unit in _TABLE["viscosity"]},
+    **{unit.replace(" ", "."): unit for unit in _TABLE["viscosity"]},
 }
 """Spellings to the units that they are, once signs and blanks are gone."""
 

@@ -19,6 +19,7 @@ from geoident.model.actions import (
     Water,
 )
 from geoident.model.arrays import Floats
+from geoident.model.creep import Ageing, CreepElement
 from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
@@ -34,7 +35,7 @@ from geoident.model.methods import (
     SquaredOptions,
 )
 from geoident.model.parameter import Parameter, Scalar, scalars_of
-from geoident.model.structures import Structure
+from geoident.model.structures import Structure, ages
 from geoident.model.yielding import YieldSurface
 
 KeyPath = tuple[str | int, ...]
@@ -58,13 +59,22 @@ class Analysis(Enum):
 
 @dataclass(frozen=True)
 class Source:
-    """Where each key of the case is written in its file, so that later faults can name it."""
+    """Where each key of the case is written in its file, so that later faults can name it.
+
+    Args:
+        file: path of the file.
+        positions: key to line and column.
+        stages: for each stage of the case the number of that in the file of which it is a moment;
+            empty where they are the same.
+    """
 
     file: str = ""
     positions: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
+    stages: tuple[int, ...] = ()
 
     def locate(self, path: KeyPath) -> Location:
         """Line and column of a key; of its nearest enclosing key if it is not written."""
+        path = self._written(path)
         for end in range(len(path), -1, -1):
             if path[:end] in self.positions:
                 return Location(self.file, *self.positions[path[:end]])
@@ -79,7 +89,13 @@ class Source:
             message: what is wrong, half a sentence.
             hint: what would be right; empty for nothing to say.
         """
-        return Fault(code, message, hint, self.locate(path), format_path(path))
+        return Fault(code, message, hint, self.locate(path), format_path(self._written(path)))
+
+    def _written(self, path: KeyPath) -> KeyPath:
+        """The path of a key in the file, whose stages may be fewer than those of the case."""
+        if self.stages and path[:1] == ("stages",) and len(path) > 1:
+            return ("stages", self.stages[int(path[1])], *path[2:])
+        return path
 
 
 def format_path(path: KeyPath) -> str:
@@ -104,8 +120,9 @@ class Material:
     varies from place to place; the constant itself is then the mean. One that grows is the number
     from which it grows.
 
-    In service, with the time under load: it creeps by a share of its elastic strain, its modulus
-    grows by a share (ageing), or loses one (softening).
+    Under load it creeps by a chain of elements, and its modulus grows with its age (ageing). In
+    service it creeps by one share of its elastic strain, and its modulus grows or falls (softening)
+    by a share with the time under load.
 
     Its water: without ``hydraulic`` it leaves at once.
     """
@@ -120,16 +137,17 @@ class Material:
     conductivity: Scalar | None = None
     heat_capacity: Scalar | None = None
     specific_heat: Scalar | None = None
-    creep: TimeCurve | None = None
-    ageing: TimeCurve | None = None
+    creep: tuple[CreepElement, ...] = ()
+    ageing: Ageing | None = None
     softening: TimeCurve | None = None
     hydraulic: Hydraulic | None = None
 
     @property
     def in_time(self) -> dict[str, TimeCurve]:
         """How it changes in service: ``creep``, ``ageing`` or ``softening`` to its curve."""
-        curves = {"creep": self.creep, "ageing": self.ageing, "softening": self.softening}
-        return {name: curve for name, curve in curves.items() if curve is not None}
+        creep = self.creep[0] if self.creep else None
+        curves = {"creep": creep, "ageing": self.ageing, "softening": self.softening}
+        return {name: curve for name, curve in curves.items() if isinstance(curve, TimeCurve)}
 
     @property
     def consolidates(self) -> bool:
@@ -157,7 +175,9 @@ class Material:
             ),
             *(() if self.hydraulic is None else self.hydraulic.scalars),
             *(number for surface in self.yields for number in surface.numbers),
-            *(number for curve in self.in_time.values() for number in (curve.share, curve.time)),
+            *(number for element in self.creep for number in scalars_of(element).values()),
+            *(() if self.ageing is None else self.ageing.numbers),
+            *(() if self.softening is None else self.softening.numbers),
             *(field.mean for field in self.fields),
             *(number for g in self.growths for number in (g.base, *scalars_of(g.law).values())),
         )
@@ -229,6 +249,7 @@ class Stage:
         over: the time in which all that it does comes evenly, s; 0: at its beginning.
         at: which moment of a stage that lasts this is, s since its beginning; None: its end.
         goes_on: a later moment of the stage before it, in which nothing else happens.
+        moment_of: name of the stage that lasts of which it is a moment; None for an end.
     """
 
     name: str
@@ -253,6 +274,12 @@ class Stage:
     over: float = 0.0
     at: float | None = None
     goes_on: bool = False
+    moment_of: str | None = None
+
+    @property
+    def whole(self) -> str:
+        """Name of the stage of which it is the end, or a moment."""
+        return self.moment_of or self.name
 
 
 @dataclass(frozen=True)
@@ -279,7 +306,7 @@ class FitSettings:
         methods: the chain of methods, each with its options, run one after the other.
         stages: names of the stages whose readings are used; None for all stages.
         predict_gauges: names of gauges, or of channels, whose readings are not used but predicted.
-        until: the last time, s since 1970, of the readings that are used; None for all.
+        until: the last time, s as `Case.times`, of the readings that are used; None for all.
         loss: how much a large residual counts.
         closed_form: the opening of a case without mesh, among the options of closed-form.
         model_error: how far the ground may differ from the model.
@@ -392,8 +419,31 @@ class Case:
         return flows and any(material.consolidates for material in self.materials.values())
 
     @property
+    def creeps(self) -> bool:
+        """Whether any ground creeps or ages in its stages; in service that comes after them."""
+        return self.service is None and bool(self._in_time)
+
+    @property
+    def ages(self) -> bool:
+        """Whether the stiffness of anything grows with its age in its stages."""
+        materials = any(one.ageing is not None for one in self.materials.values())
+        return self.creeps and (materials or any(ages(one) for one in self.structures.values()))
+
+    @cached_property
+    def _in_time(self) -> tuple[str, ...]:
+        """Materials and structures that creep or age, clauses."""
+        materials, structures = self.materials.values(), self.structures
+        return (
+            *(f"{one.name} creeps" for one in materials if one.creep),
+            *(f"{one.name} ages" for one in materials if one.ageing is not None),
+            *(f"'{name}' ages" for name, one in structures.items() if ages(one)),
+        )
+
+    @property
     def in_steps(self) -> str | None:
         """Why its stages take steps in time, a clause; None where each is one equilibrium."""
+        if self.creeps:
+            return f"{self._in_time[0]}: a stage that lasts has many steps in time"
         if not self.consolidates:
             return None
         name = next(one.name for one in self.materials.values() if one.consolidates)
@@ -403,6 +453,29 @@ class Case:
     def stage_names(self) -> tuple[str, ...]:
         """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))
+
+    @property
+    def lasts(self) -> bool:
+        """Whether any stage lasts, so that it may have moments."""
+        return any(stage.lasts is not None for stage in self.stages)
+
+    @cached_property
+    def times(self) -> Mapping[str, float]:
+        """State to when it is, s: since 1970 where the case has dates, else since its beginning.
+
+        Without dates durations say it, and stages without one count as none; empty where no stage
+        lasts either.
+        """
+        if self.dates or not self.lasts:
+            return self.dates
+        times, trunk = {VIRGIN: 0.0}, VIRGIN
+        begun = dict[str, float]()
+        for stage in self.stages:
+            begin = begun[stage.whole] if stage.goes_on else times[stage.base or trunk]
+            begun[stage.whole] = begin
+            times[stage.name] = begin + (stage.at or 0.0)
+            trunk = trunk if stage.independent else stage.name
+        return times
 
     def reading_at(self, channel: Channel, stage: str) -> Reading:
         """What was read of a channel at a stage, several good readings taken together.

@@ -269,6 +269,8 @@ class Reading:
         note: remark of the field sheet; empty for none.
         zone: seconds by which the clock of its date is ahead of UTC, if the file says it.
         unit: in which the file gives it; empty where it is not of a file, or of a sensor.
+        since: when it was taken, s since the beginning of its stage, if that is how it is given;
+            its stage is a moment of that as soon as the moments are known.
     """
 
     channel: str
@@ -285,6 +287,7 @@ class Reading:
     note: str = field(default="", compare=False)
     zone: float | None = field(default=None, compare=False)
     unit: str = field(default="", compare=False)
+    since: float | None = field(default=None, compare=False)
 
 
 def taken_together(channel: Channel, readings: Sequence[Reading]) -> Reading:

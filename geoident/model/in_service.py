@@ -99,6 +99,11 @@ class TimeCurve:
     time: Scalar
     law: Literal["exponential", "logarithmic"] = "exponential"
 
+    @property
+    def numbers(self) -> tuple[Scalar, ...]:
+        """All its numbers."""
+        return self.share, self.time
+
 
 @dataclass(frozen=True)
 class SeasonalModel:

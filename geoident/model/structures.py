@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
+from geoident.model.creep import Ageing, named_numbers
 from geoident.model.parameter import Scalar, Values, scalars_of
 
-_MAY_BE_ZERO = ("prestress", "density", "weight", "yield.tensile_strength")
+_MAY_BE_ZERO = ("prestress", "density", "weight", "yield.tensile_strength", "ageing.share")
 
 SecondEnd = Literal["joined", "fixed", "symmetry"]
 """What holds the second end of a bar: the mesh, a place that does not move, or its mirror image."""
@@ -94,6 +95,7 @@ class Beam(_Structure):
         compressive_strength: of its section, Pa; None: how far it is used is not asked for.
         tensile_strength: likewise.
         limits: what its section bears before it yields; None: it is elastic.
+        ageing: how its stiffness grows since it was built; None: it does not.
     """
 
     group: str
@@ -109,12 +111,18 @@ class Beam(_Structure):
     compressive_strength: float | None = None
     tensile_strength: float = 0.0
     limits: SectionLimits | None = None
+    ageing: Ageing | None = None
 
     @property
     def numbers(self) -> dict[str, Scalar]:
-        """Those of its yield limits among them."""
+        """Those of its yield limits and its ageing among them."""
         limits = {} if self.limits is None else scalars_of(self.limits)
-        return scalars_of(self) | {f"yield.{name}": scalar for name, scalar in limits.items()}
+        grown = {} if self.ageing is None else named_numbers(self.ageing)
+        return (
+            scalars_of(self)
+            | {f"yield.{name}": scalar for name, scalar in limits.items()}
+            | {f"ageing.{name}": scalar for name, scalar in grown.items()}
+        )
 
     @property
     def yields(self) -> bool:
@@ -290,3 +298,8 @@ OpeningSupport = Ring | Ribs | BoltPattern | SupportLine
 """What supports an opening in closed form."""
 
 Structure = Beam | Bolts | Struts | Anchors | OpeningSupport
+
+
+def ages(structure: Structure) -> bool:
+    """Whether its stiffness grows since it was built, in an analysis on a mesh."""
+    return isinstance(structure, Beam) and structure.ageing is not None

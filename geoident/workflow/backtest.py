@@ -38,11 +38,11 @@ from geoident.workflow.scoring.trials import (
     FitLog,
     PartialFit,
     backtest_of,
+    begins_of_fits,
     clause,
     hand_on,
     nearby,
     of_full_errors,
-    read_stages,
     tried,
     variances,
 )
@@ -140,7 +140,7 @@ def run_trials(
     """
     trials: list[PartialFit] = []
     skipped: list[Skipped] = []
-    stages = read_stages(setup)
+    stages = begins_of_fits(setup)
     for last in stages:
         control.stop.check()
         name = setup.case.stages[last].name

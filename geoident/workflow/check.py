@@ -20,7 +20,7 @@ from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.stages import released_by
 from geoident.identify.problem.methods import descend
 from geoident.model.actions import FaceDistance
-from geoident.model.case import Case
+from geoident.model.case import VIRGIN, Case
 from geoident.model.external import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.in_service import SeasonalModel
@@ -301,18 +301,21 @@ def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
 
 
 def _stages(case: Case, model: ObservedModel, readings: ReadingTable) -> tuple[StageSummary, ...]:
-    used = Counter(readings.stage[k] for k in np.flatnonzero(readings.used))
+    """Each stage once, with all its moments."""
+    wholes = _wholes(case)
+    used = Counter(wholes[readings.stage[k]] for k in np.flatnonzero(readings.used))
+    moments = Counter(stage.whole for stage in case.stages)
     at_face = _at_face(case, model)
     return tuple(
         StageSummary(
-            name=stage.name,
+            name=stage.whole,
             leaves=stage.excavate,
             enters=tuple(stage.install.items()),
             changes=tuple(stage.change.items()),
             loads=tuple(stage.loads),
             removed=stage.remove,
             dofs=dofs,
-            used=used[stage.name],
+            used=used[stage.whole],
             base=None if base == n else case.stage_names[base],
             warmed=tuple(stage.temperature),
             water=stage.water is not None,
@@ -327,11 +330,19 @@ def _stages(case: Case, model: ObservedModel, readings: ReadingTable) -> tuple[S
             ),
             supported=tuple(name for name, held in stage.supports.items() if held is not None),
             freed=tuple(name for name, held in stage.supports.items() if held is None),
+            lasts=stage.lasts,
+            moments=0 if stage.lasts is None else moments[stage.whole],
         )
         for n, (stage, base, dofs) in enumerate(
             zip(case.stages, model.bases[1:].tolist(), model.n_dofs[1:], strict=True)
         )
+        if not stage.goes_on
     )
+
+
+def _wholes(case: Case) -> dict[str, str]:
+    """State to the stage of which it is the end, or a moment."""
+    return {VIRGIN: VIRGIN, **{stage.name: stage.whole for stage in case.stages}}
 
 
 def _at_face(case: Case, model: ObservedModel) -> dict[str, str]:
@@ -378,14 +389,17 @@ def _places(model: StagedModel) -> tuple[PlaceSummary, ...]:
 
 
 def _readings(case: Case, readings: ReadingTable) -> tuple[ReadingSummary, ...]:
-    """Stage by stage; stages without readings are left out."""
+    """Stage by stage, with all its moments; stages without readings are left out."""
+    wholes = _wholes(case)
     used: dict[str, list[str]] = {}
     for k in np.flatnonzero(readings.used):
-        used.setdefault(readings.stage[k], []).append(readings.channel[k])
+        used.setdefault(wholes[readings.stage[k]], []).append(readings.channel[k])
     unused: dict[str, dict[str, list[str]]] = {}
     for k in readings.unused:
-        reasons = unused.setdefault(readings.stage[k], {})
+        reasons = unused.setdefault(wholes[readings.stage[k]], {})
         reasons.setdefault(readings.reason[k], []).append(readings.channel[k])
+    moments = Counter(wholes[name] for name in set(readings.stage))
+    lasting = {stage.whole for stage in case.stages if stage.lasts is not None}
     return tuple(
         ReadingSummary(
             stage,
@@ -393,7 +407,8 @@ def _readings(case: Case, readings: ReadingTable) -> tuple[ReadingSummary, ...]:
             tuple(
                 (why, tuple(dict.fromkeys(names))) for why, names in unused.get(stage, {}).items()
             ),
+            moments[stage] if stage in lasting else 0,
         )
-        for stage in case.stage_names
+        for stage in dict.fromkeys(wholes.values())
         if stage in used or stage in unused
     )

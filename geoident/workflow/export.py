@@ -26,6 +26,7 @@ from geoident.io.result.vtkhdf import (
 from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.mark import marked, origin_of
+from geoident.model.arrays import Floats
 from geoident.model.results.result import FieldSeries, Result
 from geoident.workflow.programs.digest import file_sha256
 from geoident.workflow.running.older_files import listed_files, listing_text
@@ -247,6 +248,7 @@ def export_vtu(export: Export) -> tuple[str, ...]:
     fields = _fields(path, result)
     names = state_names(result)
     digits = len(str(len(names) - 1))
+    times = _first(result.gauges.series_times, len(names))
     files = [f"{stem(path)}.{state:0{digits}}.vtu" for state in range(len(names))]
     writers: dict[Path, Writer] = {
         folder / file: partial(
@@ -254,7 +256,7 @@ def export_vtu(export: Export) -> tuple[str, ...]:
         )
         for state, file in enumerate(files)
     }
-    writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part)
+    writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part, times)
     return export.write(writers | _structure_writers(export, digits))
 
 
@@ -265,13 +267,19 @@ def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
         return {}
     name = f"{stem(export.path)}.structures"
     states = ("virgin", *members.stages)
+    times = _first(export.result.gauges.series_times, len(states))
     files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
     writers: dict[Path, Writer] = {
         folder / file: partial(write_structures_vtu, members, state)
         for state, file in enumerate(files)
     }
-    writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part)
+    writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part, times)
     return writers
+
+
+def _first(times: Floats | None, count: int) -> Floats | None:
+    """The times of so many states; None for their numbers."""
+    return None if times is None else times[:count]
 
 
 def state_names(result: Result) -> tuple[str, ...]:
@@ -297,7 +305,7 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     lines: dict[Path, Writer] = {}
     if members is not None:
         lines[folder / f"{stem(path)}.structures.vtkhdf"] = partial(
-            write_structures_vtkhdf, members
+            write_structures_vtkhdf, members, times=export.result.gauges.series_times
         )
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():

@@ -24,6 +24,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import Reading, named_channels
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import FieldSeries
+from geoident.model.results.times import StageTimes
 from geoident.model.results.yielded import Mechanism
 from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.jobs import (
@@ -231,8 +232,12 @@ def _with_fields(
             fields = model.fields_up_to_collapse(p)
         assert fields is not None
         with hdf5_output(temporary) as written:
+            times = StageTimes.of(model.case)
             write_fields(
-                written, fields, mechanism=mechanism if isinstance(mechanism, Mechanism) else None
+                written,
+                fields,
+                mechanism=mechanism if isinstance(mechanism, Mechanism) else None,
+                times=None if times is None else times.series,
             )
             add_principal_stresses(written)
     if collapse is not None:

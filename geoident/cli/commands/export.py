@@ -43,6 +43,7 @@ TABLES = (
     "face-profile",
     "grid",
     "readings",
+    "times",
     "accuracies",
     "left-out",
     "posterior",

@@ -61,6 +61,7 @@ from geoident.forward.analysis.stage import (
 )
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
+from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.stages import CaseOnMesh
@@ -235,9 +236,12 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
-        self._consolidation: ConsolidationSteps | None = None
-        if analysis.case.consolidates:
-            self._consolidation = ConsolidationSteps(systems, analysis.pores, options.finer)
+        self._creep: CreepSteps | None = None
+        if analysis.case.creeps:
+            self._creep = CreepSteps(analysis.on_mesh, self.point, self._ground)
+        self._in_time: ConsolidationSteps | None = None
+        if analysis.case.consolidates or analysis.case.creeps:
+            self._in_time = ConsolidationSteps(systems, analysis.pores, self._creep, options.finer)
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
@@ -302,8 +306,8 @@ class AnalysisRun:
     def forget_factors(self) -> None:
         """Forget the factorizations that are kept."""
         self.factors.forget()
-        if self._consolidation is not None:
-            self._consolidation.forget_factors()
+        if self._in_time is not None:
+            self._in_time.forget_factors()
 
     def _at_rest(self) -> tuple[Floats, StressState]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -312,7 +316,7 @@ class AnalysisRun:
         u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
         carried = StressState(stress, np.zeros((self._structures.n_rows, columns)))
-        if self._consolidation is not None:
+        if self._analysis.case.consolidates:
             carried.pores = np.zeros((self._analysis.on_mesh.mesh.n_nodes, columns))
         return u, carried
 
@@ -351,6 +355,8 @@ class AnalysisRun:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
             self.traces.append(ElasticTrace(task, du, slopes, {}, in_situ[..., 1:], stepped))
+        if self._creep is not None:
+            carried.creep = self._creep.at_rest(stress)
         if any(state.relaxed for state in self._analysis.sequence.states):
             self._virgin_stress = carried.stress.copy()
         if self._plastic is not None:
@@ -386,11 +392,12 @@ class AnalysisRun:
         self._structures.begin(state, carried.members, point)
         u[~system.touched] = 0.0
         task = self._task(number, carried, forces)
-        task.impose(systems)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
         flowed = None
-        if self._consolidation is not None:
-            flowed = self._consolidation.step(task, self.factors)
+        if self._creep is None:
+            task.impose(systems)
+        if self._in_time is not None:
+            flowed = self._in_time.step(task, self.factors)
         if flowed is not None:
             du = flowed
         elif self._plastic is not None and self._plastic.yields(state):

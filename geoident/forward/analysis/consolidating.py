@@ -1,8 +1,8 @@
-"""Stages of ground that consolidates, one after the other, in one analysis (theory 18).
+"""Stages in which water flows or ground creeps, one after the other, in one analysis (theory 18).
 
 A stage that lasts goes on through its moments: the first does what the stage does, later ones go on
 in time. One without duration is the end of all flow: pressures are those at rest, or of the steady
-flow between given heads.
+flow between given heads; and of all creep, one step of infinite length.
 """
 
 from __future__ import annotations
@@ -12,11 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geoident.forward.analysis.creeping import begin_materials, begin_part
 from geoident.forward.analysis.march import InTime, March, StepEquations
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
-from geoident.forward.consolidation.steps import OF_EACH_LENGTH, TimeStep, stage_steps
+from geoident.forward.consolidation.steps import (
+    OF_EACH_LENGTH,
+    OF_EACH_WITHOUT_WATER,
+    TimeStep,
+    stage_steps,
+)
+from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Floats
 
@@ -44,11 +51,14 @@ class ConsolidationSteps:
     Args:
         systems: the equations of the stages.
         pores: of the case.
+        creep: makes the steps of ground that creeps; None where none does.
         finer: how many times as many steps in time are made as usual.
     """
 
-    def __init__(self, systems: StageSystems, pores: Pores, finer: int = 1) -> None:
-        self._systems, self._pores, self._finer = systems, pores, finer
+    def __init__(
+        self, systems: StageSystems, pores: Pores, creep: CreepSteps | None, finer: int = 1
+    ) -> None:
+        self._systems, self._pores, self._creep, self._finer = systems, pores, creep, finer
         self._sequence = systems.on_mesh.sequence
         self._going: dict[int, _Going] = {}
 
@@ -73,23 +83,39 @@ class ConsolidationSteps:
         Raises:
             ModelError: the stiffness is not positive definite.
         """
-        pores = task.carried.pores
-        assert pores is not None  # of a case that consolidates
+        carried = task.carried
+        pores = carried.pores  # None in a case that does not consolidate
         given = self._pores.given(task.number, task.point)
-        if not self._pores.consolidates(task.state):
-            pores[:] = self._pores.steady(task.number, given, task.point)
-            if given.any():
+        if self._creep is not None and not task.state.goes_on:
+            before = self._sequence.states[task.state.base].materials
+            begin_materials(task, self._systems, before)
+        creeps = self._creep is not None and task.state.lasts is not None
+        if not (creeps or self._pores.consolidates(task.state)):
+            if pores is not None:
+                pores[:] = self._pores.steady(task.number, given, task.point)
+            if pores is not None and given.any():
                 task.forces[:] += self._pores.operators(task.number, task.point).coupling.at(pores)
-            return None
-        going = self._goes_on(task, given)
+            return None if self._creep is None else self._to_the_end(task, self._creep, factors)
+        going = self._goes_on(task, given, factors)
         moment = moment_of(task.state)
         reached = self._still_to_come(going, going.march.to(moment), moment, task)
         du = reached.u - going.reached.u
         self._going[task.number] = replace(going, reached=reached)
-        pores[:] = reached.p
-        elastic_step(task, self._systems, factors, du)
+        if pores is not None:
+            pores[:] = reached.p
+        if reached.carried is None:
+            elastic_step(task, self._systems, factors, du)
+        else:
+            carried.take(reached.carried)
         operators = self._pores.operators(task.number, task.point)
-        task.forces[:] += operators.coupling.at(pores)
+        task.forces[:] += operators.coupling.at(reached.p)
+        return du
+
+    def _to_the_end(self, task: StageTask, creep: CreepSteps, factors: FactorCache) -> Floats:
+        """Displacement steps (n_dofs, 1 + n) of what a stage does, and of all creep."""
+        part = begin_part(task, self._systems, creep, task.carried, np.inf)
+        du = elastic_step(part.task, self._systems, factors)
+        task.carried.take(part.end(self._systems, factors, du))
         return du
 
     def _still_to_come(
@@ -107,7 +133,7 @@ class ConsolidationSteps:
             return reached
         return replace(reached, u=reached.u - later * going.motion)
 
-    def _goes_on(self, task: StageTask, given: Floats) -> _Going:
+    def _goes_on(self, task: StageTask, given: Floats, factors: FactorCache) -> _Going:
         """The stage of a state, begun now or at an earlier moment."""
         state, number = task.state, task.number
         if state.goes_on:
@@ -115,10 +141,12 @@ class ConsolidationSteps:
         system = self._pores[number]
         before = self._before(task)
         operators = self._pores.operators(number, task.point)
-        equations = StepEquations(task, self._systems, system, operators, before)
-        steps = steps_of(self._sequence.states, number, self._finer)
+        equations = StepEquations(
+            task, self._systems, system, operators, before, factors, self._creep
+        )
+        steps = steps_of(self._sequence.states, number, self._finer, water=len(system.nodes) > 0)
         march = March(equations, steps, before, given, state.over)
-        nothing = InTime(np.zeros_like(task.forces), before)
+        nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
         return _Going(march, nothing, equations.rest, task.motion)
 
     def _before(self, task: StageTask) -> Floats:
@@ -127,7 +155,9 @@ class ConsolidationSteps:
         Where the water at rest changes, all pressure is what it was: that in excess jumps.
         """
         state, number, carried = task.state, task.number, task.carried.pores
-        assert carried is not None
+        if carried is None:
+            shape = self._systems.on_mesh.mesh.n_nodes, task.forces.shape[1]
+            return np.zeros(shape)
         before, nodes = np.zeros_like(carried), self._pores[number].nodes
         before[nodes] = carried[nodes]
         if state.water != self._sequence.states[state.base].water:
@@ -142,13 +172,16 @@ def moment_of(state: ConstructionState) -> float:
     return float(state.lasts or 0.0) if state.at is None else state.at
 
 
-def steps_of(states: Sequence[ConstructionState], number: int, finer: int = 1) -> list[TimeStep]:
+def steps_of(
+    states: Sequence[ConstructionState], number: int, finer: int = 1, *, water: bool
+) -> list[TimeStep]:
     """The steps in time of the stage that begins with a state; none where no time passes.
 
     Args:
         states: of the case.
         number: of the state.
         finer: how many times as many steps are made as usual.
+        water: whether water flows in it; else ground creeps alone.
     """
     state = states[number]
     if not state.lasts:
@@ -159,4 +192,5 @@ def steps_of(states: Sequence[ConstructionState], number: int, finer: int = 1) -
             moments.append(moment_of(states[later]))
             at = later
     first = min(moment for moment in moments if moment > 0.0)
-    return stage_steps(state.lasts, first, state.over, finer * OF_EACH_LENGTH)
+    of_each = OF_EACH_LENGTH if water else OF_EACH_WITHOUT_WATER
+    return stage_steps(state.lasts, first, state.over, finer * of_each)

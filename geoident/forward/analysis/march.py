@@ -20,24 +20,41 @@ derivatives of a step have the same matrix: for each parameter, on the right, th
 w, and what its derivatives of K, Q, S and H make of du and dp.
 
 Within a step u and p are the parabolas through its beginning, its middle and its end.
+
+Ground that creeps has a K of its own in every part of a step, by its length, and its past is a load
+there (`creeping`); its stress is carried from part to part. Then what a stage does at once comes
+before all steps, and nothing creeps meanwhile. Without water the parts of a step are its halves, so
+that there is one factorization for each length.
 """
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.solvers.quasi_definite import QuasiDefinite
-from geoident.forward.analysis.stage import StageTask, not_positive_definite
+from geoident.forward.analysis.creeping import begin_part, mixed
+from geoident.forward.analysis.stage import (
+    FactorCache,
+    StageTask,
+    StressState,
+    not_positive_definite,
+)
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
 from geoident.forward.consolidation.steps import GAMMA, TimeStep
+from geoident.forward.creep.steps import CreepSteps
 from geoident.model.arrays import Bools, Floats, Ints
 
 _BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
+
+_MOST_KEPT = 2
+"""Factors that are kept of ground that creeps: the parts of a step have different moduli."""
 
 _ROUNDING = 1e-12
 """Part of a time within which it is reached."""
@@ -50,10 +67,12 @@ class InTime:
     Args:
         u: (n_dofs, 1 + n) since the beginning of the stage, m, without what supports impose.
         p: (n_nodes, 1 + n) Pa.
+        carried: by ground that creeps; None where none does.
     """
 
     u: Floats
     p: Floats
+    carried: StressState | None = None
 
 
 class March:
@@ -78,7 +97,9 @@ class March:
         self._equations, self._steps, self._given = equations, steps, given
         self._over, self._came = over, 0.0
         self._time, self._done = 0.0, 0
-        self._now = InTime(np.zeros((equations.n_dofs, pressures.shape[1])), pressures)
+        still = np.zeros((equations.n_dofs, pressures.shape[1]))
+        self._now = InTime(still, pressures, equations.carried)
+        self._gamma = equations.gamma
         self._parts = (self._now, self._now, self._now)
         self._length = 0.0
 
@@ -88,9 +109,11 @@ class March:
         Raises:
             ModelError: the equations have no unique solution.
         """
-        if time == 0.0:
+        jumps = time == 0.0 or (self._now.carried is not None and not self._over)
+        if jumps and not self._done and not self._came:
             free = np.zeros_like(self._equations.pores.given)
-            self._now = self._after(self._now, 0.0, self._now.p, free, 0.0)
+            self._now = self._after(self._now, 0.0, self._now.p, free, (0.0, 0.0))
+        if time == 0.0:
             return self._now
         while self._time < time * (1.0 - _ROUNDING):
             self._step()
@@ -104,14 +127,15 @@ class March:
     def _step(self) -> None:
         step, begun = self._steps[self._done], self._now
         held = self._equations.pores.given
-        middle, end = self._time + GAMMA * step.length, self._time + step.length
+        start, end = self._time, self._time + step.length
+        middle = start + self._gamma * step.length
         if step.euler:
-            self._now = self._after(begun, step.share, begun.p, held, end)
-            between = _mean(begun, self._now, GAMMA)
+            self._now = self._after(begun, step.share, begun.p, held, (start, end))
+            between = _sum((begun, self._now), (1.0 - self._gamma, self._gamma))
         else:
-            between = self._after(begun, step.share, 2.0 * begun.p, held, middle)
+            between = self._after(begun, step.share, 2.0 * begun.p, held, (start, middle))
             drive = between.p + _BACK * (begun.p + between.p)
-            self._now = self._after(between, step.share, drive, held, end)
+            self._now = self._after(between, step.share, drive, held, (middle, end))
         self._parts, self._length = (begun, between, self._now), step.length
         self._time, self._done = end, self._done + 1
 
@@ -119,21 +143,29 @@ class March:
         """The part of what the stage does that has come at a time, s."""
         return 1.0 if time >= self._over * (1.0 - _ROUNDING) else time / self._over
 
-    def _after(self, before: InTime, h: float, drive: Floats, held: Bools, time: float) -> InTime:
-        """At a time, the end of a part of a step; pressures of some nodes (n_nodes,) are given."""
+    def _after(
+        self, before: InTime, h: float, drive: Floats, held: Bools, span: tuple[float, float]
+    ) -> InTime:
+        """The end of a part of a step; pressures of some nodes (n_nodes,) are given.
+
+        Args:
+            before: its beginning.
+            h: by what flow is multiplied, s.
+            drive: w (n_nodes, 1 + n), Pa.
+            held: (n_nodes,) where pressures are given.
+            span: when it begins and ends, s.
+        """
         jump = np.where(held[:, None], self._given - before.p, 0.0)
-        comes, self._came = self.came(time) - self._came, self.came(time)
-        du, dp = self._equations.advance(h, drive, jump, held, comes)
-        return InTime(before.u + du, before.p + dp)
+        start, end = span
+        comes, self._came = self.came(end) - self._came, self.came(end)
+        du, dp, carried = self._equations.advance(
+            h, drive, jump, held, comes, before.carried, end - start
+        )
+        return InTime(before.u + du, before.p + dp, carried)
 
     def _within(self, part: float) -> InTime:
         """At a part of the last step."""
-        begun, between, end = self._parts
-        at = [_lagrange(part, k) for k in range(3)]
-        return InTime(
-            at[0] * begun.u + at[1] * between.u + at[2] * end.u,
-            at[0] * begun.p + at[1] * between.p + at[2] * end.p,
-        )
+        return _sum(self._parts, [_lagrange(part, k, self._gamma) for k in range(3)])
 
 
 class StepEquations:
@@ -145,9 +177,14 @@ class StepEquations:
         pores: where pressures are.
         operators: of the water.
         before: (n_nodes, 1 + n) pressures before the stage, Pa.
+        factors: of stages without water.
+        creep: makes the steps of ground that creeps; None where none does.
 
     Attributes:
-        rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage.
+        rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage; of ground
+            that creeps without what is imposed in it.
+        carried: by ground that creeps, at the beginning of the stage.
+        gamma: where the parts of a step meet.
     """
 
     def __init__(
@@ -157,6 +194,8 @@ class StepEquations:
         pores: PoreSystem,
         operators: PoreOperators,
         before: Floats,
+        factors: FactorCache,
+        creep: CreepSteps | None = None,
     ) -> None:
         self.pores, self._systems, self._operators = pores, systems, operators
         self.n_dofs = len(task.forces)
@@ -165,19 +204,30 @@ class StepEquations:
         if systems.structures.n_rows:
             rest -= systems.structures.nodal_forces(carried.members)
         self.rest = rest + operators.coupling.at(before)
-        self._task = task
-        self._stiff = _stiffness_depends(task)
-        self._blocks: tuple[bytes, _Blocks] | None = None
-        self._factor: tuple[float, Factor] | None = None
+        self.carried = None if creep is None else carried.copy()
+        self.gamma = GAMMA if len(pores.nodes) else 0.5
+        self._task, self._creep, self._factors = task, creep, factors
+        self._stiff = _stiffness_depends(task) or creep is not None
+        self._blocks: dict[Hashable, _Blocks] = {}
+        self._factor: dict[Hashable, Factor] = {}
 
     def forget(self) -> None:
-        """Forget the factorization."""
-        self._factor = None
+        """Forget factorizations."""
+        self._factor.clear()
 
     def advance(
-        self, h: float, drive: Floats, jump: Floats, held: Bools, comes: float
-    ) -> tuple[Floats, Floats]:
+        self,
+        h: float,
+        drive: Floats,
+        jump: Floats,
+        held: Bools,
+        comes: float,
+        carried: StressState | None,
+        length: float,
+    ) -> tuple[Floats, Floats, StressState | None]:
         """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) in a part of a step.
+
+        Also what ground that creeps carries at its end.
 
         Args:
             h: by what flow is multiplied, s.
@@ -185,6 +235,8 @@ class StepEquations:
             jump: (n_nodes, 1 + n) changes of the pressures that are given, Pa.
             held: (n_nodes,) where they are given.
             comes: part of what the stage does that comes in it.
+            carried: by ground that creeps, at its beginning; None where none does.
+            length: of the part, s.
 
         Raises:
             ModelError: the matrix is singular.
@@ -195,11 +247,16 @@ class StepEquations:
         water = h * H.at(drive) + S.value @ jump + h * (H.value @ jump)
         if comes:
             forces += comes * self.rest
+        part = None
+        if self._creep is not None and carried is not None:
+            part = begin_part(task, self._systems, self._creep, carried, length)
+            task = part.task
+            forces += part.past
         moved = None
         if task.motion is not None:
             water += Q.value.T @ task.motion
             moved = task.motion[:, 0]
-        blocks, factor = self._factorized(h, held)
+        blocks, factor = self._factorized(h, held, task)
         du, dp = np.zeros_like(forces), jump.copy()
         state = slice(0, 1)
         blocks.solve(factor, forces[:, state], water[:, state], du[:, state], dp[:, state])
@@ -216,7 +273,7 @@ class StepEquations:
                 water[:, 1 + n] += h * (slope @ p)
             rest = slice(1, None)
             blocks.solve(factor, forces[:, rest], water[:, rest], du[:, rest], dp[:, rest])
-        return du, dp
+        return du, dp, None if part is None else part.end(self._systems, self._factors, du)
 
     def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
         """Forces (n_dofs, n) of dK/dp by displacements (n_dofs,)."""
@@ -227,29 +284,35 @@ class StepEquations:
         forces = points.forces(stress, task.system.volume)
         return forces + structures.nodal_forces(members) if structures.n_rows else forces
 
-    def _factorized(self, h: float, held: Bools) -> tuple[_Blocks, Factor]:
-        key = held.tobytes()
-        if self._blocks is None or self._blocks[0] != key:
-            self._blocks, self._factor = (key, self._made_for(held)), None
-        blocks = self._blocks[1]
-        if self._factor is None or self._factor[0] != h:
-            self._factor = None  # its memory is free for the next
+    def _factorized(self, h: float, held: Bools, task: StageTask) -> tuple[_Blocks, Factor | None]:
+        if not np.any(~held[self.pores.nodes]):
+            dofs, nodes = task.system.dofs, self.pores.nodes[:0]
+            return _Blocks(None, dofs, nodes, 1.0), self._factors.factor(task, self._systems)
+        key = held.tobytes(), task.moduli_key
+        if key not in self._blocks:
+            _make_room(self._blocks, _MOST_KEPT)
+            self._blocks[key] = self._made_for(held, task)
+        blocks, key_of_factor = self._blocks[key], (*key, h)
+        if key_of_factor not in self._factor:
+            _make_room(self._factor, _MOST_KEPT if self._creep is not None else 1)
+            matrices = blocks.matrices
+            assert matrices is not None
             try:
-                self._factor = h, blocks.matrices.factor(h)
+                self._factor[key_of_factor] = matrices.factor(h)
             except NotPositiveDefinite as error:
                 unknown = error.unknown
-                n_moving = len(self._task.system.dofs)
+                n_moving = len(task.system.dofs)
                 at = unknown if unknown is not None and unknown < n_moving else None
-                place = self._systems.describe_unknown(self._task.system, at)
-                raise not_positive_definite(self._task.state.name, place) from error
-        return blocks, self._factor[1]
+                place = self._systems.describe_unknown(task.system, at)
+                raise not_positive_definite(task.state.name, place) from error
+        return blocks, self._factor[key_of_factor]
 
-    def _made_for(self, held: Bools) -> _Blocks:
+    def _made_for(self, held: Bools, task: StageTask) -> _Blocks:
         """The blocks of the unknowns where some pressures (n_nodes,) are held."""
-        task, systems, operators = self._task, self._systems, self._operators
+        systems, operators = self._systems, self._operators
         system = task.system
         values = systems.stiffness_values(
-            system, task.state, task.moduli_by_material(), task.point.values
+            system, task.state, task.moduli_by_material(), task.point.values, task.members_grown
         )
         K = system.pattern.lower.whole(values)
         dofs, nodes = system.dofs, self.pores.nodes[~held[self.pores.nodes]]
@@ -272,19 +335,26 @@ class _Blocks:
     """The matrices of some unknowns.
 
     Args:
-        matrices: of displacements and pressures.
+        matrices: of displacements and pressures; None where no pressure is unknown.
         dofs: (n,) of the displacements.
         nodes: (n_p,) of the pressures.
         size: of a pressure, Pa: the unknowns are pressures by it.
     """
 
-    matrices: QuasiDefinite
+    matrices: QuasiDefinite | None
     dofs: Ints
     nodes: Ints
     size: float
 
-    def solve(self, factor: Factor, forces: Floats, water: Floats, du: Floats, dp: Floats) -> None:
-        """Add the solution for some columns to changes of displacements and pressures."""
+    def solve(
+        self, factor: Factor | None, forces: Floats, water: Floats, du: Floats, dp: Floats
+    ) -> None:
+        """Add the solution for some columns to changes of displacements and pressures.
+
+        Without a factor nothing is free to move.
+        """
+        if factor is None:
+            return
         n = len(self.dofs)
         right = np.concatenate([forces[self.dofs], self.size * water[self.nodes]])
         solution = factor.solve(right)
@@ -311,13 +381,22 @@ def _stiffness_depends(task: StageTask) -> bool:
     return bool(task.rigidities[:, 1:].any())
 
 
-def _mean(one: InTime, other: InTime, part: float) -> InTime:
-    """Between two, at a part of the way."""
-    return InTime(one.u + part * (other.u - one.u), one.p + part * (other.p - one.p))
+def _make_room(kept: dict[Hashable, Any], most: int) -> None:
+    """Forget the oldest, so that there is room for one more."""
+    while len(kept) >= most:
+        del kept[next(iter(kept))]
 
 
-def _lagrange(x: float, k: int) -> float:
+def _sum(states: Sequence[InTime], weights: Sequence[float]) -> InTime:
+    """A sum of states of one stage with weights."""
+    u = sum(w * one.u for w, one in zip(weights, states, strict=True))
+    p = sum(w * one.p for w, one in zip(weights, states, strict=True))
+    carried = [one.carried for one in states if one.carried is not None]
+    return InTime(np.asarray(u), np.asarray(p), mixed(carried, weights) if carried else None)
+
+
+def _lagrange(x: float, k: int, gamma: float) -> float:
     """The k-th parabola of those through 0, gamma and 1."""
-    nodes = (0.0, GAMMA, 1.0)
+    nodes = (0.0, gamma, 1.0)
     others = [node for n, node in enumerate(nodes) if n != k]
     return float(np.prod([(x - node) / (nodes[k] - node) for node in others]))

@@ -5,7 +5,7 @@ There one factorization serves all columns; for stages with yielding see `plasti
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,7 @@ from geoident.fem.elasticity import Moduli
 from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
 from geoident.forward.analysis.systems import StageSystem, StageSystems
+from geoident.forward.creep.steps import CreepStrains, StepModuli
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, Index
 from geoident.forward.structures.members import Structures
@@ -121,12 +122,14 @@ class StressState:
             count because it hardens.
         pores: (n_nodes, k) pressure of water in excess of that at rest, Pa; None where all ground
             drains at once.
+        creep: strains of ground that creeps, and the times of its placing; None where none does.
     """
 
     stress: Floats
     members: Floats
     hardened: dict[str, Floats] = field(default_factory=dict)
     pores: Floats | None = None
+    creep: CreepStrains | None = None
 
     def clear(self, points: Bools | Ints | slice) -> None:
         """Points (n_points,), or (k,) by number, that are gone or placed anew carry nothing.
@@ -136,6 +139,8 @@ class StressState:
         self.stress[:, points] = 0.0
         for multipliers in self.hardened.values():
             multipliers[:, points] = 0.0
+        if self.creep is not None:
+            self.creep.clear(points)
 
     def multipliers(self, material: str, points: Index, columns: slice | int) -> Floats | None:
         """Multipliers so far (y, q, ...); None for none.
@@ -162,11 +167,17 @@ class StressState:
             self.hardened[material] = np.zeros(shape)
         self.hardened[material][:, points, columns] += more
 
+    def take(self, other: StressState) -> None:
+        """Take stress, forces of structures and creep of another state."""
+        self.stress[:], self.members[:] = other.stress, other.members
+        self.creep = None if other.creep is None else other.creep.copy()
+
     def copy(self) -> StressState:
         """A copy of its own."""
         hardened = {name: values.copy() for name, values in self.hardened.items()}
         pores = None if self.pores is None else self.pores.copy()
-        return StressState(self.stress.copy(), self.members.copy(), hardened, pores)
+        creep = None if self.creep is None else self.creep.copy()
+        return StressState(self.stress.copy(), self.members.copy(), hardened, pores, creep)
 
 
 @dataclass(frozen=True)
@@ -179,24 +190,29 @@ class StageTask:
         state: what is there.
         point: the parameters, and those to differentiate by in this run.
         ground_moduli: of all materials; it knows their derivatives by all parameters of the case.
+            Of a step in time those that the step has.
         carried: before the stage, without what left; see `impose`. Changed in place.
         forces: (n_dofs, 1 + n + k).
         rigidities: (n_rows, 1 + n) of structures.
         thermal: (n_points, 1 + n) normal strains eps_0 of a change of temperature; None for none.
         motion: (n_dofs, 1 + n) displacement step w that supports impose, zero where nothing is
             given; None for none.
+        moduli_key: what the moduli depend on beside ground and parameters: the step in time.
+        members_grown: structure to what there is of its stiffness, where it ages.
     """
 
     number: int
     system: StageSystem
     state: ConstructionState
     point: ParameterPoint
-    ground_moduli: ModuliAt
+    ground_moduli: ModuliAt | StepModuli
     carried: StressState
     forces: Floats
     rigidities: Floats
     thermal: Floats | None = None
     motion: Floats | None = None
+    moduli_key: Hashable = None
+    members_grown: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -313,9 +329,9 @@ class _KeptFactor:
     entries: int
 
 
-def _stiffness_key(state: ConstructionState) -> object:
+def _stiffness_key(state: ConstructionState, moduli_key: Hashable) -> object:
     """What K of a state depends on, at given parameters."""
-    return state.materials, state.structures, set(state.stressed), state.held
+    return state.materials, state.structures, set(state.stressed), state.held, moduli_key
 
 
 class FactorCache:
@@ -337,9 +353,9 @@ class FactorCache:
         """Forget all."""
         self._kept.clear()
 
-    def find(self, state: ConstructionState) -> Factor | None:
+    def find(self, state: ConstructionState, moduli_key: Hashable = None) -> Factor | None:
         """The factorization of K at a state, if it is one that is kept and still valid."""
-        key = _stiffness_key(state)
+        key = _stiffness_key(state, moduli_key)
         for kept in self._kept:
             if kept.key == key and kept.factor.valid:
                 return kept.factor
@@ -355,7 +371,7 @@ class FactorCache:
         symbolic = systems.symbolic(system)
         if symbolic is None:
             return None
-        factor = self.find(state)
+        factor = self.find(state, task.moduli_key)
         if factor is not None:
             return factor
         entries = len(system.pattern.lower.indices)
@@ -368,13 +384,14 @@ class FactorCache:
             assert symbolic is not None  # of the same pattern, in which something is free to move
         try:
             values = systems.stiffness_values(
-                system, state, task.moduli_by_material(), task.point.values
+                system, state, task.moduli_by_material(), task.point.values, task.members_grown
             )
             factor = symbolic.factorize(values)
         except NotPositiveDefinite as error:
             place = systems.describe_unknown(system, error.unknown)
             raise not_positive_definite(state.name, place) from error
-        self._kept.append(_KeptFactor(_stiffness_key(state), factor, symbolic, entries))
+        key = _stiffness_key(state, task.moduli_key)
+        self._kept.append(_KeptFactor(key, factor, symbolic, entries))
         return factor
 
 

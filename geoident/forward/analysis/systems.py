@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from types import MappingProxyType
 
 import numpy as np
 import scipy.sparse as sp
@@ -186,6 +187,7 @@ class StageSystems:
         state: ConstructionState,
         moduli: Mapping[str, Moduli],
         parameters: Values,
+        grown: Mapping[str, float] = MappingProxyType({}),
     ) -> Floats:
         """Values (nnz,) of K at a state.
 
@@ -197,6 +199,7 @@ class StageSystems:
             state: what is there.
             moduli: material to its moduli at its points, Pa.
             parameters: their values by name, SI.
+            grown: structure to what there is of its stiffness, where that is not all.
         """
         map_of = self.discretization.kinematics.stiffness_map
         maps = {
@@ -206,7 +209,7 @@ class StageSystems:
             g: maps[material] for g, material in state.materials.items() if material in maps
         }
         total = system.pattern.values(
-            self._blocks, ground_maps | self.structures.maps(state, parameters)
+            self._blocks, ground_maps | self.structures.maps(state, parameters, grown)
         )
         for name in moduli.keys() - maps.keys():
             points = numbers(system.points_of[name], len(system.volume))

@@ -108,7 +108,11 @@ class Pores:
             for j, matrix in enumerate(matrices.flow):
                 along = point.number(numbers[j if len(numbers) > 1 else 0])
                 flow.append((along / weight, matrix))
-        return PoreOperators(_summed(coupling), _summed(storage), _summed(flow))
+        n_nodes, n_dofs = self._on_mesh.mesh.n_nodes, self._on_mesh.discretization.n_dofs
+        square = (n_nodes, n_nodes)
+        return PoreOperators(
+            _summed(coupling, (n_dofs, n_nodes)), _summed(storage, square), _summed(flow, square)
+        )
 
     def given(self, state: int, point: ParameterPoint) -> Floats:
         """Pressures (n_nodes, 1 + n) where they are given, in excess of those at rest, Pa."""
@@ -163,8 +167,9 @@ class Pores:
         material = self._case.materials[self._sequence.states[state].materials[group]]
         if not material.consolidates or material.hydraulic is None:
             return np.zeros((self._on_mesh.discretization.n_dofs, pressures.shape[1]))
-        part = [(point.number(material.hydraulic.biot), self._of_group(group).coupling)]
-        return _summed(part).at(pressures)
+        coupling = self._of_group(group).coupling
+        part = [(point.number(material.hydraulic.biot), coupling)]
+        return _summed(part, coupling.shape).at(pressures)
 
     def _of_head(self, head: Scalar, water: Water | None, nodes: Ints) -> _Excess:
         return _Excess(self._on_mesh, head, water, self._on_mesh.mesh.points[nodes])
@@ -223,9 +228,9 @@ def unit_weight(water: Water | None) -> Scalar:
     return WATER if water is None else water.unit_weight
 
 
-def _summed(parts: list[tuple[Dual, sp.csr_array]]) -> Summed:
-    """The sum of some matrices, each times a number."""
-    value = sp.csr_array(parts[0][1].shape)
+def _summed(parts: list[tuple[Dual, sp.csr_array]], shape: tuple[int, int]) -> Summed:
+    """The sum of some matrices of a shape, each times a number."""
+    value = sp.csr_array(shape)
     slopes: dict[int, sp.csr_array] = {}
     for number, matrix in parts:
         value = value + float(number.value) * matrix

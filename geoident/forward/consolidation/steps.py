@@ -24,6 +24,9 @@ BETA = 0.5 * GAMMA
 OF_EACH_LENGTH = 6
 """Steps of each length: errors of settlements and pressures are some 1e-4 of the largest."""
 
+OF_EACH_WITHOUT_WATER = 3
+"""The same of ground that creeps without water, whose motions do not jump: errors are as small."""
+
 _BEFORE = 2
 """Lengths of steps that are gone through before the first moment that is looked at."""
 

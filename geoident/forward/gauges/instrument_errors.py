@@ -5,7 +5,7 @@ A reading of channel a in state j, taken at time t, with the zero in state j0 at
     v = ratio G'_a (u_j - u_j0) + offset + drift (t - t0) + drift_per_stage n        for j after j0
 
 with n the stages from the zero to the reading: those in the history of j that are not in that of
-j0, so that load cases on the side do not count.
+j0, so that load cases on the side do not count. The moments of a stage are one stage.
 
 A channel that reads a value instead of a change has its offset in every reading, and its drift per
 stage since the first stage.
@@ -74,17 +74,20 @@ class InstrumentErrors:
         built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Attributes:
-        times: (n_states, n_channels) seconds since 1970 of the readings, of the ends of stages
-            where nothing was read; NaN where there is no date.
+        times: (n_states, n_channels) s, as `Case.times`, of the readings, of the ends of stages
+            where nothing was read; NaN where that is not known.
     """
 
     def __init__(self, case: Case, built_on: Bools) -> None:
-        # [i, j]: stages in the history of j that are not in that of i
-        self._stages_since = (~built_on).T.astype(np.int64) @ built_on.astype(np.int64)
+        # [i, j]: states, or stages, in the history of j that are not in that of i
+        begins = np.array([True, *(not stage.goes_on for stage in case.stages)])
+        missing = (~built_on).T.astype(np.int64)
+        self._states_since = missing @ built_on.astype(np.int64)
+        self._stages_since = missing @ (built_on & begins[:, None]).astype(np.int64)
         self._channels = case.channels
         zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
         self._zero = zero
-        ends = np.array([case.dates.get(name, np.nan) for name in case.stage_names])
+        ends = np.array([case.times.get(name, np.nan) for name in case.stage_names])
         self._start = ends[zero]
         self.times: Floats = np.repeat(ends[:, None], len(case.channels), axis=1)
         for place, times in _read_at(case).items():
@@ -141,11 +144,12 @@ class InstrumentErrors:
             return table
         known = np.where(np.isnan(read.times), self.times[states, rows], read.times)
         since = self._stages_since[self._zero[rows], states]
+        later = self._states_since[self._zero[rows], states] > 0
         elapsed = known - self._start[rows]
         for k, row in enumerate(rows):
             channel = self._channels[row]
-            later = float(since[k] > 0 or not channel.is_zeroed)
-            table[k] += _part(channel.offset, later, values, names)
+            offset = float(later[k] or not channel.is_zeroed)
+            table[k] += _part(channel.offset, offset, values, names)
             table[k] += _part(channel.drift, float(elapsed[k]), values, names)
             table[k] += _part(channel.drift_per_stage, float(since[k]), values, names)
         return table

@@ -170,6 +170,10 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 "none: which side is its inside is not known"
             )
             yield fault("which-side", message, "give 'towards': a point on the inside")
+        if channel.kind == "strain" and structure.ageing is not None:
+            message = f"reads the strain of {of}, whose stiffness grows while it strains"
+            hint = "read its force (kind: load-cell), or a displacement"
+            yield fault("ageing", message, hint)
         if on_beam and fibre and not (structure.thickness or channel.fibre):
             message = f"reads a fibre of {of}, whose thickness is not given"
             hint = "give 'depth': its distance from the axis of the beam"

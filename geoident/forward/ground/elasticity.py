@@ -27,6 +27,7 @@ from geoident.forward.stages import CaseOnMesh, Index
 from geoident.forward.stages import numbers as places_of
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Material
+from geoident.model.creep import impossible, impossible_ageing
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import (
     Anisotropic,
@@ -357,7 +358,11 @@ def inadmissible(material: Material, values: Values) -> str | None:
     elastic = bounded(material.elastic, material.growths)
     reason = breach(elastic, values) or next(filter(None, breaches), None)
     if reason is None:
-        return None
+        clauses = [impossible(one, values) for one in material.creep]
+        if material.ageing is not None:
+            clauses.append(impossible_ageing(material.ageing, values))
+        clause = next(filter(None, clauses), None)
+        return clause and f"of {material.name} {clause}"
     return f"{reason.constant} of {material.name} is {reason.shown}, {reason.limit}"
 
 

@@ -218,7 +218,7 @@ class OpeningAtPoint:
 
     def _date(self, n: int) -> Dual | None:
         """Date of the end of a state, s; None where none is given."""
-        date = self._case.dates.get(self._states[n].name)
+        date = self._case.times.get(self._states[n].name)
         return None if date is None else self._point.constant(date)
 
     def _distance(self, n: int) -> Dual | None:

@@ -201,7 +201,7 @@ def hardening_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         ]
         key, what, lacking = "hardening_time", "date", list[str]()
         if ring.hardening_time is not None:
-            lacking = [states[n].name for n in needed if states[n].name not in case.dates]
+            lacking = [states[n].name for n in needed if states[n].name not in case.times]
             hint = f"Add 'dates: {{{lacking[0]}: 2024-03-01}}'" if lacking else ""
         elif ring.hardening_distance is not None:
             key, what = "hardening_distance", "distance to the face"

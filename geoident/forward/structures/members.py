@@ -177,15 +177,40 @@ class Structures:
             for n, part in enumerate(self.parts)
         }
 
-    def maps(self, state: ConstructionState, values: Values) -> dict[int, Floats]:
-        """Stiffness maps (2 dim^2, dim^2) of the structures that stand, by key."""
+    def maps(
+        self, state: ConstructionState, values: Values, grown: Mapping[str, float]
+    ) -> dict[int, Floats]:
+        """Stiffness maps (2 dim^2, dim^2) of the structures that stand, by key.
+
+        Args:
+            state: what stands.
+            values: of the parameters, SI.
+            grown: structure to what there is of its stiffness, where that is not all.
+        """
         maps, point = {}, ParameterPoint(values, ())
         for n, part in self._stiff(state):
             axial, bending = rigidities(part.structure, point)
+            part_grown = grown.get(part.name, 1.0)
             maps[self.key(n)] = stiffness_map(
-                float(axial.value), float(bending.value), dim=self._dim
+                part_grown * float(axial.value), part_grown * float(bending.value), dim=self._dim
             )
         return maps
+
+    def grown(self, moduli: Floats, grown: Mapping[str, Dual]) -> Floats:
+        """D and its derivatives (n_rows, 1 + n), with the part of it that some structures have.
+
+        Args:
+            moduli: (n_rows, 1 + n) of all structures at their full stiffness.
+            grown: structure to what there is of it.
+        """
+        if not grown:
+            return moduli
+        moduli = moduli.copy()
+        for part in self.parts:
+            if part.name in grown:
+                whole = Dual(moduli[part.rows])
+                moduli[part.rows] = (whole * Dual(grown[part.name].columns[None])).columns
+        return moduli
 
     def moduli(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """D and its derivatives (n_rows, 1 + n), zero where nothing stands or forces are given."""

@@ -26,14 +26,17 @@ from pydantic_core import PydanticKnownError
 
 from geoident.errors import Term
 from geoident.io.case.actions import LoadSection, WaterSection
+from geoident.io.case.creep import IN_TIME
+from geoident.io.case.creep_checks import check_creep_in_service, check_staged_creep
 from geoident.io.case.decisions import Decisions, build_decisions
+from geoident.io.case.durations import Timetable, is_date
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
 from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
-from geoident.io.case.ground import IN_TIME, MaterialSection, build_materials
+from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.hydraulic import DrainedSection
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
@@ -291,7 +294,10 @@ class CaseSection(Section):
         if self.service is not None and self.model is None:
             _check_in_service(self, self.service, faults)
         until, since = self.fit.until, self.service_since
-        if until is not None and since is not None and read_date(until) <= read_date(since):
+        if until is not None and since is not None and not is_date(until):
+            message = f"'{until}' is no date, and a structure in service has no other stages"
+            faults.add(("fit", "until"), "bad-date", message, "Write it like 2024-03-01.")
+        elif until is not None and since is not None and read_date(until) <= read_date(since):
             key = "service" if self.model is None else "model"
             message = f"'{until}' is not after {key}.since, '{since}'"
             faults.add(("fit", "until"), "dates", message, "Correct one of them.")
@@ -307,12 +313,10 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
                 "'model: {kind: seasonal}'. In stages write numbers."
             )
             faults.add(("loads", name), "no-time", message, hint)
-    for name, material in section.materials.items() if section.service is None else ():
-        for key in IN_TIME:
-            if getattr(material, key) is not None:
-                message = "the case has stages, and no time that passes under load"
-                hint = "Remove it, or add 'service': a structure in service on its mesh."
-                faults.add(("materials", name, key), "no-time", message, hint)
+    if section.service is None:
+        check_staged_creep(
+            section.materials, section.groups, section.stages, section.structures, faults
+        )
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
             message = "a plain reading is nowhere, so geoident cannot compute it"
@@ -356,6 +360,7 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             message = "a structure in service is elastic"
             hint = "Remove 'yield', or describe the case by stages, without 'service'."
             faults.add(("materials", name, "yield"), "yields", message, hint)
+        check_creep_in_service(name, material, faults)
     for name, structure in section.structures.items():
         for attribute, key in (("limits", "yield"), ("capacity", "capacity")):
             if getattr(structure, attribute, None) is not None:
@@ -470,11 +475,14 @@ def _check_series(section: CaseSection, faults: SectionFaults) -> None:
             faults.add(("loads", name), "unused-load", message, hint)
 
 
-def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> Case:
+def build_case(
+    section: CaseSection, times: Timetable, faults: Faults, wrong: Collection[str] = ()
+) -> Case:
     """The case in SI units, without mesh and readings; what does not fit its axes is a fault.
 
     Args:
         section: the case.
+        times: of its stages.
         faults: takes the faults.
         wrong: sections that are left out because they are wrong.
     """
@@ -538,7 +546,7 @@ def build_case(section: CaseSection, faults: Faults, wrong: Collection[str] = ()
         decisions=build_decisions(
             None if {"gauges", "stages"} & {*wrong} or gauges_wrong else section.decision,
             channels,
-            [stage.name for stage in section.stages],
+            times,
             context.at("decision"),
         ),
     )

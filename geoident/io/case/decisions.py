@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag
 
+from geoident.io.case.durations import Timetable
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import Text, shape_of
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
@@ -39,7 +40,10 @@ Decisions = Annotated[
 
 
 def read_place(
-    text: str, channels: Mapping[str, Channel], stages: Sequence[str]
+    text: str,
+    channels: Mapping[str, Channel],
+    stages: Collection[str],
+    times: Timetable | None = None,
 ) -> tuple[str, str, Condition | None]:
     """Channel and stage of a reading, and the condition on it where there is one.
 
@@ -47,6 +51,7 @@ def read_place(
         text: ``CV1 at bench 5`` or ``CV1 > 40 mm at bench 5``.
         channels: of the case, by name.
         stages: names of its stages.
+        times: of these, where moments that the case does not have yet may be named.
 
     Raises:
         Refusal: it is no such text, or there is no such channel or stage.
@@ -59,7 +64,10 @@ def read_place(
     if name not in channels:
         hint = did_you_mean(name, channels, what="Channels")
         raise Refusal("unknown-gauge", f"there is no channel '{shorten(name)}'", hint)
-    if stage not in stages:
+    moment = None if times is None else times.moment(stage)
+    if times is not None and moment is not None:
+        stage = times.name_of(*moment)
+    elif stage not in stages:
         hint = did_you_mean(stage, stages, what="Stages")
         raise Refusal("unknown-stage", f"there is no stage '{shorten(stage)}'", hint)
     channel = channels[name]
@@ -82,7 +90,7 @@ def read_place(
 def build_decisions(
     given: DecisionSection | list[DecisionSection] | None,
     channels: Sequence[Channel],
-    stages: Sequence[str],
+    times: Timetable,
     context: Context,
 ) -> tuple[Decision, ...]:
     """The decisions of a case; what cannot be decided is noted as a fault.
@@ -90,7 +98,7 @@ def build_decisions(
     Args:
         given: as written.
         channels: of the case.
-        stages: names of its stages.
+        times: of its stages.
         context: of the key.
     """
     known, decisions = {channel.name: channel for channel in channels}, []
@@ -98,7 +106,7 @@ def build_decisions(
     for n, section in enumerate([given] if isinstance(given, DecisionSection) else given or ()):
         at = context.at("if") if single else context.at(n, "if")
         try:
-            _, _, condition = read_place(section.if_, known, stages)
+            _, _, condition = read_place(section.if_, known, times.stages[1:], times)
             if condition is None:
                 hint = "Write it like 'CV1 > 40 mm at bench 5'."
                 message = f"'{shorten(section.if_)}' has no value"

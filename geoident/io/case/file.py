@@ -19,6 +19,7 @@ from pydantic import ValidationError
 
 from geoident.errors import InputError
 from geoident.io.case.case import LEFT_OUT, CaseSection, build_case, tied_parameters
+from geoident.io.case.durations import Timetable
 from geoident.io.case.external.build import build_elsewhere
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
@@ -39,6 +40,15 @@ from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.site_files.point_tables import with_tables
+from geoident.io.case.timetable import (
+    check_durations,
+    in_moments,
+    moments_by_stage,
+    stages_of,
+    timetable_of,
+    until_of,
+    with_moment_names,
+)
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.section import Context
@@ -190,6 +200,14 @@ def _build(
             for name, gauge in section.gauges.items()
         }
         section = section.model_copy(update={"gauges": gauges})
+    times = Timetable(stages_of(section))
+    before, times_wrong = len(faults.found), not {"stages", "dates"}.isdisjoint(wrong)
+    if not times_wrong:
+        check_durations(section, faults)
+        times = timetable_of(section, faults)
+        times_wrong = bool(times.lasts) and len(faults.found) > before
+    if not times_wrong:
+        section = with_moment_names(section, times, faults)
     mesh_path = None if section.mesh is None else section.mesh.file
     if mesh_path is not None and with_mesh:
         mesh_path = _find(folder, mesh_path, ("mesh", "file"), faults=faults)
@@ -197,12 +215,14 @@ def _build(
     if "analysis" in wrong:
         raise InputError(faults.shown())  # nobody knows the axes
     before = len(faults.of_keys())
-    built = build_case(section, faults, wrong)
+    built = build_case(section, times, faults, {*wrong, "stages"} if times_wrong else wrong)
     # of a gauge that cannot be built nobody knows the channels
     gauges_wrong = any(path[0] == "gauges" for path in faults.of_keys()[before:])
     read = ReadReadings()
-    if _OF_READINGS.isdisjoint(wrong) and not gauges_wrong:
-        read = read_all(section, built.channels, partial(_find, folder, faults=faults), faults)
+    if _OF_READINGS.isdisjoint(wrong) and not (gauges_wrong or times_wrong):
+        find = partial(_find, folder, faults=faults)
+        named = moments_by_stage(_named(section, built), times)
+        read = read_all(section, times, built.channels, named, find, faults)
     if wrong:
         faults.raise_any()
     series = _series(section, folder, faults) if with_mesh else {}
@@ -220,14 +240,22 @@ def _build(
     in_time = elsewhere if isinstance(elsewhere, SeasonalModel) else service
     if in_time is not None:
         read.notes += gap_notes({one.name: one for one in in_time.series})
+    until = None if times_wrong else until_of(section, times, faults)
     case = replace(
-        read.given_to(built),
+        in_moments(read.given_to(built), times, read.moments, until),
         channels=described_channels(built, section, read.zeros, faults),
         mesh_file=mesh_path,
         elsewhere=elsewhere,
         service=service,
     )
     return case, tuple(read.paths)
+
+
+def _named(section: CaseSection, case: Case) -> list[str]:
+    """The names by which a case speaks of states: stages and moments."""
+    names = [channel.zero for channel in case.channels]
+    names += [decision.condition.stage for decision in case.decisions]
+    return [*names, *(section.fit.stages or ()), *(e.stage for e in section.bad if e.stage)]
 
 
 def _elsewhere(

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, create_model
 
+from geoident.io.case.durations import is_date
 from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
-from geoident.io.case.readings import Date
+from geoident.io.case.readings import read_case_date
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
@@ -84,6 +85,24 @@ def _known_use(value: object) -> bool | str:
     return use
 
 
+def _date_or_moment(value: object) -> str:
+    text = require_text(value, "a date or a stage").strip()
+    return read_case_date(text) if is_date(text) else text
+
+
+DateOrMoment = Annotated[
+    str,
+    BeforeValidator(_date_or_moment),
+    WithJsonSchema(
+        {
+            "type": "string",
+            "description": "a date such as 2024-03-01 [14:30], a stage, or one with a time such as "
+            "fill 2 + 60 d",
+        }
+    ),
+]
+
+
 ReducedUse = Annotated[
     bool | str, BeforeValidator(_known_use), WithJsonSchema({"enum": [True, False, "keep"]})
 ]
@@ -118,10 +137,11 @@ class FitBase(Section):
         "predicted with bands, and the result says how many lie inside.",
         examples=[["D-E"]],
     )
-    until: Date | None = Field(
+    until: DateOrMoment | None = Field(
         None,
-        description="Readings after this date are not used; they are predicted and judged.",
-        examples=["2024-12-31"],
+        description="Readings after this date are not used; they are predicted and judged. A stage "
+        "stands for its end, and `STAGE + TIME` for a moment of a stage that lasts.",
+        examples=["2024-12-31", "fill 2 + 60 d"],
     )
 
     accuracies: EstimatedKinds | None = Field(
@@ -206,7 +226,7 @@ class FitBase(Section):
             keep_reduced=self.reduced == "keep",
             ladder=(),
             predict_gauges=tuple(self.predict_gauges or ()),
-            until=None if self.until is None else read_date(self.until),
+            until=read_date(self.until) if self.until and is_date(self.until) else None,
         )
 
     def _method(self, name: str) -> MethodOptions:

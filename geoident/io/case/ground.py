@@ -8,6 +8,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from geoident.io.case.creep import (
+    AgeingSection,
+    CreepSections,
+    TimeCurveSection,
+    build_creep,
+    sections_of_creep,
+)
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
 from geoident.io.case.hydraulic import HydraulicValue, build_hydraulic
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
@@ -32,7 +39,6 @@ from geoident.io.schema.values import (
     Ratio,
     SpecificHeat,
     Stress,
-    Time,
     scalar_of,
 )
 from geoident.model.case import Material
@@ -47,41 +53,8 @@ from geoident.model.ground import (
     bounded,
     breach,
 )
-from geoident.model.in_service import TimeCurve
 
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
-
-
-IN_TIME = ("creep", "ageing", "softening")
-"""Keys of a material by which it changes in service."""
-
-
-class TimeCurveSection(Section):
-    """What grows with the time under load: `share` (1 - exp(-t / `time`)), or with the logarithm.
-
-    It counts from `service.loaded` on.
-    """
-
-    builds = TimeCurve
-
-    share: Coefficient = Field(
-        description="Of creep, the creep coefficient: that part of the elastic strain is added in "
-        "the end. Of ageing, the part by which the modulus grows; of softening, the part that it "
-        "loses.",
-        examples=["0.8", "$phi"],
-    )
-    time: Time = Field(description="In which it grows.", examples=["3 years", "$tau"])
-    law: Literal["exponential", "logarithmic"] = Field(
-        "exponential",
-        description="`logarithmic`: `share` log(1 + t / `time`), which goes on.",
-    )
-
-    def check(self, faults: SectionFaults) -> None:
-        """The share is not negative."""
-        if self.share.parameter is None and self.share.factor < 0.0:
-            message = f"'{self.share.text}' is negative"
-            hint = "A modulus that grows is 'ageing', one that falls 'softening'."
-            faults.add(("share",), "out-of-range", message, hint)
 
 
 class _MaterialBase(Section):
@@ -102,17 +75,18 @@ class _MaterialBase(Section):
         description="Heat per mass and degree, in place of `heat_capacity`: times the density.",
         examples=["900 J/kgK"],
     )
-    creep: TimeCurveSection | None = Field(
+    creep: CreepSections | None = Field(
         None,
-        description="Of a structure in service: further strain under sustained loads, those of the "
-        "stages and the water as it was day by day.",
-        examples=["{share: $phi, time: 3 years}"],
+        description="Further strain under stress: an element, or a list of elements in a row with "
+        "the elastic spring. Stages in which it comes have `lasts`. Of a structure in service one "
+        "`share`: the loads are those of the stages and the water as it was day by day.",
+        examples=["{share: $phi, time: 30 d}", "{share: 0.1, time: 1 d, law: logarithmic}"],
     )
-    ageing: TimeCurveSection | None = Field(
+    ageing: AgeingSection | None = Field(
         None,
-        description="Of a structure in service: its modulus grows, and what is loaded later "
-        "strains less.",
-        examples=["{share: 0.2, time: 2 years}"],
+        description="The modulus grows with the age: what is loaded later strains less. In "
+        "service it grows by a `share` with the time under load.",
+        examples=["{law: eurocode-2, s: 0.2}", "{curve: {1 d: 12 GPa, 28 d: 30 GPa}}"],
     )
     softening: TimeCurveSection | None = Field(
         None,
@@ -137,6 +111,7 @@ class _MaterialBase(Section):
         """The density is not negative."""
         if self.density and self.density.parameter is None and self.density.factor < 0:
             faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
+        check_in_time(self, faults)
 
     @abstractmethod
     def build_elastic(self, context: Context) -> Elastic:
@@ -320,6 +295,38 @@ class AnisotropicSection(_MaterialBase):
         return Anisotropic({name: scalar for name, scalar in entries.items() if scalar})
 
 
+def check_in_time(material: _MaterialBase, faults: SectionFaults) -> None:
+    """Creep by its own constants, in shear or volume alone, and a table of E need an E or G.
+
+    Args:
+        material: its section.
+        faults: takes what is wrong.
+    """
+    isotropic = isinstance(material, IsotropicSection)
+    moduli = (material.E, material.K, material.G) if isinstance(material, IsotropicSection) else ()
+    varies = any(given is not None and given.varied_by is not None for given in moduli)
+    for path, element in sections_of_creep(material.creep):
+        own = next((key for key in ("kelvin", "maxwell") if getattr(element, key)), None)
+        key = own or ("in" if element.part in {"shear", "volume"} else None)
+        if key is not None and not isotropic:
+            message = "it needs isotropic elasticity, whose shear and volume are apart"
+            hint = "Give 'share' and 'time', without 'in': all strain creeps alike."
+            faults.add(("creep", *path, key), "not-isotropic", message, hint)
+        elif own is not None and varies:
+            message = "its constants are numbers, and the modulus of the material varies"
+            hint = "Give 'share' and 'time': the creep then varies with the modulus."
+            faults.add(("creep", *path, own), "varied-modulus", message, hint)
+    ageing = material.ageing
+    if (
+        ageing is not None
+        and ageing.curve is not None
+        and (getattr(material, "E", None) is None or varies)
+    ):
+        message = "a table of Young's modulus needs 'E' as one number"
+        hint = "Give E and nu, or 'law: eurocode-2'."
+        faults.add(("ageing", "curve"), "no-modulus", message, hint)
+
+
 def elastic(value: object) -> str:
     """Discriminator of the union: the value of the key `elastic`, `isotropic` if missing.
 
@@ -361,6 +368,7 @@ def build_materials(
             place,
             name=name,
             elastic=elastic,
+            creep=build_creep(section.creep),
             yields=build_yields(section.yields, elastic, stronger, parameters, place.at("yield")),
             fields=(
                 *fields_in(section, place, material=name),

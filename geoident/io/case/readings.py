@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
+from geoident.io.case.durations import require_no_negative
 from geoident.io.case.gauges.accuracy import computable
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.schema.section import Section
@@ -14,6 +15,7 @@ from geoident.io.schema.values import (
     TEXT_LIST_OR_MAPPING,
     AnyQuantity,
     CaseNumber,
+    FixedTime,
     Name,
     QuantityType,
     Text,
@@ -23,7 +25,12 @@ from geoident.io.text.dates import DateError, read_date, utc_offset
 from geoident.io.text.wording import Refusal, shorten
 
 
-def _date(value: object) -> str:
+def read_case_date(value: object) -> str:
+    """A date as a case gives it, checked.
+
+    Raises:
+        Refusal: it is none, or has an offset from UTC.
+    """
     text = require_text(value, "a date")
     try:
         read_date(text)
@@ -39,7 +46,7 @@ def _date(value: object) -> str:
 
 Date = Annotated[
     str,
-    BeforeValidator(_date),
+    BeforeValidator(read_case_date),
     WithJsonSchema({"type": "string", "description": "a date such as 2024-03-01 [14:30]"}),
 ]
 ReadAccuracy = Annotated[CaseNumber, QuantityType(None, above=0.0), AfterValidator(computable)]
@@ -50,7 +57,15 @@ class ReadingSection(Section):
 
     gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
     stage: Name | None = Field(
-        None, description="Stage at whose end it was read. Required where there are several."
+        None,
+        description="Stage at whose end it was read. Required where there are several. "
+        "`STAGE + TIME` for a moment of a stage that lasts.",
+    )
+    time: Annotated[FixedTime, AfterValidator(require_no_negative)] | None = Field(
+        None,
+        description="When it was read, since the beginning of its stage, which lasts; at its end "
+        "if missing.",
+        examples=["12 d"],
     )
     value: AnyQuantity | None = Field(description="What was read; empty if it is missing.")
     accuracy: ReadAccuracy | None = Field(None, description="Its own standard deviation.")

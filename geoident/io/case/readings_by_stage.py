@@ -1,23 +1,26 @@
 """The readings of a case, from wherever it says they are to its stages.
 
-A reading with a date belongs to the stage that was complete then: the last whose date is not later.
-Within a stage the last good reading counts, or their mean, or all of them, as the case says. What
-is not used here is counted and said, never dropped in silence.
+A reading with a date belongs to a moment of the stage that lasted then, else to the stage that was
+complete: the last whose date is not later. So all readings are read before the moments of stages
+are known, and only then given to them. Within a stage, or a moment of one, the last good reading
+counts, or their mean, or all of them, as the case says. What is not used here is counted and said,
+never dropped in silence.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from geoident.errors import InputError
+from geoident.errors import Fault, InputError
 from geoident.io.case.case import CaseSection
+from geoident.io.case.durations import Timetable
 from geoident.io.case.readings import ReadingSection
-from geoident.io.case.site_files.calendar import Calendar, calendar_of
+from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.checks import ReadingChecks
 from geoident.io.case.site_files.dates import exchanged, gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
@@ -27,7 +30,8 @@ from geoident.io.readings.layout import Layout
 from geoident.io.readings.table import FaultyReadings
 from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
-from geoident.model.case import VIRGIN, Case, KeyPath
+from geoident.io.text.wording import Refusal
+from geoident.model.case import VIRGIN, Case, KeyPath, format_path
 from geoident.model.gauges import DAY, Channel, Reading, Reads, StageReadings, named_channels
 from geoident.units import UnitError, read_quantity
 
@@ -47,6 +51,7 @@ class ReadReadings:
         zeros: channel to the measured zero that was subtracted from its readings.
         dated: the good ones that have a date, before several of a stage become one.
         by_stage: when these were taken, stage by stage.
+        moments: stage that lasts to the times of its moments, s since its beginning.
     """
 
     readings: list[Reading] = field(default_factory=list)
@@ -56,6 +61,7 @@ class ReadReadings:
     zeros: dict[str, Reading] = field(default_factory=dict)
     dated: list[Reading] = field(default_factory=list)
     by_stage: tuple[StageReadings, ...] = ()
+    moments: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def given_to(self, case: Case) -> Case:
         """The case with its readings, and when they and its stages were."""
@@ -68,29 +74,66 @@ class ReadReadings:
         )
 
 
+@dataclass(frozen=True)
+class _FileRows:
+    """The readings of files of one layout.
+
+    Args:
+        described: how the files are said to be.
+        path: of the key that names them.
+        rows: the readings, those with a date without their stages.
+        surveyed: they are coordinates of points.
+        sound: nothing is wrong with them.
+    """
+
+    described: ReadingsFileSection
+    path: KeyPath
+    rows: Sequence[Reading]
+    surveyed: bool
+    sound: bool
+
+
 def read_all(
-    section: CaseSection, channels: Sequence[Channel], find: Find, faults: Faults
+    section: CaseSection,
+    times: Timetable,
+    channels: Sequence[Channel],
+    named: Mapping[str, Sequence[float]],
+    find: Find,
+    faults: Faults,
 ) -> ReadReadings:
     """Read what the case gives as readings; what is wrong in it is noted.
 
     Args:
         section: the case.
+        times: of its stages.
         channels: of its gauges.
+        named: stage to the times of moments that the case names, s since its beginning.
         find: finds the files that it names.
         faults: takes what is wrong.
     """
-    calendar = calendar_of(section, channels, faults)
+    aside = frozenset(stage.name for stage in section.stages if stage.independent)
+    calendar = Calendar(times, {channel.name: channel for channel in channels}, independent=aside)
     checks = ReadingChecks(section, calendar, faults)
-    read = ReadReadings(dates=calendar.dates)
+    read = ReadReadings()
     given: Any = section.readings
     entries: list[tuple[KeyPath, Any]] = [(("readings",), given)] if given is not None else []
     if isinstance(given, list):
         entries = [(("readings", n), entry) for n, entry in enumerate(given)]
+    parts: list[_FileRows | list[Reading]] = []
     for path, entry in entries:
         if isinstance(entry, ReadingSection):
-            readings, alone = _inline(entry, path, calendar, faults), True
+            parts.append(_at_moments(_inline(entry, path, calendar, faults), calendar, faults))
         else:
-            readings, alone = _of_file(entry, path, find, checks, read)
+            parts.append(_of_file(entry, path, find, checks, read))
+    rows = [row for part in parts for row in (part if isinstance(part, list) else part.rows)]
+    calendar = calendar.with_moments(section, rows, named)
+    read.dates, read.moments = calendar.dates, calendar.moments
+    checks = ReadingChecks(section, calendar, faults)
+    for part in parts:
+        if isinstance(part, list):
+            readings, alone = _in_stages(part, calendar), True
+        else:
+            readings, alone = _reduced_rows(part, checks, read)
         checks.all(readings, alone=alone)
         read.readings += readings
     checks.bad()
@@ -98,11 +141,43 @@ def read_all(
     read.notes += checks.begun_with_zero(read.readings)
     read.notes += checks.copies(read.readings)
     read.notes += checks.drifts(read.readings)
-    read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
+    reasons = _BadReasons(section, calendar)
+    read.readings = [replace(r, bad=r.bad or reasons.of(r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
     if read.by_stage and not faults.found and section.service_stage is None:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
     return read
+
+
+def _at_moments(rows: Iterable[Reading], calendar: Calendar, faults: Faults) -> list[Reading]:
+    """Readings with a time since the beginning of their stage, if they have that or name it so.
+
+    Of those that name a moment that there is not, only the fault is left.
+    """
+    times, kept = calendar.timetable, []
+    for row in rows:
+        at = row.when if row.since is None or row.key else row.location
+        try:
+            moment = None if row.stage in times.stages else times.moment(row.stage)
+            stage, since = moment or (row.stage, row.since)
+            if moment is not None and row.since is not None:
+                message = f"'{row.stage}' is a moment already, and the reading has a time"
+                raise Refusal("contradiction", message, "Leave one of them out.")
+            if since is not None and stage in times.stages[1:]:
+                times.require_within(stage, since)
+        except Refusal as error:
+            path = format_path((*row.key, "time" if row.since is not None else "stage"))
+            faults.extend(
+                [Fault(error.code, error.message, error.hint, at, path if row.key else "")]
+            )
+            continue
+        kept.append(row if since is row.since else replace(row, stage=stage, since=since))
+    return kept
+
+
+def _in_stages(rows: Iterable[Reading], calendar: Calendar) -> list[Reading]:
+    """Readings, each with its stage or moment."""
+    return [replace(row, stage=_stage_of(row, calendar)) for row in rows]
 
 
 def _inline(
@@ -136,6 +211,7 @@ def _inline(
         location=faults.places.locate((*path, "gauge")),
         when=faults.places.locate((*path, "gauge" if stage is None else "stage")),
         key=path,
+        since=None if entry.time is None else entry.time.factor,
     )
     return [reading]
 
@@ -146,45 +222,66 @@ def _of_file(
     find: Find,
     checks: ReadingChecks,
     read: ReadReadings,
-) -> tuple[list[Reading], bool]:
-    """The readings of a file, each with its stage, and whether one a stage is expected."""
+) -> _FileRows:
+    """The readings of a file; none where it cannot be said to which stages they belong."""
     calendar, faults = checks.calendar, checks.faults
     # what a file must declare by its format is asked for where it is read
     described = ReadingsFileSection.model_construct(file=entry) if isinstance(entry, str) else entry
     before = len(faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
+    none = _FileRows(described, path, (), surveyed=False, sound=False)
     paths = [find(name, key) for name in described.paths]
     read.paths += paths
     if len(faults.found) > before:
-        return [], True
+        return none
     survey = surveyed(described, checks.section, calendar.channels.values(), faults, path)
     checks.mapped(described, path)
     declared = len(faults.found)
     rows = _rows(paths, described.described(calendar.dimensions, survey), faults, read.notes)
     if declared > before:
-        return [], True
+        return none
     sound = len(faults.found) == before
-    dated = any(row.time is not None for row in rows)
-    if dated and not calendar.dates:
+    if any(row.time is not None for row in rows) and not calendar.dates:
         message = f"the readings of '{described.paths[0]}' have dates, but the stages have none"
         hint = "Write dates: {STAGE: 2024-03-01, ...}, the day at which each was complete."
+        if calendar.timetable.lasts:
+            hint = f"Write dates: {{{VIRGIN}: 2024-03-01}}, when the first stage begins."
         faults.add(key, "missing-dates", message, hint)
-        return [], True
+        return none
     if described.several:
         note = "the key 'several' of the readings is called 'repeated_readings' now"
         read.notes += [note] if note not in read.notes else []
     if sound:
         read.notes += exchanged(rows, described.date_format, calendar)
+    placed = _at_moments(rows, calendar, faults)
+    checks.after_the_end(placed)
+    return _FileRows(described, path, placed, surveyed=survey is not None, sound=sound)
+
+
+def _reduced_rows(
+    part: _FileRows, checks: ReadingChecks, read: ReadReadings
+) -> tuple[list[Reading], bool]:
+    """The readings of a file, each with its stage, and whether one a stage is expected."""
+    rows, described, calendar = (
+        _in_stages(part.rows, checks.calendar),
+        part.described,
+        checks.calendar,
+    )
+    dated = any(row.time is not None for row in rows)
     usual = "last" if checks.section.service_stage is None else "all"
-    repeated = described.repeated_readings or described.several or (usual if dated else "")
+    by_time = dated or any(row.since is not None for row in rows)
+    stated = described.repeated_readings or described.several
+    repeated = stated or (usual if by_time else "")
+    lasts = calendar.timetable.lasts
+    apart = set() if stated else {name for name, whole in calendar.owners.items() if whole in lasts}
     read.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
-        for row in rows
+        for row in part.rows
         if row.time is not None and row.value is not None and not row.bad
     ]
-    zero = "first" if survey is not None else repeated if described.rezero else ""
-    readings, unzeroed = _by_stage(rows, repeated, zero, calendar, read)
-    checks.zeroed(unzeroed if sound else ())
+    zero = "first" if part.surveyed else repeated if described.rezero else ""
+    readings, unzeroed = _by_stage(rows, repeated, zero, calendar, read, apart)
+    checks.zeroed(unzeroed if part.sound else ())
     return readings, not repeated
 
 
@@ -243,16 +340,34 @@ def _on_one_clock(rows: list[Reading], notes: list[str]) -> list[Reading]:
     ]
 
 
-def _bad_reason(section: CaseSection, row: Reading) -> str:
-    for entry in section.bad:
-        whole_gauge = row.channel.startswith(f"{entry.gauge}.")
-        if entry.stage in {None, row.stage} and (entry.gauge == row.channel or whole_gauge):
-            return entry.reason
-    return ""
+class _BadReasons:
+    """Why readings are said to be bad by the key `bad`.
+
+    Args:
+        section: the case.
+        calendar: to which stages its states belong.
+    """
+
+    def __init__(self, section: CaseSection, calendar: Calendar) -> None:
+        self._entries, self._owners = section.bad, calendar.owners
+
+    def of(self, row: Reading) -> str:
+        """Why a reading is bad; empty for a good one. Of a stage all moments are meant."""
+        stages = {None, row.stage, self._owners.get(row.stage)}
+        for entry in self._entries:
+            whole_gauge = row.channel.startswith(f"{entry.gauge}.")
+            if entry.stage in stages and (entry.gauge == row.channel or whole_gauge):
+                return entry.reason
+        return ""
 
 
 def _by_stage(
-    rows: Iterable[Reading], repeated: str, zero: str, calendar: Calendar, read: ReadReadings
+    rows: Iterable[Reading],
+    repeated: str,
+    zero: str,
+    calendar: Calendar,
+    read: ReadReadings,
+    apart: Collection[str],
 ) -> tuple[list[Reading], list[Reading]]:
     """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
@@ -267,15 +382,13 @@ def _by_stage(
             the stage, or the mean for anything else; nothing if empty.
         calendar: stages and dates.
         read: takes the zeros, and notes on readings that are left out.
+        apart: moments of which readings of different times all count.
 
     Returns:
         The readings; and one of each channel that was not read at its zero, where that is to be
         subtracted.
     """
-    rows = [
-        row if row.time is None or row.stage else replace(row, stage=_stage_of(row, calendar))
-        for row in rows
-    ]
+    rows = list(rows)
     zeros: dict[str, Reading] = {}
     unzeroed: dict[str, Reading] = {}
     if zero:
@@ -300,7 +413,7 @@ def _by_stage(
     read.notes += _early_notes(filter(is_early, rows), calendar)
     readings = [
         reading
-        for group in _groups(row for row in rows if not is_early(row))
+        for group in _groups((row for row in rows if not is_early(row)), apart)
         for reading in _reduced(group, repeated, calendar)
     ]
     channels = list(dict.fromkeys(r.channel for r in readings if r.channel in zeros))
@@ -321,12 +434,17 @@ def _by_stage(
 
 
 def _stage_of(reading: Reading, calendar: Calendar) -> str:
-    """The stage of a dated reading.
+    """The stage of a reading, or its moment in a stage that lasts.
 
     What reads the stress of the virgin ground is read before the first stage, too, and counts with
     it.
     """
-    stage = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
+    if reading.since is not None:
+        known = reading.stage in calendar.timetable.lasts
+        return calendar.moment_of(reading.stage, reading.since) if known else reading.stage
+    if reading.time is None or reading.stage:
+        return reading.stage
+    stage = calendar.stage_at(reading.time)
     channel = calendar.channels.get(reading.channel)
     of_virgin = channel is not None and channel.reads is Reads.VIRGIN
     return (
@@ -334,11 +452,17 @@ def _stage_of(reading: Reading, calendar: Calendar) -> str:
     )
 
 
-def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
-    """Readings of the same channel and stage together, in the order of the file."""
-    together: dict[tuple[str, str], list[Reading]] = {}
+def _groups(readings: Iterable[Reading], lasting: Collection[str] = ()) -> list[list[Reading]]:
+    """Readings of the same channel and stage together, in the order of the file.
+
+    Args:
+        readings: any.
+        lasting: names of moments whose readings are together only if they are of the same time.
+    """
+    together: dict[tuple[object, ...], list[Reading]] = {}
     for reading in readings:
-        together.setdefault((reading.channel, reading.stage), []).append(reading)
+        time = (reading.time, reading.since) if reading.stage in lasting else ()
+        together.setdefault((reading.channel, reading.stage, *time), []).append(reading)
     return list(together.values())
 
 

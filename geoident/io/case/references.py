@@ -21,6 +21,7 @@ from geoident.io.case.stages import ABSENT, Begin, check_sequence, refuse_group
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
+from geoident.model.moments import stage_and_time
 from geoident.units import with_article
 
 
@@ -181,12 +182,17 @@ def _check_stage_names(section: CaseSection, faults: Faults) -> None:
             message = f"two stages are named '{stage.name}', "
             message += f"the first is {format_path(('stages', first))}"
             faults.add(("stages", n, "name"), "duplicate-stage", message, "Rename one.")
+
+    def is_state(name: str) -> bool:
+        """Whether it is a stage, or a moment of one: whether there is that is judged elsewhere."""
+        return name in names or stage_and_time(name, names) is not None
+
     for n, name in enumerate(section.fit.stages or ()):
-        if name not in names:
+        if not is_state(name):
             faults.add_unknown(("fit", "stages", n), "stage", name, names)
     zeros = {VIRGIN: 0, **names}
     for name, gauge in section.gauges.items():
-        if gauge.zero_stage not in zeros:
+        if gauge.zero_stage not in zeros and not is_state(gauge.zero_stage):
             faults.add_unknown(("gauges", name, "zero"), "stage", gauge.zero_stage, zeros)
 
 

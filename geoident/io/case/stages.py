@@ -13,6 +13,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from geoident.io.case.actions import LoadSection, TemperatureSection, WaterSection
+from geoident.io.case.durations import BY_DATES, DurationOrDates, require_no_negative
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.hydraulic import StageDrainedValue, build_drained
 from geoident.io.case.structures import (
@@ -26,13 +27,24 @@ from geoident.io.case.structures import (
     negative_force,
 )
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
-from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import CaseNumber, Coefficient, FixedTime, Flag, Force, Length, Name
+from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.values import (
+    CaseNumber,
+    Coefficient,
+    FixedTime,
+    Flag,
+    Force,
+    Length,
+    Name,
+    SharesUnit,
+)
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
 from geoident.model.case import VIRGIN, KeyPath, Stage
 
 ABSENT = "absent"
+
+Moment = Annotated[FixedTime, AfterValidator(require_no_negative)]
 
 
 def _not_reserved(value: str) -> str:
@@ -124,11 +136,19 @@ class StageSection(Section):
     base: Name | None = Field(
         None, description="Earlier stage, or 'virgin', on which this one builds."
     )
-    lasts: FixedTime | None = Field(
+    lasts: Annotated[CaseNumber, DurationOrDates()] | None = Field(
         None,
-        description="How long the stage lasts; as long as all that takes time needs if missing "
-        "(all water has drained, all creep has ended). 0 for a stage in which no time passes.",
-        examples=["12 d"],
+        description="How long the stage lasts, from the end of the stage on which it builds; "
+        f"`{BY_DATES}` for what `dates` say; as long as all that takes time needs if missing (all "
+        "water has drained, all creep has ended). 0 d for a stage in which no time passes.",
+        examples=["12 d", BY_DATES],
+    )
+    moments: Annotated[list[Moment], SharesUnit()] | None = Field(
+        None,
+        description="Times since the beginning of a stage that lasts for which it is computed, "
+        "beside those of its readings and its end; about ten, ever farther apart, if missing. 0 d "
+        "is the beginning, when all that the stage does is done and no time has passed.",
+        examples=[["1 d", "3 d", "10 d"]],
     )
     over: FixedTime | None = Field(
         None,
@@ -137,11 +157,17 @@ class StageSection(Section):
         examples=["3 d"],
     )
 
+    def check(self, faults: SectionFaults) -> None:
+        """Moments lie within the stage."""
+        lasts = None if self.lasts is None else self.lasts.factor
+        for n, time in enumerate(self.moments or ()):
+            if lasts is not None and time.factor > lasts:  # a NaN follows from dates
+                message = f"'{time.text}' is later than the end of the stage, which lasts "
+                message += f"'{self.lasts.text}'" if self.lasts else ""
+                faults.add(("moments", n), "after-stage", message, "Correct one of them.")
+
     def for_model(self, context: Context) -> Stage:
         """The stage for the model; what cannot be is noted as a fault."""
-        if self.lasts is not None and self.lasts.factor < 0.0:
-            hint = "Write how long it lasts, such as 12 d; 0 d for a stage in which no time passes."
-            context.at("lasts").refuse("out-of-range", f"'{self.lasts.text}' is negative", hint)
         if self.over is not None:
             self._check_over(self.over.factor, context)
         supports = build_supports(self.supports, context.at("supports"))
@@ -151,7 +177,7 @@ class StageSection(Section):
     def _check_over(self, over: float, context: Context) -> None:
         """What a stage does comes while it lasts."""
         assert self.over is not None
-        if self.lasts is None or not 0.0 <= over <= self.lasts.factor:
+        if self.lasts is None or over < 0.0 or over > self.lasts.factor:  # a NaN follows from dates
             message = f"'{self.over.text}' is longer than the stage lasts, or negative"
             if self.lasts is None:
                 message = "what the stage does comes in a time, and the stage has no duration"

@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from geoident.io.case.creep import AgeingSection
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Area,
@@ -171,6 +172,12 @@ class BeamSection(Section):
         "missing. Not of shells of revolution.",
         examples=["{N: 2 MN/m, M: 150 kNm/m}"],
     )
+    ageing: AgeingSection | None = Field(
+        None,
+        description="Its stiffness grows since it was built, as that of sprayed concrete. Stages "
+        "in which it stands have `lasts`.",
+        examples=["{law: eurocode-2, s: 0.2}"],
+    )
 
     def check(self, faults: SectionFaults) -> None:
         """Its weight is given in one way and not negative; its strength has a section."""
@@ -189,6 +196,9 @@ class BeamSection(Section):
             message = "strengths of a section without a thickness, which makes the section"
             hint = "Give E and thickness in place of EA and EI, or limits of N and M."
             faults.add(("yield",), "missing-key", message, hint)
+        if self.ageing is not None and self.ageing.curve is not None and self.E is None:
+            message = "a table of Young's modulus needs 'E'"
+            faults.add(("ageing", "curve"), "no-modulus", message, "Give E and thickness.")
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; expected density with a thickness, or weight"

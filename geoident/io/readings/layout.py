@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,7 +10,7 @@ from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.survey import SurveyGrid
 from geoident.io.text.dates import ISO
 
-COLUMNS = ("gauge", "stage", "date", "value", "unit", "accuracy", "bad", "remarks")
+COLUMNS = ("gauge", "stage", "date", "time", "value", "unit", "accuracy", "bad", "remarks")
 POINT_COLUMNS = ("point", "east", "north", "height")
 """Columns of the layout of coordinates, beside stage or date, bad and remarks."""
 
@@ -104,6 +104,11 @@ class Layout:
     def header(self, key: str) -> str:
         """Name of a column in the header, in small letters."""
         return self.columns.get(key, key).strip().lower()
+
+    def keys(self, keys: Collection[str]) -> dict[str, str]:
+        """Name in the header, in small letters, to its key; a date may be called ``time``."""
+        names = {self.header(key): key for key in keys if key != "time"}
+        return names if "time" not in keys else {self.header("time"): "time"} | names
 
     def dimension(self, channel: str) -> str:
         """Of the readings of a channel."""

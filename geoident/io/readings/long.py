@@ -1,11 +1,13 @@
 """The long layout: one reading a row, ``gauge,stage,value,unit[,accuracy][,bad][,remarks]``.
 
-``date`` may stand in place of ``stage``, and columns may have other names if the case declares
-them. A blank value is a reading that was not taken: it is kept, and counted later.
+``date`` may stand in place of ``stage``, and ``time``, since its beginning, beside it. Columns may
+have other names if the case declares them. A blank value is a reading that was not taken: it is
+kept, and counted later.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from geoident.io.readings.layout import COLUMNS, Origin
@@ -34,12 +36,12 @@ class LongRows:
         layout = table.layout
         self.origins = {o.name or channel: (channel, o) for channel, o in layout.channels.items()}
         self.nameless: dict[int, bool] = {}
-        keys = {layout.header(key): key for key in COLUMNS}
+        keys = layout.keys(COLUMNS)
         header = ",".join(layout.header(key) for key in REQUIRED)
         if table.header_missing(line, cells, keys, header):
             return
         table.declared_columns(line, cells)
-        names = [cell.text.lower() for cell in cells]
+        names = table.column_names(line, cells, keys)
         wide = [cell for cell in cells if name_and_unit(cell.text)[0] in layout.dimensions]
         if wide and layout.header("value") not in names:
             message = f"'{shorten(wide[0].text)}' is a gauge, and a row has one reading here"
@@ -63,7 +65,8 @@ class LongRows:
         if not (layout.columns or table.sheet):
             self.nameless = {n: False for n, name in enumerate(names) if not name}
         self.width, self.header = len(cells), ",".join(keys.get(name, "") for name in names)
-        self.columns = {keys[name]: n for n, name in enumerate(names) if name in keys}
+        read = {name for name in keys if name not in layout.ignore}
+        self.columns = {keys[name]: n for n, name in enumerate(names) if name in read}
         dated = "date" in self.columns and "stage" not in self.columns
         self.when, other = ("date", "stage") if dated else ("stage", "date")
         self.columns.pop(other, None)
@@ -101,6 +104,7 @@ class LongRows:
         else:
             channel, origin = name, Origin()
         time = table.date(line, row["date"]) if self.when == "date" else None
+        since = table.since(line, row["time"]) if "time" in row else None
         accuracy = row.get("accuracy", _NONE)
         unit = row.get("unit", _NONE)
         unit = unit if unit.text else Cell(layout.unit_of(origin), unit.column)
@@ -116,7 +120,8 @@ class LongRows:
             value, sd = None, None
         own = None if sd is None or scale is None else scale.accuracy(sd, number)
         written = "" if scale is None else scale.unit
-        return [table.reading(line, row, channel, value, time, row["gauge"], own, written)]
+        reading = table.reading(line, row, channel, value, time, row["gauge"], own, written)
+        return [reading if since is None else replace(reading, since=since)]
 
     def _fits_header(self, line: int, cells: list[Cell]) -> bool:
         """Whether a row has the columns of the header; notes it if not."""

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from geoident.errors import Fault, InputError, Location
 from geoident.io.readings.calibration import Calibration, raw_unit
 from geoident.io.readings.layout import Layout, Origin
-from geoident.io.text.cells import Cell
+from geoident.io.text.cells import Cell, name_and_unit
 from geoident.io.text.dates import DateError, date_hint, read_date, utc_offset
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.gauges import Reading
@@ -106,6 +106,7 @@ class Table:
         faults: noted so far.
         temperatures: name in small letters to index of the columns in which calibrations find
             temperatures.
+        time_unit: unit of the column of times, if its header has it.
     """
 
     file: str
@@ -113,6 +114,7 @@ class Table:
     sheet: str = ""
     faults: list[Fault] = field(default_factory=list)
     temperatures: dict[str, int] = field(default_factory=dict)
+    time_unit: str = ""
     _commas: list[str] = field(default_factory=list)
     _first_comma: int = 0
 
@@ -309,6 +311,53 @@ class Table:
             hint = date_hint(cell.text, self.layout.date_format, self.layout.declaring)
             self.refuse(line, cell, "bad-date", str(error), hint)
             return None
+
+    def column_names(self, line: int, cells: Sequence[Cell], keys: Mapping[str, str]) -> list[str]:
+        """The names of columns in small letters, that of a time without its unit.
+
+        A time beside a date is refused: it counts from the beginning of a stage.
+
+        Args:
+            line: of the header.
+            cells: of the header.
+            keys: names of columns in small letters to what they are.
+        """
+        names = [cell.text.lower() for cell in cells]
+        kinds = [keys.get(name) for name in names if name not in self.layout.ignore]
+        dated = "date" in kinds and "stage" not in kinds
+        for n, cell in enumerate(cells):
+            name, unit = name_and_unit(cell.text)
+            name = name.strip().lower()
+            if keys.get(name) != "time" or names[n] in self.layout.ignore:
+                continue
+            names[n], self.time_unit = name, unit or ""
+            if dated:
+                message = f"'{shorten(cell.text)}' is the time since the beginning of a stage, but "
+                message += "the rows have dates"
+                hint = "Write date and time of day into one column, such as 2024-03-01 14:30; or "
+                hint += f"declare it: ignore: [{shorten(cell.text)}]."
+                self.refuse(line, cell, "bad-header", message, hint)
+        return names
+
+    def since(self, line: int, cell: Cell) -> float | None:
+        """Seconds since the beginning of a stage; None where the cell is blank, or with a fault."""
+        number = isinstance(cell.value, float)
+        if not cell.text or (not number and self._refused_of_a_sheet(line, cell)):
+            return None
+        text = cell.text.replace(",", ".") if self.layout.decimal == "," else cell.text
+        try:
+            bare = not read_quantity(text).unit
+            quantity = read_quantity(f"{text} {self.time_unit}" if bare else text, "time")
+        except UnitError as error:
+            hint = "Write it like 12 d, or the unit in the header: time (d)."
+            self.refuse(line, cell, "bad-time", error.message, hint)
+            return None
+        if quantity.value < 0.0:
+            message = f"'{shorten(cell.text)}' is a negative time"
+            hint = "It counts from the beginning of the stage."
+            self.refuse(line, cell, "out-of-range", message, hint)
+            return None
+        return quantity.value
 
     def unit(self, line: int, cell: Cell, dimension: str) -> float | None:
         """Size of a unit in the SI unit of a dimension; None, with a fault, if it is none of it.

@@ -6,7 +6,7 @@ below the header, or is declared in the case.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from geoident.io.readings.layout import Origin
 from geoident.io.readings.table import Table, UnitScale
@@ -60,11 +60,14 @@ class WideRows:
         self.columns: list[_Column] = []
         self.nameless: dict[int, bool] = {}
         layout = table.layout
-        known = {layout.header(key): key for key in ("date", "stage", "remarks")}
+        columns = (
+            ("date", "stage", "remarks") if layout.load else ("date", "stage", "time", "remarks")
+        )
+        known = layout.keys(columns)
         if table.header_missing(line, cells, known, "date,CHANNEL (mm),CHANNEL (mm)"):
             return
         table.declared_columns(line, cells)
-        names = [cell.text.lower() for cell in cells]
+        names = table.column_names(line, cells, known)
         self.keys = {key: names.index(name) for name, key in known.items() if name in names}
         self.when = "date" if "date" in self.keys else "stage"
         if self.when not in self.keys:
@@ -152,6 +155,10 @@ class WideRows:
             table.too_wide(line, cells, self.width, hint)
         table.nameless(line, cells, self.nameless)
         time = table.date(line, row["date"]) if "date" in row else None
+        before = len(table.faults)
+        since = table.since(line, row["time"]) if "time" in row else None
+        if len(table.faults) > before:
+            return []
         readings = []
         for column in self.columns:
             if column.at >= len(cells):
@@ -161,5 +168,5 @@ class WideRows:
             if column.scale is not None and (value is not None or not cell.text):
                 unit = column.scale.unit
                 reading = table.reading(line, row, column.channel, value, time, cell, unit=unit)
-                readings.append(reading)
+                readings.append(reading if since is None else replace(reading, since=since))
         return readings if "stage" in row or time is not None else []

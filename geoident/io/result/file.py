@@ -136,7 +136,8 @@ def _write(file: h5py.File, result: Result) -> None:
     if result.reduced is not None:
         reduced.write_reduced(file, result.reduced)
     if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields, result.varied, result.mechanism)
+        times = result.gauges.series_times
+        vtkhdf.write_fields(file, result.fields, result.varied, result.mechanism, times)
         if result.mechanism is not None:
             write_record(file, result.mechanism, _MECHANISM, labels={}, units={})
     file.attrs["contents"] = " ".join(sorted(file))

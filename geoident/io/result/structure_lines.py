@@ -78,12 +78,15 @@ def _right(forces: MemberForces) -> Floats:
     return right
 
 
-def write_structures_vtkhdf(forces: MemberForces, path: str | Path) -> None:
+def write_structures_vtkhdf(
+    forces: MemberForces, path: str | Path, times: Floats | None = None
+) -> None:
     """Writes all states into one VTKHDF file; what does not stand at a state is hidden.
 
     Args:
         forces: forces at all stages.
         path: the file.
+        times: (n_states,) of the states, days; None for their numbers.
     """
     states = [structure_lines(forces, state) for state in range(len(forces.stages) + 1)]
     first = states[0]
@@ -101,7 +104,9 @@ def write_structures_vtkhdf(forces: MemberForces, path: str | Path) -> None:
     }
     points = {name: np.stack([each.at_points[name] for each in states]) for name in first.at_points}
     with hdf5_output(str(path)) as file:
-        group = write_lines(file, first.points, points_data=points, cells=series, static=cells)
+        group = write_lines(
+            file, first.points, points_data=points, cells=series, static=cells, times=times
+        )
         names = texts(tuple(dict.fromkeys(forces.structures)))
         attributes = group["CellData/structure"].attrs
         attributes.create("names", names, dtype=h5py.string_dtype())

@@ -1,6 +1,7 @@
 """The fields of a result as VTKHDF, which ParaView reads, and the rest of the mesh beside them.
 
-``/VTKHDF`` is an unstructured grid with one time step a state (0 is the virgin state). The
+``/VTKHDF`` is an unstructured grid with one time step a state (0 is the virgin state), of which the
+value is its number, or days since the case began where stages last. The
 mesh does not change with time: it is stored once, and the offset of every step into it is 0. Data
 of all steps stand one after the other; the offset of step t is t times their number. In 2-D the
 coordinates and displacements are padded with z = 0. Removed elements have ``vtkGhostType`` 32
@@ -95,6 +96,7 @@ def write_fields(
     fields: FieldSeries,
     varied: Sequence[FieldEstimate] = (),
     mechanism: Mechanism | None = None,
+    times: Floats | None = None,
 ) -> None:
     """Writes ``/VTKHDF`` and ``/mesh``.
 
@@ -104,6 +106,7 @@ def write_fields(
         varied: constants that vary from place to place, as cell data that are the same at all
             states: ``NAME``, ``NAME.sd`` (of the logarithm) and ``NAME.reduction``.
         mechanism: of a collapse, as point data ``mechanism`` and cell data ``mechanism_shear``.
+        times: (n_states,) of the states, days; None for their numbers.
 
     States without equilibrium have the last one that was found on the way to them, since viewers
     draw nothing where a number is missing, and 0 in the cell data ``equilibrium``.
@@ -137,7 +140,7 @@ def write_fields(
     sizes = {f"PointData/{name}": fields.mesh.n_nodes for name in point_data}
     sizes |= {f"CellData/{name}": fields.mesh.n_elements for name in cell_data}
     sizes |= {f"CellData/{name}": 0 for name in static}
-    _write_step_offsets(group, len(fields.present), sizes)
+    _write_step_offsets(group, len(fields.present), sizes, times)
     _write_mesh(file.create_group("mesh"), fields.mesh)
 
 
@@ -148,6 +151,7 @@ def write_lines(
     points_data: Mapping[str, npt.NDArray[Any]],
     cells: Mapping[str, npt.NDArray[Any]],
     static: Mapping[str, npt.NDArray[Any]],
+    times: Floats | None = None,
 ) -> h5py.Group:
     """Writes ``/VTKHDF`` of straight lines, two points each, with one time step a state.
 
@@ -157,6 +161,7 @@ def write_lines(
         points_data: arrays (n_states, 2 n, ...).
         cells: arrays (n_states, n).
         static: arrays (n,) that are the same at all states.
+        times: (n_states,) of the states, days; None for their numbers.
 
     Returns:
         The group.
@@ -178,7 +183,8 @@ def write_lines(
     states = len(next(iter(cells.values())))
     sizes = {f"PointData/{name}": 2 * count for name in points_data}
     sizes |= {f"CellData/{name}": count for name in cells}
-    _write_step_offsets(group, states, sizes | {f"CellData/{name}": 0 for name in static})
+    sizes |= {f"CellData/{name}": 0 for name in static}
+    _write_step_offsets(group, states, sizes, times)
     return group
 
 
@@ -285,12 +291,16 @@ def _write_data(group: h5py.Group, name: str, arrays: Mapping[str, npt.NDArray[A
         data[key] = array.reshape(-1, *array.shape[2:])
 
 
-def _write_step_offsets(group: h5py.Group, states: int, sizes: Mapping[str, int]) -> None:
+def _write_step_offsets(
+    group: h5py.Group, states: int, sizes: Mapping[str, int], times: Floats | None
+) -> None:
     """Where the data of each state begin: so many entries a state, 0 for what stays the same."""
     steps = group.create_group("Steps")
     steps.attrs["NSteps"] = np.int64(states)
     number, zeros = np.arange(states, dtype=np.int64), np.zeros(states, dtype=np.int64)
-    steps["Values"] = number.astype(np.float64)
+    steps["Values"] = number.astype(np.float64) if times is None else times[:states]
+    if times is not None:
+        steps["Values"].attrs["unit"] = "d"
     steps["NumberOfParts"] = zeros + 1
     steps["PartOffsets"] = zeros
     steps["PointOffsets"] = zeros

@@ -128,17 +128,22 @@ def _write_grid(
         file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 
-def write_pvd(files: Sequence[str], names: Sequence[str], path: str | Path) -> None:
+def write_pvd(
+    files: Sequence[str], names: Sequence[str], path: str | Path, times: Floats | None = None
+) -> None:
     """Writes the list of the states, which ParaView opens as one series.
 
     Args:
         files: names of the VTU files beside the list, the virgin state first.
         names: of the states.
         path: the file.
+        times: (n_states,) of the states, days; None for their numbers.
     """
+    steps = np.arange(len(files)) if times is None else times
     entries = (
-        f'<DataSet timestep="{number}" part="0" name={quoteattr(name)} file={quoteattr(file)}/>\n'
-        for number, (file, name) in enumerate(zip(files, names, strict=True))
+        f'<DataSet timestep="{step:.10g}" part="0" name={quoteattr(name)} '
+        f"file={quoteattr(file)}/>\n"
+        for step, file, name in zip(steps.tolist(), files, names, strict=True)
     )
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n<Collection>\n'
     text = head + "".join(entries) + "</Collection>\n</VTKFile>\n"

@@ -58,6 +58,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "angle rate": "0.01 mrad/month",
     "strain rate": "5 microstrain/month",
     "time": "10 days",
+    "viscosity": "5e14 Pa s",
     "force": "100 kN",
     "line load": "100 kN/m",
     "area": "600 mm2",
@@ -412,7 +413,9 @@ class SharesUnit:
 
 def quantity_pattern(units: Any) -> str:
     """Regular expression of a number with one of some units."""
-    alternatives = "|".join(re.escape(unit).replace(r"\-", "-") for unit in units if unit)
+    alternatives = "|".join(
+        re.escape(unit).replace(r"\-", "-").replace(r"\ ", r"\s?") for unit in units if unit
+    )
     needed = "?" if "" in units else ""
     return rf"{NUMBER_PATTERN}(\s*({alternatives})){needed}"
 
@@ -592,6 +595,7 @@ WallSubgrade = Annotated[CaseNumber, QuantityType("unit weight", tied=True, abov
 WallMoment = Annotated[CaseNumber, QuantityType("moment per length", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
 Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
+Viscosity = Annotated[CaseNumber, QuantityType("viscosity", tied=True, above=0.0)]
 FixedStress = Annotated[CaseNumber, QuantityType("pressure")]
 FixedStrength = Annotated[CaseNumber, QuantityType("pressure", above=0.0)]
 FixedLength = Annotated[CaseNumber, QuantityType("length")]

@@ -39,6 +39,7 @@ from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
+from geoident.model.results.times import StageTimes
 from geoident.model.results.updates import UpdateHistory
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism, YieldedGround
@@ -213,6 +214,7 @@ class GaugeTable:
         accuracy: (n_channels,) standard deviation of one reading, SI.
         errors: for each channel what its readings share of their errors, None where nothing; as
             estimated where they are. Empty where no channel shares any.
+        times: when the stages and their moments are; None where no stage lasts.
     """
 
     channels: tuple[str, ...] = field(metadata=column("gauge", name="gauge"))
@@ -232,6 +234,19 @@ class GaugeTable:
     errors: tuple[ErrorParts | None, ...] = field(
         default=(), metadata=column("gauge", optional=True)
     )
+    times: StageTimes | None = field(default=None, metadata=column(group="times", optional=True))
+
+    @property
+    def ends(self) -> Bools:
+        """(n_stages,) which are ends of stages; the others are moments of stages that last."""
+        if self.times is None:
+            return np.ones(len(self.stages), dtype=np.bool_)
+        return self.times.ends(self.stages)
+
+    @property
+    def series_times(self) -> Floats | None:
+        """(1 + n_stages,) days of all states for a series of pictures; None for their numbers."""
+        return None if self.times is None else self.times.series
 
     @classmethod
     def from_columns(
@@ -1012,6 +1027,27 @@ class Result:
             select(self, PARAMETERS, named),
             posterior=None if posterior is None else select(posterior, PARAMETERS, named),
             certificate=self.certificate,
+        )
+
+    @cached_property
+    def at_ends(self) -> Result:
+        """The same with forces, reactions, yielded ground and planes at the ends of stages alone.
+
+        Of stages that last there are many moments, more than tables of these can show.
+        """
+        if self.gauges.ends.all():
+            return self
+        ends = np.flatnonzero(self.gauges.ends)
+        states, certificate = np.concatenate([[0], ends + 1]), self.certificate
+        if certificate is not None:
+            activity = select(certificate.activity, ("stage",), ends)
+            certificate = replace(certificate, activity=activity)
+        return replace(
+            self,
+            members=self.members and select(self.members, ("stage",), ends),
+            reactions=self.reactions and select(self.reactions, ("state",), states),
+            yielded=self.yielded and select(self.yielded, ("state",), states),
+            certificate=certificate,
         )
 
 

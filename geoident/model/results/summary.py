@@ -57,6 +57,8 @@ class StageSummary:
         released: group to the part of its stress that is released by now, in words.
         supported: names of supports that begin to hold or move here.
         freed: names of supports that let go here.
+        lasts: how long it lasts, s; None for a stage that takes no time.
+        moments: at how many moments it is computed, its end among them; 0 where it does not last.
     """
 
     name: str
@@ -78,6 +80,8 @@ class StageSummary:
     released: tuple[tuple[str, str], ...] = ()
     supported: tuple[str, ...] = ()
     freed: tuple[str, ...] = ()
+    lasts: float | None = None
+    moments: int = 0
 
 
 @dataclass(frozen=True)
@@ -134,11 +138,13 @@ class ReadingSummary:
         stage: its name.
         used: channels whose readings take part in the fit.
         unused: reason and the channels whose readings do not, for it.
+        moments: at how many moments of a stage that lasts; 0 where it does not.
     """
 
     stage: str
     used: tuple[str, ...]
     unused: tuple[tuple[str, tuple[str, ...]], ...]
+    moments: int = 0
 
 
 @dataclass(frozen=True)

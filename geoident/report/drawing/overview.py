@@ -19,6 +19,7 @@ from geoident.report.drawing.fields.panels import (
     mark_largest,
     shade,
 )
+from geoident.report.drawing.gauges.axis import stage_axis
 from geoident.report.drawing.gauges.course import draw_computed, draw_measured
 from geoident.report.drawing.scene import Scene, SheetView
 from geoident.report.drawing.style import (
@@ -79,13 +80,17 @@ def overview_figure(result: Result, scene: Scene | None) -> Figure:
     else:
         columns, lines, height = _grid(len(rows), WIDTH)
         gauge_part = figure = Figure(figsize=(WIDTH, height))
+    axis = None if result.gauges.times is None else stage_axis(result)
     panels = gauge_part.subplots(lines, columns, sharex=True, squeeze=False).ravel()
     for axes, row in zip(panels, rows, strict=False):
-        draw_computed(axes, result, row, COMPUTED)
-        draw_measured(axes, result, row, MEASURED, "o")
+        draw_computed(axes, result, row, COMPUTED, axis)
+        draw_measured(axes, result, row, MEASURED, "o", axis)
         axes.set_title(short(result.gauges.channels[row], 24))
         axes.set_ylabel(result.gauges.shown_units[row])
-        stage_ticks(axes, result.gauges.stages)
+        if axis is None:
+            stage_ticks(axes, result.gauges.stages)
+        else:
+            axis.finish(axes)
         axes.grid(axis="y")
     for k in range(len(rows), len(panels)):
         panels[k - columns].tick_params(labelbottom=True)

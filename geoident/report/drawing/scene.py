@@ -16,9 +16,10 @@ from geoident.io.case.file import parse_case
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.mesh import element_centres
+from geoident.model.moments import with_states
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace
-from geoident.report.drawing.style import MM, short
+from geoident.report.drawing.style import MM, evenly, short
 from geoident.report.text.case import axis_names
 
 MOST_STAGES = 12
@@ -119,8 +120,13 @@ class Scene:
             return (self.only,)
         states = self.reached
         if len(states) > MOST_STAGES:
-            chosen = np.linspace(0, len(states) - 1, MOST_STAGES).round().astype(int)
-            states = states[np.unique(chosen)]
+            chosen = states[evenly(len(states), MOST_STAGES)]
+            ends = states[self.result.gauges.ends[states - 1]]
+            if len(ends) < len(states):  # of stages that last all ends, and moments between them
+                ends = ends[evenly(len(ends), MOST_STAGES)]
+                between = np.setdiff1d(chosen, ends)[: MOST_STAGES - len(ends)]
+                chosen = np.concatenate([ends, between])
+            states = np.unique(chosen)
         return tuple(int(state) for state in states)
 
     @cached_property
@@ -354,7 +360,8 @@ def _case_of_text(text: str) -> Case | None:
 
 def case_of(result: Result) -> Case | None:
     """The case of a result without its readings; None where this version cannot read it."""
-    return _case_of_text(result.case_resolved)
+    case = _case_of_text(result.case_resolved)
+    return None if case is None else with_states(case, result.gauges.stages)
 
 
 def principal_stresses(stress: Floats) -> Floats:

@@ -135,6 +135,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
     names = {"history", "correlation"} if pairs else {"history"}
     search = tuple(p for p in pictures.quality if p.name in names)
     fit = [p for p in pictures.quality if p not in search]
+    ends = result.at_ends
     tested, backtested = _backtest(result), result.kind == "backtest"
     readings = reading_table(result)
     return (
@@ -190,8 +191,8 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             *_influence(result),
             Figures(tuple(sorted(fit, key=lambda p: p.name not in _SMALL))),
         ),
-        section(extent.NAME, TitledTable(extent.UNITS, extent.extent_table(result.yielded))),
-        section(yielding.TITLE, *_yield_planes(result)),
+        section(extent.NAME, TitledTable(extent.UNITS, extent.extent_table(ends.yielded))),
+        section(yielding.TITLE, *_yield_planes(ends)),
         section(structures.NAME, *_strength(result), Figures(pictures.structures)),
         section(
             backtest.TITLE, *(tested if backtested else tested[:1]), Figures(pictures.backtest)
@@ -217,7 +218,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         section(
             f"All {structures.NAME.lower()}",
             *(
-                TitledTable(title, structures.force_table(result.members, per_metre=linings))
+                TitledTable(title, structures.force_table(ends.members, per_metre=linings))
                 for title, linings in (
                     (structures.LININGS_TITLE, True),
                     (structures.BARS_TITLE, False),
@@ -229,7 +230,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             "Reactions of supports",
             *(
                 TitledTable(structures.REACTIONS_TITLE, one)
-                for one in structures.reaction_tables_by_stage(result.reactions)
+                for one in structures.reaction_tables_by_stage(ends.reactions)
             ),
             appendix=True,
         ),

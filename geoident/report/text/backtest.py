@@ -154,7 +154,8 @@ def errors_table(result: Result, *, ahead: bool = True) -> TextTable:
     Args:
         result: of a backtest.
         ahead: those of the next stage that was read, a column for each stage; else all later ones,
-            a column for each pair of the last fitted and the predicted stage.
+            a column for each pair of the last fitted and the predicted stage. Rows where stages
+            last and there are more of them than gauges.
     """
     backtest, gauges = result.backtest, result.gauges
     if backtest is None:
@@ -168,6 +169,10 @@ def errors_table(result: Result, *, ahead: bool = True) -> TextTable:
             name = gauges.stages[j]
             columns.append((name if ahead else f"{gauges.stages[step.last]} > {name}", z[:, j]))
     shown = [i for i in range(len(gauges.channels)) if any(np.isfinite(z[i]) for _, z in columns)]
+    if gauges.times is not None and len(columns) > len(shown):  # moments are rows, as in a log
+        rows = [[name, *(_error(float(z[i])) for i in shown)] for name, z in columns]
+        header = ("stage", *(gauges.channels[i] for i in shown))
+        return TextTable(header, rows, right="l" + "r" * len(shown))
     rows = [[gauges.channels[i], *(_error(float(z[i])) for _, z in columns)] for i in shown]
     return TextTable(
         ("gauge", *(name for name, _ in columns)), rows, right="l" + "r" * len(columns)

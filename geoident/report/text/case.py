@@ -11,6 +11,7 @@ import yaml
 
 from geoident.io.text.dates import DateError, read_date
 from geoident.model.arrays import Floats
+from geoident.model.moments import time_text
 from geoident.model.results.result import GaugeTable, Result
 from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.errors import surface
@@ -64,6 +65,9 @@ def stage_dates(result: Result) -> Floats:
         (n_stages,) seconds since 1970; NaN where nobody says.
     """
     table, dates = result.gauges.readings, case_mapping(result, "dates")
+    times = result.gauges.times
+    if times is not None and np.isfinite(times.date).any():
+        return times.date
     seconds = np.full(len(result.gauges.stages), np.nan)
     names = np.array(table.stage)
     for k, stage in enumerate(result.gauges.stages):
@@ -259,6 +263,8 @@ def _stages(stages: tuple[StageSummary, ...]) -> str:
 
 def _events(stage: StageSummary) -> str:
     events = [f"builds on {stage.base}"] if stage.base else []
+    if stage.lasts is not None:
+        events.append(f"lasts {time_text(stage.lasts)} (computed at {stage.moments} moments)")
     events += [f"-{name}" for name in stage.leaves]
     events += [f"+{name}: {material}" for name, material in stage.enters]
     events += [f"{name} becomes {material}" for name, material in stage.changes]
@@ -316,7 +322,8 @@ def _readings(summary: CaseSummary) -> str:
     lines += [f"  {count} not used: {reason}" for reason, count in summary.unused]
     for reading in summary.readings:
         used = _together(reading.used) or "none"
-        lines.append(sentence(f"{reading.stage}: {used} used", indent="- "))
+        times = f" ({reading.moments} moments)" if reading.moments > 1 else ""
+        lines.append(sentence(f"{reading.stage}: {used} used{times}", indent="- "))
         for reason, channels in reading.unused:
             lines.append(sentence(f"not used: {_together(channels)}: {reason}", indent="    "))
     return "\n".join(lines)

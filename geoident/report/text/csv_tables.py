@@ -15,11 +15,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from geoident.model.gauges import DAY
 from geoident.model.results.columns import LABELS, ROW
 from geoident.model.results.result import Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import predictions, step_parameters
-from geoident.report.text.gauges import each_reading, predicted_readings
+from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
 from geoident.report.text.in_service import (
     judged_readings,
     listed_changes,
@@ -86,6 +87,20 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _times(result: Result) -> CsvTable:
+    """When stages and their moments are: a date, and times in days."""
+    times, stages = result.gauges.times, result.gauges.stages
+    if times is None:
+        return CsvTable()
+    columns = times.date.tolist(), (times.elapsed / DAY).tolist(), (times.since / DAY).tolist()
+    rows = [
+        (stage, whole, moment_text(date) or "", elapsed, since)
+        for stage, whole, date, elapsed, since in zip(stages, times.whole, *columns, strict=True)
+    ]
+    header = ("stage", "moment of", "date", "since the beginning (d)", "since its stage began (d)")
+    return CsvTable(header, tuple(rows))
 
 
 def _accuracies(result: Result) -> CsvTable:
@@ -244,6 +259,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "face-profile": lambda result: sheet(result.advance, "distance"),
     "grid": _grid,
     "readings": lambda result: sheet(each_reading(result.gauges), ROW),
+    "times": _times,
     "accuracies": _accuracies,
     "left-out": lambda result: sheet(result.left_out, "left_out"),
     "posterior": posterior_sheet,

@@ -161,6 +161,18 @@ def _farthest(shown: Bools, result: Result) -> list[tuple[int, int]]:
     return by_stage(kept)
 
 
+def _shown_stages(result: Result) -> Bools:
+    """(n_stages,) those of which tables of readings show predictions.
+
+    Ends of stages, what was read, and what comes after the last readings of the fit: the other
+    moments of stages that last are for pictures.
+    """
+    gauges = result.gauges
+    used = np.flatnonzero(gauges.used.any(axis=0))
+    later = np.arange(len(gauges.stages)) > (used[-1] if len(used) else -1)
+    return np.asarray(gauges.ends | np.isfinite(gauges.measured).any(axis=0) | later)
+
+
 def few_of(count: int) -> str:
     """What a title says where a table shows some of its readings; empty where it shows all."""
     if count <= MOST_SHOWN:
@@ -228,9 +240,14 @@ def _use(gauges: GaugeTable, i: int, j: int) -> str:
     return "" if gauges.used[i, j] else "not used"
 
 
+def _predicted(result: Result) -> Bools:
+    """(n_channels, n_stages) predictions that tables show."""
+    return has_prediction(result) & _shown_stages(result)
+
+
 def prediction_title(result: Result) -> str:
     """What the table of predictions shows."""
-    few = few_of(int(np.count_nonzero(has_prediction(result))))
+    few = few_of(int(np.count_nonzero(_predicted(result))))
     words = (result.gauges.common_unit, "95 % band")
     title = f"Predictions ({', '.join(text for text in words if text)})"
     return f"{title}: {few}" if few else title
@@ -244,7 +261,7 @@ def prediction_table(result: Result) -> TextTable:
         return TextTable(header, ())
     rows = [
         _prediction_row(result, prediction, *place)
-        for place in _farthest(has_prediction(result), result)
+        for place in _farthest(_predicted(result), result)
     ]
     return _reading_table(result.gauges, header, rows, "llrrrrl")
 
@@ -269,7 +286,7 @@ def _mark(measured: float, low: float, high: float) -> str:
 def read_or_predicted(result: Result) -> Bools:
     """(n_channels, n_stages) readings that are measured or predicted in a stage."""
     read = np.isfinite(result.gauges.measured) & (not result.in_service)
-    return read | has_prediction(as_predicted(result))
+    return read | _predicted(as_predicted(result))
 
 
 def reading_table(result: Result) -> TextTable:

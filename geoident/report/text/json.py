@@ -19,7 +19,7 @@ from geoident.model.gauges import Channel, Reading
 from geoident.model.parameter import Prior
 from geoident.model.results.columns import ROW
 from geoident.model.results.opening import FaceAdvance, GroundReaction
-from geoident.model.results.result import Grid, ParameterTable, Result
+from geoident.model.results.result import GaugeTable, Grid, ParameterTable, Result
 from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
 from geoident.model.yielding import Certificate
@@ -87,6 +87,7 @@ def result_object(
         "parameters": parameters_object(result.parameters),
         "gauges": objects(compared_readings(result), ROW),
         "predictions": objects(predicted_readings(result), ROW),
+        **({"times": times_list(result.gauges)} if result.gauges.times else {}),
         "readings": objects(each_reading(result.gauges), ROW),
         "findings": [attributes(finding) for finding in result.findings],
         "notes": result.notes,
@@ -96,6 +97,27 @@ def result_object(
         "counts": asdict(result.counts),
         **{name: value for name, value in _parts(result, proof).items() if value is not None},
     }
+
+
+def times_list(gauges: GaugeTable) -> list[dict[str, Any]]:
+    """When the stages that last and their moments are: dates, and times in s."""
+    times = gauges.times
+    if times is None:
+        return []
+    rows = zip(
+        gauges.stages, times.whole, times.date.tolist(), times.elapsed.tolist(),
+        times.since.tolist(), strict=True,
+    )  # fmt: skip
+    return [
+        {
+            "stage": name,
+            "moment_of": whole,
+            "date": moment_text(date),
+            "elapsed": elapsed,
+            "since": since,
+        }
+        for name, whole, date, elapsed, since in rows
+    ]
 
 
 def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:

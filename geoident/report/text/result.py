@@ -83,6 +83,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         title: the first line, such as its path.
     """
     result = result.for_people
+    ends = result.at_ends
     return sections(
         "\n".join(part for part in (title, head(result)) if part),
         _parameters(result),
@@ -98,7 +99,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(updates.TITLE, *updates.parts(result)),
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),
-        section(yielding.TITLE, yielding.certificate_text(result.certificate)),
+        section(yielding.TITLE, yielding.certificate_text(ends.certificate)),
         *in_service.parts(result),
         section(fit_title(result), *_fit_parts(result)),
         section(influence_title(result.diagnostics), influence_table(result).text),
@@ -108,9 +109,9 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(plan.NAME, *plan.plan_parts(result.plan)),
         section(decisions.NAME, *decisions.decision_parts(result)),
         section(trough.NAME, *_troughs(result)),
-        section(structures.TITLE, structures.force_table(result.members).text),
-        section(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions).text),
-        section(extent.TITLE, extent.extent_table(result.yielded).text),
+        section(structures.TITLE, structures.force_table(ends.members).text),
+        section(structures.REACTIONS_TITLE, structures.reaction_table(ends.reactions).text),
+        section(extent.TITLE, extent.extent_table(ends.yielded).text),
         section("Scan", grid_text(result)),
         backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),

@@ -131,8 +131,11 @@ def trough_note(table: TextTable) -> str:
 def _of_surface(result: Result, tunnel: _Tunnel) -> Iterator[Trough]:
     fields = result.fields
     last = np.flatnonzero(result.gauges.used.any(axis=0))
+    shown = _shown_stages(result)
     for state in tunnel.states:
         assert fields is not None
+        if not shown[state - 1]:
+            continue
         settled = fields.displacement[0, :, 1] - fields.displacement[state, :, 1]
         if not np.isfinite(settled).all() or not tunnel.area(state) > 0.0:
             continue
@@ -148,7 +151,10 @@ def _of_gauges(result: Result, line: Instrument, tunnel: _Tunnel | None) -> Iter
     gauges, rows, x = result.gauges, list(line.rows), np.array(line.places)
     predicted = None if result.prediction is None else result.prediction.mean
     middle = math.nan if tunnel is None or not line.along.startswith("x") else tunnel.middle
+    shown = _shown_stages(result)
     for j, stage in enumerate(gauges.stages):
+        if not shown[j]:
+            continue
         computed, of = gauges.computed[rows, j], "computed"
         if predicted is not None and np.isfinite(predicted[rows, j]).any():
             computed, of = predicted[rows, j], "predicted"
@@ -162,6 +168,13 @@ def _of_gauges(result: Result, line: Instrument, tunnel: _Tunnel | None) -> Iter
                 yield replace(one, i=math.nan, volume=math.nan)
             else:
                 yield replace(one, volume_loss=one.volume / area)
+
+
+def _shown_stages(result: Result) -> Bools:
+    """(n_stages,) the ends of stages, and the last moment that was fitted."""
+    shown = result.gauges.ends.copy()
+    shown[np.flatnonzero(result.gauges.used.any(axis=0))[-1:]] = True
+    return shown
 
 
 def _area(result: Result, tunnel: _Tunnel | None, state: int) -> float:

@@ -81,7 +81,7 @@ def _in_time(case: Case, known: Sequence[tuple[str, str]]) -> Iterator[_Line]:
     names = [stage.name for stage in case.stages]
     ends = np.arange(len(names), dtype=np.float64)
     if has_dates(case):
-        ends = np.array([case.dates[name] for name in names])
+        ends = np.array([case.times[name] for name in names])
     at = {name: float(end) for name, end in zip(names, ends, strict=True)}
     of_channel: dict[str, list[int]] = {}
     for n, (name, _) in enumerate(known):

@@ -312,7 +312,7 @@ def correlation_time(
     Without other word the latter holds for the steps of construction that a model of the ground
     analyses. Other models say what is read from time to time, each as a whole: then it is a third
     of the time of the readings. So it is behind a tunnel face, where stages are one motion at
-    several times.
+    several times, and where stages last.
 
     Args:
         case: of the model.
@@ -321,7 +321,7 @@ def correlation_time(
     """
     if options.time is not None:
         return CorrelationTime(options.time)
-    if case.elsewhere is None and case.face is None:
+    if case.elsewhere is None and case.face is None and not case.lasts:
         return None
     span = float(_elapsed(case, pairs).max(initial=1e-6))
     return CorrelationTime(span / TIMES, "s" if has_dates(case) else "stages")
@@ -332,8 +332,8 @@ def _elapsed(case: Case, pairs: Sequence[tuple[str, str]]) -> Floats:
     names = case.stage_names
     clock = np.arange(len(names), dtype=np.float64)
     if has_dates(case):
-        clock[1:] = [case.dates[name] for name in names[1:]]
-        clock[0] = case.dates.get(names[0], clock[1:].min())
+        clock[1:] = [case.times[name] for name in names[1:]]
+        clock[0] = case.times.get(names[0], clock[1:].min())
     zero = {channel.name: clock[case.zero_of(channel)] for channel in case.channels}
     state = dict(zip(names, clock.tolist(), strict=True))
     since = [state[stage] - zero[channel] for channel, stage in pairs]
@@ -341,8 +341,8 @@ def _elapsed(case: Case, pairs: Sequence[tuple[str, str]]) -> Floats:
 
 
 def has_dates(case: Case) -> bool:
-    """Whether all stages have dates."""
-    return all(stage.name in case.dates for stage in case.stages)
+    """Whether dates, or durations, say when all stages are."""
+    return all(stage.name in case.times for stage in case.stages)
 
 
 @dataclass

@@ -15,6 +15,7 @@ from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.results.result import GaugeTable
+from geoident.model.results.times import StageTimes
 
 
 def with_computed(
@@ -106,6 +107,7 @@ def gauge_table(case: Case, readings: ReadingTable, computed: Floats) -> GaugeTa
         units=tuple(channel.unit for channel in channels),
         accuracy=np.array([channel.accuracy for channel in channels], dtype=np.float64),
         errors=tuple(channel.errors for channel in channels),
+        times=StageTimes.of(case),
     )
 
 

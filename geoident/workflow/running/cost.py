@@ -98,12 +98,15 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
     states, points = model.sequence.states, model.discretization.points.n_points
     by = picked() if picked() in INDEFINITE else "splu"
     for n, cost in zip(_states(model), costs, strict=True):
-        if not model.analysis.pores.consolidates(states[n]) or states[n].goes_on:
+        water = model.analysis.pores.consolidates(states[n])
+        creeps = model.case.creeps and states[n].lasts is not None
+        if not (water or creeps) or states[n].goes_on:
             continue
-        steps = steps_of(states, n)
-        solved = 2.0 * len(steps) * columns
-        yield _PORES * cost.flops / _FLOPS[by] * len({step.share for step in steps})
-        yield solved * (4.0 * _PORES * cost.entries / _SOLVE_FLOPS + _POINT_SECONDS * points)
+        steps = steps_of(states, n, water=water)
+        solved, pores = 2.0 * len(steps) * columns, _PORES if water else 1.0
+        factors = 2 * len(steps) if model.case.ages else len({step.share for step in steps})
+        yield pores * cost.flops / _FLOPS[by] * factors * (2 if water and creeps else 1)
+        yield solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + _POINT_SECONDS * points)
 
 
 def _memory_beside(model: StagedModel, columns: float) -> float:

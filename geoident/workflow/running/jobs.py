@@ -38,6 +38,7 @@ from geoident.model.external import ConvergenceLaw, ExternalProgram, PythonFunct
 from geoident.model.in_service import SeasonalModel
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
+from geoident.model.moments import with_states
 from geoident.model.results.result import Provenance, Result
 from geoident.workflow.executing.versions import versions
 from geoident.workflow.programs.digest import (
@@ -181,6 +182,7 @@ def inputs_of_result(result: Result, path: str, overrides: Sequence[str] = ()) -
 def _as_fitted(case: Case, result: Result, source: Source) -> Case:
     """A case with the readings, accuracies and modes of a result, whose files need not be there."""
     gauges = result.gauges
+    case = with_states(case, gauges.stages)
     pairs = zip(gauges.channels, gauges.accuracy.tolist(), strict=True)
     known = {name: accuracy for name, accuracy in pairs if accuracy > 0.0}  # NaN in old files
     errors = dict(zip(gauges.channels, gauges.errors, strict=False))

@@ -23,6 +23,7 @@ from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, KeyPath, format_path
+from geoident.model.moments import with_states
 from geoident.model.parameter import Parameter
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import ParameterTable, Result
@@ -138,7 +139,7 @@ def restored_alone(result: Result, path: str) -> RestoredModel | None:
     loaded = parse_case(
         result.case_resolved, where, overrides=[NO_READINGS], with_mesh=False, with_texts=False
     )
-    return restored_of(result, loaded.case)
+    return restored_of(result, with_states(loaded.case, result.gauges.stages))
 
 
 def restored_for(path: str, inputs: Inputs) -> RestoredModel:

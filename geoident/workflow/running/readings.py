@@ -66,7 +66,8 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
             return "the stage is not in fit.stages"
         if case.service is not None and reading.stage != case.stages[-1].name:
             return "it was read before the service"
-        if case.fit.until is not None and (reading.time or -math.inf) > case.fit.until:
+        time = case.times.get(reading.stage, -math.inf) if reading.time is None else reading.time
+        if case.fit.until is not None and time > case.fit.until:
             return LATER
         channel = channels[reading.channel]
         if not {channel.gauge, channel.name}.isdisjoint(case.fit.predict_gauges):
@@ -199,15 +200,30 @@ def _count(number: int, noun: str) -> str:
 
 
 def unused_by_stage(readings: ReadingTable) -> tuple[str, ...]:
-    """The unused readings in words, those of one stage and reason together."""
+    """The unused readings in words, those of one stage and reason together.
+
+    So are many stages in which the same channels are left out for one reason.
+    """
     together: dict[tuple[str, str], list[str]] = {}
     for k in readings.unused:
         key = readings.stage[k], readings.reason[k]
         together.setdefault(key, []).append(readings.channel[k])
+    alike: dict[tuple[str, str], list[str]] = {}
+    for (stage, reason), channels in together.items():
+        alike.setdefault((", ".join(dict.fromkeys(channels)), reason), []).append(stage)
     return tuple(
-        f"{', '.join(channels)} at {stage}: {reason}"
-        for (stage, reason), channels in together.items()
+        f"{channels} at {at}: {reason}"
+        for (channels, reason), stages in alike.items()
+        for at in (stages if len(stages) <= _FEW else [_first_to_last(stages)])
     )
+
+
+_FEW = 4
+"""Stages that are named one by one."""
+
+
+def _first_to_last(stages: Sequence[str]) -> str:
+    return f"{stages[0]} to {stages[-1]} ({len(stages)} stages)"
 
 
 def unused_notes(readings: ReadingTable) -> tuple[str, ...]:

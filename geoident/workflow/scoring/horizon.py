@@ -28,8 +28,8 @@ class Clock:
     """When the stages of a case end.
 
     Args:
-        ends: (n_stages,) seconds since 1970, or numbers of the stages where one has no date.
-        dated: they are dates.
+        ends: (n_stages,) s, or numbers of the stages where the time of one is not known.
+        dated: they are times.
     """
 
     ends: Floats
@@ -38,7 +38,7 @@ class Clock:
     @classmethod
     def of(cls, case: Case) -> Clock:
         """That of a case."""
-        ends = np.array([case.dates.get(stage.name, np.nan) for stage in case.stages])
+        ends = np.array([case.times.get(stage.name, np.nan) for stage in case.stages])
         dated = bool(np.isfinite(ends).all())
         return cls(ends if dated else np.arange(len(ends), dtype=np.float64), dated)
 

@@ -118,6 +118,24 @@ def read_stages(setup: Setup) -> list[int]:
     return [n for n, stage in enumerate(setup.case.stages) if stage.name in read]
 
 
+MOST_MOMENTS = 16
+"""Moments of stages that last up to which a backtest fits; of more, evenly spaced ones."""
+
+
+def begins_of_fits(setup: Setup) -> list[int]:
+    """Numbers of the stages up to which a backtest fits, the last of all that were read included.
+
+    Stages that were read; of the many moments of stages that last, some, with that from which a
+    fit looks as far ahead as the prediction does.
+    """
+    stages = read_stages(setup)
+    if not setup.case.lasts or len(stages) <= MOST_MOMENTS:
+        return stages
+    chosen = {stages[k] for k in np.linspace(0, len(stages) - 1, MOST_MOMENTS).round().astype(int)}
+    begin = begin_of_test(setup.case, setup.readings, stages)
+    return sorted(chosen | ({begin} if begin is not None else set()))
+
+
 def up_to(setup: Setup, last: int) -> Setup:
     """The same with the readings of the stages up to one.
 

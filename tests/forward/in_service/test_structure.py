@@ -15,6 +15,7 @@ from geoident.fem.solvers import pick_solver
 from geoident.forward.in_service.structure import service_model
 from geoident.model.actions import Drain, HeadLine, Pressure
 from geoident.model.case import Analysis, Stage, Support
+from geoident.model.creep import CreepCurve
 from geoident.model.ground import Isotropic
 from geoident.model.in_service import (
     DAY,
@@ -230,7 +231,7 @@ GROWTHS = {
 def test_a_wall_that_creeps_under_a_level_that_steps(law):
     """A Kelvin element, and one of the logarithm, in series with the spring, by superposition."""
     creeps = replace(
-        material("concrete", 2e9, 0.0), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR), law)
+        material("concrete", 2e9, 0.0), creep=(CreepCurve(Scalar(0.8), Scalar(1.5 * YEAR), law),)
     )
     model, _, _ = reservoir(stepped(), creeps)
     rises, since = loading(YEARS)
@@ -255,7 +256,7 @@ def test_a_wall_whose_modulus_grows_or_falls():
 def test_what_was_loaded_long_ago_creeps_on_slowly():
     """Under the mean level of the readings since it was loaded, and no load of the years before."""
     creeps = replace(
-        material("concrete", 2e9, 0.0), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR))
+        material("concrete", 2e9, 0.0), creep=(CreepCurve(Scalar(0.8), Scalar(1.5 * YEAR)),)
     )
     model, _, _ = reservoir(series("level", np.full(len(DAYS), 5.0)), creeps, loaded=-2.0 * YEAR)
     exact = 0.8 * elastic(5.0) * GROWTHS["exponential"](YEARS + 2.0 * YEAR)
@@ -265,7 +266,7 @@ def test_what_was_loaded_long_ago_creeps_on_slowly():
 def test_creep_goes_on_while_loads_of_a_past_year_are_taken():
     """As for the extremes of the year to come, of which no level is known yet."""
     creeps = replace(
-        material("concrete", 2e9, 0.0), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR))
+        material("concrete", 2e9, 0.0), creep=(CreepCurve(Scalar(0.8), Scalar(1.5 * YEAR)),)
     )
     model, _, _ = reservoir(series("level", np.full(800, 5.0), DAYS[:800]), creeps)
     rows, times = np.arange(8), np.full(8, 3.0 * YEAR)
@@ -277,7 +278,7 @@ def test_creep_goes_on_while_loads_of_a_past_year_are_taken():
 
 def test_in_situ_stress_does_not_creep():
     """Rock that was there before any load is at rest."""
-    rock = replace(material("rock", 2e9, 0.2), creep=TimeCurve(Scalar(0.8), Scalar(1.5 * YEAR)))
+    rock = replace(material("rock", 2e9, 0.2), creep=(CreepCurve(Scalar(0.8), Scalar(1.5 * YEAR)),))
     acting = StructureInService(0.0, wetted=("x0",), level=stepped())
     held = Support("x1", (0,)), Support("y0", (1,))
     gauge = displacement("D", (0.0, 6.0), (1, 0))
@@ -464,7 +465,7 @@ def test_derivatives_by_creep_ageing_softening_and_drains_are_exact():
     )  # fmt: skip
     dam = replace(
         material("dam", Scalar(1.0, "E_dam"), Scalar(1.0, "nu")), density=Scalar(2400.0),
-        creep=TimeCurve(Scalar(1.0, "phi"), Scalar(1.0, "tau")),
+        creep=(CreepCurve(Scalar(1.0, "phi"), Scalar(1.0, "tau")),),
         ageing=TimeCurve(Scalar(1.0, "grown"), Scalar(2.0, "tau")),
     )  # fmt: skip
     rock = replace(
@@ -546,6 +547,8 @@ def test_a_lining_that_creeps_in_an_elastic_ring(kind):
     groups = {"lining": np.flatnonzero(middle < 4.0), "ring": np.flatnonzero(middle > 4.0)}
     mesh = replace(mesh, groups=groups)
     curve = TimeCurve(Scalar(0.05), Scalar(YEAR))
+    if kind == "creep":
+        curve = (CreepCurve(Scalar(0.05), Scalar(YEAR)),)
     plain = replace(concrete(), elastic=Isotropic(E=Scalar(3e10), nu=Scalar(nu)))
     case = make_case(
         mesh, analysis=Analysis.AXISYMMETRIC,

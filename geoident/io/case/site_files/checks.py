@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 from geoident.errors import Fault, Location
@@ -13,7 +14,8 @@ from geoident.io.text.dates import date_text
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import listing
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading, named_channels
+from geoident.model.gauges import DAY, Reading, named_channels
+from geoident.model.moments import time_text
 from geoident.units import with_article
 
 _DIFFERENT = 4
@@ -70,6 +72,28 @@ class ReadingChecks:
                 place = (*path, "channels", name)
                 message = f"there is no gauge '{name}' to read"
                 self.faults.add(place, "unknown-gauge", message, hint, key=True)
+
+    def after_the_end(self, readings: Iterable[Reading]) -> None:
+        """No reading is later than the end of a last stage that lasts; of a file one fault."""
+        last = self.calendar.last
+        if last is None:
+            return
+        end = self.calendar.timetable.dates[last]
+        late = [
+            row for row in readings if row.time is not None and not row.stage and row.time > end
+        ]
+        if not late:
+            return
+        first, times = late[0], [row.time or 0.0 for row in late]
+        more = f", and {len(late) - 1} more" if len(late) > 1 else ""
+        message = (
+            f"'{first.channel}' was read on {date_text(times[0])}{more}, after the end of the "
+        )
+        message += f"last stage, '{last}' ({date_text(end)})"
+        begin = self.calendar.timetable.begin(last) or end
+        needed = time_text(math.ceil((max(times) - begin) / DAY) * DAY)
+        hint = f"Let it last until then (lasts: {needed}, or its date), or add a stage."
+        self._refuse(first, "after-stage", message, hint, key="stage")
 
     def zeroed(self, readings: Iterable[Reading]) -> None:
         """Every channel has a reading at its zero, if that is to be subtracted."""
@@ -140,7 +164,8 @@ class ReadingChecks:
             own = ("distortions",) if channel.probe == "distortions" else ()
             own_readings = [r for r in read.get(channel.name, ()) if r.value is not None]
             needed = {zero, *(r.stage or VIRGIN for r in own_readings if r.time is None)}
-            for stage in sorted(needed - self.calendar.dates.keys()):
+            unknown = set() if self.calendar.is_timed else needed - self.calendar.dates.keys()
+            for stage in sorted(unknown):
                 path: KeyPath = ("gauges", gauge, *own, "drift")
                 if (path, stage) in refused:
                     continue
@@ -150,7 +175,8 @@ class ReadingChecks:
                 self.faults.add(path, "missing-dates", message, hint)
             known = {*self.calendar.dates, *needed, *(r.stage for r in own_readings)}
             for stage, n in self.order.items():
-                if stage not in known and n > self.order.get(zero, 0):
+                timed = stage in known or self.calendar.is_timed
+                if not timed and n > self.order.get(zero, 0):
                     notes.setdefault(gauge, {})[stage] = None
         return [
             f"'{gauge}' drifts in time and is not computed at stages without a date: "
@@ -164,7 +190,7 @@ class ReadingChecks:
         if isinstance(given, CaseNumber) or given is None or given.time is None:
             return
         missing = [name for name in self.calendar.stages[1:] if name not in self.calendar.dates]
-        if missing:
+        if missing and not self.calendar.is_timed:
             message = f"the stage '{missing[0]}' has no date"
             hint = f"Add it: dates: {{{missing[0]}: 2024-03-01}}; or leave out 'time'."
             self.faults.add(("fit", "model_error", "time"), "missing-dates", message, hint)
@@ -176,7 +202,7 @@ class ReadingChecks:
             if entry.gauge not in gauges:
                 self.faults.add_unknown(("bad", n, "gauge"), "gauge", entry.gauge, gauges)
             if entry.stage is not None and entry.stage not in self.order:
-                stages = list(self.order)[1:]
+                stages = self.calendar.timetable.stages[1:]
                 self.faults.add_unknown(("bad", n, "stage"), "stage", entry.stage, stages)
 
     def _gauge(self, placed: Reading) -> None:
@@ -206,7 +232,8 @@ class ReadingChecks:
             message, code = f"there is no stage '{name}'", "unknown-stage"
             hint = self.hints.get(("stage", name), "")
             if not hint:
-                hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
+                known = self.calendar.timetable.stages[1:]
+                hint = self.faults.did_you_mean(name, known, what="Stages")
                 if self.section.service_stage is not None:
                     hint = "Readings of a structure in service have dates: name the column 'date'."
                 self.hints["stage", name] = hint

@@ -1,9 +1,10 @@
 """What went where: when the readings of each stage were taken, and what looks wrong with it.
 
-A dated reading counts for the last stage that was complete when it was taken. Dates of stages that
-are a few days late therefore move readings to the stage before, without any other sign than these:
-readings shortly before the next stage was complete, stages without readings, and readings that
-change inside a stage, in which nothing is said to happen.
+A dated reading counts for a moment of the stage that lasted when it was taken, or for the last
+stage that was complete. Dates of stages that take no time and are a few days late therefore move
+readings to the stage before, without any other sign than these: readings shortly before the next
+stage was complete, stages without readings, and readings that change inside a stage, in which
+nothing is said to happen.
 """
 
 from __future__ import annotations
@@ -41,18 +42,18 @@ def when_read(dated: Sequence[Reading], calendar: Calendar) -> tuple[StageReadin
         return ()
     together: dict[str, list[Reading]] = {}
     for row in dated:
-        together.setdefault(row.stage, []).append(row)
+        together.setdefault(calendar.owners.get(row.stage, row.stage), []).append(row)
     return tuple(
         StageReadings(
             stage=stage,
-            complete=calendar.dates.get(stage),
+            complete=calendar.timetable.dates.get(stage),
             number=len(rows),
             channels=len({row.channel for row in rows}),
             first=min(map(_time, rows), default=None),
             last=max(map(_time, rows), default=None),
             between=sum(_between(row.stage, _time(row), calendar) for row in rows),
         )
-        for stage in calendar.stages
+        for stage in calendar.timetable.stages
         for rows in (together.get(stage, []),)
         if rows or stage != VIRGIN
     )
@@ -145,21 +146,25 @@ def gaps(
     """
     notes = _without_readings(by_stage, calendar, counting)
     notes += _between_stages(calendar, counting)
-    for stage in calendar.stages:
-        notes += _changing(stage, [row for row in dated if row.stage == stage], calendar)
+    for stage in calendar.timetable.stages:
+        if stage not in calendar.timetable.lasts:
+            notes += _changing(stage, [row for row in dated if row.stage == stage], calendar)
     return notes
 
 
 def _next(stage: str, calendar: Calendar) -> str | None:
-    """The next stage that has a date."""
-    later = calendar.stages[calendar.stages.index(stage) + 1 :]
-    return next((name for name in later if name in calendar.dates), None)
+    """The next stage that has a date, where it does not last since the end of this one."""
+    stages, dates = calendar.timetable.stages, calendar.timetable.dates
+    later = stages[stages.index(stage) + 1 :]
+    after = next((name for name in later if name in dates), None)
+    return None if after in calendar.timetable.lasts else after
 
 
 def _between(stage: str, time: float, calendar: Calendar) -> bool:
     """Whether a reading is nearer to the end of the next stage than to that of its own."""
-    after = _next(stage, calendar) if stage in calendar.stages else None
-    if after is None or stage not in calendar.dates:
+    stages, dates = calendar.timetable.stages, calendar.timetable.dates
+    after = _next(stage, calendar) if stage in stages else None
+    if after is None or stage not in dates:
         return False
     return calendar.dates[after] - time < time - calendar.dates[stage]
 
@@ -168,16 +173,20 @@ def _without_readings(
     by_stage: Sequence[StageReadings], calendar: Calendar, counting: Sequence[Reading]
 ) -> list[str]:
     """Stages with a date, or before others that were read, of which no reading counts."""
-    read = {reading.stage for reading in counting if reading.value is not None}
+    owners, stages = calendar.owners, calendar.timetable.stages
+    read = {owners.get(r.stage, "") for r in counting if r.value is not None}
     if not by_stage:
         return []
-    last = max((n for n, name in enumerate(calendar.stages) if name in read), default=0)
-    started = min((calendar.stages.index(zero) for zero in calendar.zeros.values()), default=0)
+    last = max((n for n, name in enumerate(stages) if name in read), default=0)
+    zeros = [owners[zero] for zero in calendar.zeros.values()]
+    started = min(map(stages.index, zeros), default=0)
     notes = []
-    for n, stage in enumerate(calendar.stages):
+    for n, stage in enumerate(stages):
         if n <= started or stage in read:
             continue
-        if stage in calendar.dates:
+        if stage in calendar.timetable.lasts:
+            notes.append(f"The stage '{stage}' has no reading while it lasts.")
+        elif stage in calendar.dates:
             when = date_text(calendar.dates[stage])
             notes.append(f"The stage '{stage}' has no reading since it was complete ({when}).")
         elif n < last:
@@ -188,7 +197,7 @@ def _without_readings(
 def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str]:
     """Readings that count for a stage, but were taken shortly before the next one was complete."""
     notes, counts = list[str](), dict[str, int]()
-    for stage in calendar.stages:
+    for stage in calendar.timetable.stages:
         times = [
             reading.time
             for reading in counting

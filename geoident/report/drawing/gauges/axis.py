@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,66 +15,135 @@ from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.result import Result
-from geoident.report.drawing.style import FAINT, SMALL, stage_ticks
+from geoident.model.results.times import StageTimes
+from geoident.report.drawing.style import FAINT, SMALL, short, stage_ticks
 from geoident.report.text.case import stage_dates
 from geoident.report.text.instruments import Instrument
 
 _DAY = 86400.0  # s
+_DECADES = 30.0
+"""The times of a stage are shown on their logarithm if the last is so many times the first."""
+
+_MANY = 60
+"""Readings of a channel from which on dots are smaller."""
+
 _CLOSE = 0.035
 """Part of an axis by which two stages are apart at least if both have their numbers."""
 
 
 @dataclass(frozen=True)
 class StageAxis:
-    """Where the stages lie on an axis.
+    """Where the stages, and the moments of those that last, lie on an axis.
 
     Args:
-        stages: their names.
-        at: (n_stages,) days since 1970 where there are dates, else numbers from 0.
-        dated: these are days.
+        stages: names of the states.
+        at: (n_stages,) days since 1970 where there are dates, days since the case or its stage
+            began where stages last, else numbers from 0.
+        dated: these are days since 1970.
         ends: the first and the last of stages and readings.
+        marks: number of each stage to the place of its end.
+        begin: where days count from, seconds since 1970; NaN where readings have no dates.
+        label: what days count from; empty for dates and numbers.
+        log: the axis is logarithmic.
     """
 
     stages: tuple[str, ...]
     at: Floats
     dated: bool
     ends: tuple[float, float] = (0.0, 1.0)
+    marks: Mapping[int, float] = field(default_factory=dict)
+    begin: float = np.nan
+    label: str = ""
+    log: bool = False
+
+    @property
+    def in_time(self) -> bool:
+        """Whether places are times, at which each reading has its own."""
+        return self.dated or bool(self.label)
 
     def of_reading(self, stage: int, time: float) -> float:
         """Where a reading of a stage lies that was taken at a time (s since 1970, or NaN)."""
-        return time / _DAY if self.dated and np.isfinite(time) else float(self.at[stage])
+        if self.dated and np.isfinite(time):
+            return time / _DAY
+        since = (time - self.begin) / _DAY
+        return since if self.label and since > 0.0 else float(self.at[stage])
 
     def finish(self, axes: Axes) -> None:
-        """Dates with a faint line at each stage, or the names of the stages."""
-        if not self.dated:
+        """Dates or days with a faint line at each stage, or the names of the stages."""
+        if not self.in_time:
             stage_ticks(axes, self.stages)
             return
         low, high = self.ends
-        margin = 0.03 * (high - low)
-        axes.set_xlim(low - margin, high + margin)
-        locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call] # matplotlib.dates has no types
-        axes.xaxis.set_major_locator(locator)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
-        for x in self.at:
-            axes.axvline(float(x), color=FAINT, lw=0.4, ls=(0, (1, 2)), zorder=0)
+        if self.log:
+            axes.set_xscale("log")
+            axes.set_xlim(0.8 * low, 1.25 * high)
+            axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: f"{day:g}"))
+        else:
+            margin = 0.03 * (high - low)
+            axes.set_xlim(low - margin, high + margin)
+        if self.label:
+            axes.set_xlabel(self.label, fontsize=SMALL)
+        else:
+            locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call] # matplotlib.dates has no types
+            axes.xaxis.set_major_locator(locator)
+            axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
         last = -np.inf
-        for number, x in enumerate(self.at, start=1):
+        for number, x in self.marks.items():
+            axes.axvline(x, color=FAINT, lw=0.4, ls=(0, (1, 2)), zorder=0)
             if x - last > _CLOSE * (high - low):
-                axes.text(float(x), 0.99, str(number), transform=axes.get_xaxis_transform(),
+                axes.text(x, 0.99, str(number), transform=axes.get_xaxis_transform(),
                           ha="center", va="top", fontsize=SMALL - 0.5, color=FAINT)  # fmt: skip
-                last = float(x)
+                last = x
 
 
 def stage_axis(result: Result) -> StageAxis:
-    """Dates of the stages, from the case or else from their readings; numbers if any has none."""
+    """Dates of the stages, from the case or else from their readings; numbers if any has none.
+
+    Where stages last: the logarithm of the time since its beginning if there is but one, else
+    dates, or days since the case began.
+    """
     stages = result.gauges.stages
-    dates = stage_dates(result)
+    times, dates = result.gauges.times, stage_dates(result)
+    ends = np.flatnonzero(result.gauges.ends).tolist()
+    if times is not None:
+        alone = _of_one_stage(stages, times, dates)
+        if alone is not None:
+            return alone
     in_order = len(dates) > 1 and np.isfinite(dates).all() and bool((np.diff(dates) >= 0.0).all())
     if in_order and np.ptp(dates) > 0.0:
         every = np.r_[dates, result.gauges.readings.time] / _DAY
-        ends = float(np.nanmin(every)), float(np.nanmax(every))
-        return StageAxis(stages, dates / _DAY, dated=True, ends=ends)
+        span = float(np.nanmin(every)), float(np.nanmax(every))
+        at = dates / _DAY
+        marks = {number: float(at[n]) for number, n in enumerate(ends, 1)}
+        return StageAxis(stages, at, dated=True, ends=span, marks=marks)
+    if times is not None and times.series is not None:
+        at = times.elapsed / _DAY
+        marks = {number: float(at[n]) for number, n in enumerate(ends, 1)}
+        label = "days since the beginning"
+        return StageAxis(stages, at, dated=False, ends=(0.0, at.max()), marks=marks, label=label)
     return StageAxis(stages, np.arange(len(stages), dtype=np.float64), dated=False)
+
+
+def _of_one_stage(stages: tuple[str, ...], times: StageTimes, dates: Floats) -> StageAxis | None:
+    """The axis of the one stage that lasts, on the logarithm of its time; None for another.
+
+    What is before it lies at its left end, what is after it at its right end.
+    """
+    days = times.since / _DAY
+    lasting = {whole for whole, day in zip(times.whole, days, strict=True) if day > 0.0}
+    shown = days[days > 0.0]
+    if len(lasting) != 1 or shown.max() < _DECADES * shown.min():
+        return None
+    (stage,) = lasting
+    inside = np.flatnonzero([whole == stage for whole in times.whole])
+    first, last = float(shown.min()), float(shown.max())
+    at = np.where(np.arange(len(days)) < inside[0], first / 2.0, last)
+    at[inside] = np.maximum(days[inside], first / 2.0)
+    begin = dates[inside[-1]] - _DAY * last
+    label = f"days since the beginning of '{short(stage, 24)}'"
+    return StageAxis(
+        stages, at, dated=False, ends=(first, last), begin=float(begin), label=label, log=True
+    )
 
 
 def value_limits(
@@ -148,13 +217,19 @@ def computed_of(result: Result) -> Floats:
 
 
 def bands_of(result: Result) -> tuple[Floats, Floats]:
-    """(n_channels, n_stages) ends of the 95 % bands, in units; NaN where there is none."""
+    """(n_channels, n_stages) ends of the 95 % bands, in units; NaN where there is none.
+
+    Between the readings of a fit, at moments of stages that last, the fitted line says enough.
+    """
     gauges, prediction = result.gauges, result.prediction
     if prediction is None:
         none = np.full(gauges.computed.shape, np.nan)
         return none, none
     low, high = (gauges.in_units(end) for end in (prediction.lower95, prediction.upper95))
     known = np.isfinite(low) & np.isfinite(high)
+    between = ~gauges.ends & (np.arange(len(gauges.stages)) < last_fitted(result))
+    fitted = np.asarray(gauges.used.any(axis=1), dtype=np.bool_)
+    known &= ~(between & fitted[:, None])
     return np.where(known, low, np.nan), np.where(known, high, np.nan)
 
 
@@ -198,5 +273,6 @@ def draw_dots(
         here = np.isfinite(read) & part
         if here.any():
             x, y, bar = (read, along, "xerr") if upright else (along, read, "yerr")
-            look = {"ms": 3.2, "lw": 0.7, "mew": 0.7, "mfc": face, bar: error[here], **style}
+            size = 3.2 if len(along) <= _MANY else 2.2
+            look = {"ms": size, "lw": 0.7, "mew": 0.7, "mfc": face, bar: error[here], **style}
             axes.errorbar(x[here], y[here], **look)

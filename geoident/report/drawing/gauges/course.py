@@ -67,9 +67,9 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     """Every gauge over time, so many to a figure; casings and fibres only along their length."""
     axis = stage_axis(result)
     shown = _over_time(result)
-    over = "time" if axis.dated else "the stages"
+    over = "time" if axis.in_time else "the stages"
     words = (
-        "Dotted lines: when stages were complete, by their numbers. " if axis.dated else ""
+        "Dotted lines: when stages were complete, by their numbers. " if axis.marks else ""
     ) + "Panels of the same quantity have the same scale."
     if any(len(one.rows) > _MOST_CHANNELS for one in shown):
         words += f" Of instruments with more than {_MOST_CHANNELS} channels, some."
@@ -126,7 +126,7 @@ def readings_figure(
     height = _HEIGHT if len(shown) <= _LOW_FROM else _LOW
     figure, panels = panel_grid(len(shown), height=height, extra=extra, sharex=not ways)
     for axes, one in zip(panels, shown, strict=True):
-        own = replace(axis, at=ways[one.rows[0]], dated=False) if ways else axis
+        own = StageAxis(axis.stages, ways[one.rows[0]], dated=False) if ways else axis
         _draw_instrument(axes, result, one, own)
         if ways:
             _finish_way(axes, np.concatenate([ways[each.rows[0]] for each in shown]))
@@ -246,7 +246,7 @@ def draw_measured(
         dots: their shape.
         axis: where the stages lie, on which dated readings stand at their dates; None for numbers.
     """
-    if axis is not None and axis.dated:
+    if axis is not None and axis.in_time:
         x, read, sd, used = _each_reading(result, row, axis)
     else:
         table = result.gauges

@@ -34,6 +34,7 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         "comes over": lambda s: numbers.text(s["over"]) if s.get("over") else "",
         "temperature": lambda s: _pairs(entries(s, "temperature"), numbers),
         "supports": lambda s: _supports(s, numbers, solid=solid),
+        "lasts": lambda s: str(s.get("lasts", "")),
         "follows": _base,
     }
     if entries(case, "model").get("kind") == "seasonal":

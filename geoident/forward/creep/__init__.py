@@ -1,0 +1,1 @@
+"""Creep and ageing of the ground in stages that last."""
