@@ -159,7 +159,7 @@ def _of_file(
     survey = surveyed(described, checks.section, calendar.channels.values(), faults, path)
     checks.mapped(described, path)
     declared = len(faults.found)
-    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, read.notes)
+    rows = rows_of(paths, described.described(calendar.dimensions, survey), faults, read.notes)
     if declared > before:
         return [], True
     sound = len(faults.found) == before
@@ -187,7 +187,7 @@ def _of_file(
     return readings, not repeated
 
 
-def _rows(
+def rows_of(
     paths: Sequence[str], layout: Layout, faults: Faults, notes: list[str]
 ) -> tuple[Reading, ...]:
     """The readings of files of one layout; what several of them repeat counts once."""
