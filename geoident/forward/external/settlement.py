@@ -10,6 +10,7 @@ superposed; drains that come later begin to act then.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,7 +19,7 @@ from geoident.forward.external.model import ExternalModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint, joined
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Values
 from geoident.model.settlement import Consolidation, Drains, Fill, SettlementLaw
 
 TERMS = 100
@@ -106,11 +107,11 @@ def _parted(fill: Fill, installed: float) -> tuple[Floats, Floats, Floats]:
 
 
 def resistance(drains: Drains, k: int, point: ParameterPoint) -> Dual:
-    """mu of Barron (1948) and Hansbo (1981), with smear, of the drains at channel k."""
+    """Mu of Barron (1948) and Hansbo (1981), with smear, of the drains at channel k."""
     n = drains.influence / drains.diameter
-    ideal = n**2 / (n**2 - 1.0) * np.log(n) - (3.0 * n**2 - 1.0) / (4.0 * n**2)
+    ideal = n**2 / (n**2 - 1.0) * math.log(n) - (3.0 * n**2 - 1.0) / (4.0 * n**2)
     more = point.number(drains.smear_ratio[k]).plus(-1.0)
-    return (more * np.log(drains.smear / drains.diameter)).plus(ideal)
+    return (more * math.log(drains.smear / drains.diameter)).plus(ideal)
 
 
 def degree(
@@ -143,19 +144,13 @@ def degree(
     age, lasted = np.maximum(t - until, 0.0), np.maximum(until - begin, 0.0)
     before = begin < installed
     waited = np.where(before, np.maximum(t - installed, 0.0), 0.0)  # drains act on lifts before
-    order = 2.0 * np.arange(TERMS) + 1.0
-    k_j, a_j = 0.25 * np.pi**2 * order**2, 8.0 / (np.pi * order) ** 2
-    if vertical_flow:
-        a_j[-1] += 1.0 - a_j.sum()
-    else:
-        k_j, a_j = np.zeros(1), np.ones(1)
+    k_j, a_j = _terms() if vertical_flow else (np.zeros(1), np.ones(1))
     l_v, l_h = float(vertical.value), float(horizontal.value)
     rate = k_j * l_v + np.where(before, 0.0, l_h)[:, None]  # (k, j)
-    x = rate * lasted[..., None]
+    x = np.asarray(rate * lasted[..., None], dtype=np.float64)
     old = part[..., None] * a_j * np.exp(-rate * age[..., None])
-    left, slope = old * _mean_decay(x), old * (
-        lasted[..., None] * _mean_decay_slope(x) - age[..., None] * _mean_decay(x)
-    )  # fmt: skip
+    left = old * _mean_decay(x)
+    slope = old * lasted[..., None] * _mean_decay_slope(x) - left * age[..., None]
     drained = np.exp(-l_h * waited)
     value = part - drained * left.sum(axis=-1)
     by_vertical = -drained * (slope * k_j).sum(axis=-1)
@@ -167,6 +162,14 @@ def degree(
         + by_horizontal[..., None] * horizontal.columns[1:]
     )
     return Dual(np.concatenate([value[..., None], slopes], axis=-1))
+
+
+def _terms() -> tuple[Floats, Floats]:
+    """k_j and a_j of Terzaghi's series, (j,)."""
+    order: Floats = 2.0 * np.arange(TERMS) + 1.0
+    weight = 8.0 / (np.pi * order) ** 2
+    weight[-1] += 1.0 - weight.sum()
+    return 0.25 * np.pi**2 * order**2, weight
 
 
 def _mean_decay(x: Floats) -> Floats:

@@ -166,9 +166,9 @@ class CaseSection(Section):
     model: ElsewhereSection | None = Field(
         None,
         description="A program, a function of Python, a table of runs, a law of convergence or of "
-        "settlement that gives the readings, in place of `mesh`, ground and supports: of a stage only its "
-        "name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, `materials` "
-        "and `groups` are required without it.",
+        "settlement that gives the readings, in place of `mesh`, ground and supports: of a stage "
+        "only its name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, "
+        "`materials` and `groups` are required without it.",
     )
     analysis: Annotated[
         Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")

@@ -113,8 +113,8 @@ def _read_days(section: CaseSection, find: FindFile, faults: Faults) -> Iterator
                 yield day
         elif entry is not None:
             described = entry
-            if isinstance(entry, str):
-                described = ReadingsFileSection.model_construct(file=entry)
+            if isinstance(described, str):
+                described = ReadingsFileSection.model_construct(file=described)
             before = len(aside.found)
             paths = [find(name, ("readings",), faults=aside) for name in described.paths]
             if len(aside.found) > before:

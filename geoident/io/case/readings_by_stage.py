@@ -16,6 +16,7 @@ from typing import Any
 
 from geoident.errors import InputError
 from geoident.io.case.case import CaseSection
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.calendar import Calendar, calendar_of
 from geoident.io.case.site_files.checks import ReadingChecks
@@ -99,7 +100,10 @@ def read_all(
     read.notes += checks.drifts(read.readings)
     read.readings = [replace(r, bad=r.bad or _bad_reason(section, r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
-    if read.by_stage and not faults.found and section.service_stage is None:
+    in_stages = section.service_stage is None and not isinstance(
+        section.model, SettlementLawSection
+    )
+    if read.by_stage and not faults.found and in_stages:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
     return read
 

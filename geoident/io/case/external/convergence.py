@@ -10,6 +10,7 @@ import numpy as np
 from geoident.io.case.external.by_gauge import LawConstants
 from geoident.io.case.external.section import ConvergenceLawSection, TunnelSectionSection
 from geoident.io.case.external.surroundings import ModelContext
+from geoident.io.schema.values import CaseNumber
 from geoident.io.text.dates import read_date
 from geoident.model.arrays import Floats
 from geoident.model.case import VIRGIN, KeyPath

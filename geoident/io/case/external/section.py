@@ -15,7 +15,6 @@ from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import (
-    CaseNumber,
     Coefficient,
     Count,
     FixedLength,

@@ -60,7 +60,9 @@ def build_settlement(section: SettlementLawSection, around: ModelContext) -> Set
 
 def _check_readings(since: float, around: ModelContext) -> None:
     """There is a day after the fill has begun."""
-    if around.dates and not any(around.dates[s] > since for s in around.stages if s in around.dates):
+    if around.dates and not any(
+        around.dates[s] > since for s in around.stages if s in around.dates
+    ):
         message = f"all readings are before the first lift, {date_text(since)}"
         hint = "Correct the dates of the fill or of the readings."
         around.faults.add((*_AT, "fill"), "no-readings", message, hint)
@@ -214,7 +216,9 @@ def _fill(
         message = "the fill is given by height, and 'stress' needs its load"
         around.faults.add(path, "missing-key", message, "Add 'unit_weight: 19 kN/m3' to 'model'.")
     elif section.unit_weight is not None and not (by_height and section.stress is not None):
-        message = "nothing depends on it: parts of lifts go by " + ("height" if by_height else "load")
+        message = "nothing depends on it: parts of lifts go by " + (
+            "height" if by_height else "load"
+        )
         around.faults.add((*_AT, "unit_weight"), "unused-key", message, "Remove it.")
     if len(around.faults.found) > found or not lifts:
         return _NO_FILL
