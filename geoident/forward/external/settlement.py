@@ -147,7 +147,7 @@ def degree(
     k_j, a_j = _terms() if vertical_flow else (np.zeros(1), np.ones(1))
     l_v, l_h = float(vertical.value), float(horizontal.value)
     rate = k_j * l_v + np.where(before, 0.0, l_h)[:, None]  # (k, j)
-    x = np.asarray(rate * lasted[..., None], dtype=np.float64)
+    x: Floats = np.multiply(rate, lasted[..., None], dtype=np.float64)
     old = part[..., None] * a_j * np.exp(-rate * age[..., None])
     left = old * _mean_decay(x)
     slope = old * lasted[..., None] * _mean_decay_slope(x) - left * age[..., None]
