@@ -1,6 +1,6 @@
 """Plates under a staged fill on clay with drains, by other physics than the settlement laws.
 
-Water flows up, down and to a drain (finite differences in radius and depth, free strain), the clay is
+Water flows up and to a drain (finite differences in radius and depth, free strain), the clay is
 stiffer by the logarithm of stress, its permeability falls with its void ratio, and it creeps in log
 time.
 """
@@ -129,7 +129,7 @@ def settlement(ground, last=900.0):
 
 
 def plate(seed, *, span=1.2, last=3650.0):
-    """A plate: its ground, days of reading with readings, m, and the truth as a function of days."""
+    """A plate: its ground, days of reading, readings, m, and the truth as a function of days."""
     rng = np.random.default_rng(seed)
     ground = random_ground(rng)
     times, settled = settlement(ground, last)
@@ -137,7 +137,7 @@ def plate(seed, *, span=1.2, last=3650.0):
     def truth(day):
         return np.interp(day, times, settled)
 
-    # read until most has come
+    # read until most has come, as sites are
     total = truth(last)
     end = ground.loaded + span * (np.interp(0.8 * total, settled, times) - ground.loaded)
     end = max(end, ground.loaded + 120.0)

@@ -65,7 +65,7 @@ def clay(days, keys, *, fill=None, parameters=""):
 
 
 def test_asaokas_line_is_that_of_the_exponential(tmp_path):
-    """Settlements at equal steps lie on s_k+1 = b_0 + b_1 s_k, which ends in S = b_0 / (1 - b_1)."""
+    """At equal steps they lie on s_k+1 = b_0 + b_1 s_k, which ends in S = b_0 / (1 - b_1)."""
     days = range(0, 301, 30)
     model = model_of(tmp_path, CURVE.format(law="asaoka", days=", ".join(map(day, days))))
     s = readings(model)
@@ -77,7 +77,9 @@ def test_asaokas_line_is_that_of_the_exponential(tmp_path):
 
 def test_time_by_settlement_is_a_line_of_the_hyperbola(tmp_path):
     days = np.arange(20, 301, 40)
-    model = model_of(tmp_path, CURVE.format(law="hyperbola", days=", ".join(map(day, map(int, days)))))
+    model = model_of(
+        tmp_path, CURVE.format(law="hyperbola", days=", ".join(map(day, map(int, days))))
+    )
     s = readings(model)
     slope, start = np.polyfit(days, days / s, 1)
     assert 1.0 / slope == pytest.approx(0.4, rel=1e-10)
@@ -90,7 +92,9 @@ def one_dimensional(T):
     n = np.arange(1, 40)
     x = n / np.sqrt(T)[..., None]
     integrated = np.exp(-(x**2)) / np.sqrt(np.pi) - x * erfc(x)
-    return 2.0 * np.sqrt(T) * (1.0 / np.sqrt(np.pi) + 2.0 * np.sum((-1.0) ** n * integrated, axis=-1))
+    return (
+        2.0 * np.sqrt(T) * (1.0 / np.sqrt(np.pi) + 2.0 * np.sum((-1.0) ** n * integrated, axis=-1))
+    )
 
 
 def test_one_way_of_drainage_is_terzaghis(tmp_path, verification):
@@ -125,7 +129,9 @@ def test_drains_are_barrons(tmp_path, n, verification):
 def test_both_ways_go_together_as_carrillo_says_and_smear_as_hansbo(tmp_path):
     """1 - U = (1 - U_v) (1 - U_h); smear adds (k / k_s - 1) ln(d_s / d) to mu."""
     days = [20, 100, 400]
-    drains = "drains: {c_h: 3 m2/year, spacing: 1.4 m, diameter: 70 mm, smear: 210 mm, smear_ratio: 3}"
+    drains = (
+        "drains: {c_h: 3 m2/year, spacing: 1.4 m, diameter: 70 mm, smear: 210 mm, smear_ratio: 3}"
+    )
     found = readings(model_of(tmp_path, clay(days, [drains, "c_v: 2 m2/year", "path: 4 m"])))
     D = 1.4 * 1.05
     n = D / 0.07
@@ -136,7 +142,7 @@ def test_both_ways_go_together_as_carrillo_says_and_smear_as_hansbo(tmp_path):
 
 
 def olson(T, placed):
-    """Degree of consolidation under a load that grows until the time factor `placed` (Olson 1977)."""
+    """Degree of consolidation, the load growing until the time factor `placed` (Olson 1977)."""
     M = 0.5 * np.pi * (2.0 * np.arange(2000) + 1.0)
     if placed >= T:
         return T / placed * (1.0 - 2.0 / T * np.sum((1.0 - np.exp(-(M**2) * T)) / M**4))
@@ -196,7 +202,13 @@ def test_drains_that_come_later_act_from_then_on(tmp_path):
 def test_creep_grows_with_the_logarithm_of_time(tmp_path):
     """S C log10(1 + t / T) of a lift at once; of one that takes time its mean."""
     days = [10, 90, 2000]
-    keys = ["c_v: 5000 m2/year", "path: 1 m", "creep: 0.05", "creep_time: 30 days", "until: 2060-01-01"]
+    keys = [
+        "c_v: 5000 m2/year",
+        "path: 1 m",
+        "creep: 0.05",
+        "creep_time: 30 days",
+        "until: 2060-01-01",
+    ]
     found = readings(model_of(tmp_path, clay(days, keys)))
     np.testing.assert_allclose(found, 1.0 + 0.05 * np.log10(1.0 + np.array(days) / 30.0), rtol=1e-6)
     fill = f"{{date: {day(0)}, load: 50 kPa, lasts: 60 days}}"
