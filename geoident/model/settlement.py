@@ -94,11 +94,14 @@ class SettlementLaw:
     """The settlement of a fill on clay in time.
 
     Args:
-        curve: asaoka: S [1 - exp(-t / T)]; hyperbola: S t / (T + t); or by consolidation.
+        curve: asaoka: S [1 - exp(-t / T)]; hyperbola: S t / (T + t), or of another shape; or by
+            consolidation.
         since: from when t counts, seconds since 1970; of consolidation the first lift.
         final: n_channels of S, the settlement since then in the end, in the unit of what the gauge
             reads; of consolidation without creep.
         time: n_channels of T, s; empty for consolidation.
+        shape: n_channels of m: S [1 - (1 + m t / T)^(-1 / m)] in place of the hyperbola, which has
+            1; asaoka's curve is the limit of 0. Empty for none.
         times: (n_stages,) when each stage is, seconds since 1970.
         consolidation: of that curve, else None.
         until: when the settlement counts as final, seconds since 1970; inf for in the end.
@@ -111,6 +114,7 @@ class SettlementLaw:
     final: tuple[Scalar, ...]
     time: tuple[Scalar, ...]
     times: Floats = field(compare=False)
+    shape: tuple[Scalar, ...] = ()
     consolidation: Consolidation | None = None
     until: float = float("inf")
     degrees: tuple[float, ...] = ()
@@ -120,7 +124,7 @@ class SettlementLaw:
     def scalars(self) -> tuple[Scalar, ...]:
         """All its constants."""
         own = () if self.consolidation is None else tuple(self.consolidation.scalars)
-        return self.final + self.time + own
+        return self.final + self.time + self.shape + own
 
     @property
     def seen(self) -> frozenset[str]:

@@ -153,7 +153,13 @@ def day_text(day):
 
 CURVE = """\
 format: geoident-case/1
-model: {{kind: settlement-law, law: {law}, since: {since}, S: $S, T: $T{asked}}}
+model:
+  kind: settlement-law
+  law: {law}
+  since: {since}
+  S: $S
+  T: $T
+{asked}
 parameters:
   S: {{start: 0.3 m, bounds: [5 mm, 10 m], scale: log}}
   T: {{start: 100 days, bounds: [3 days, 5000 days], scale: log}}
@@ -177,7 +183,7 @@ model:
   path: {path:.3f} m
   creep: $C
   creep_time: 20 days
-  until: 2061-01-01{asked}
+{asked}
 parameters:
   S: {{start: 1 m, bounds: [0.02 m, 10 m], scale: log}}
   c_h: {{start: 3 m2/year, bounds: [0.05 m2/year, 200 m2/year], scale: log}}
@@ -189,8 +195,9 @@ fit: {{until: {until}, backtest: false{more}}}
 """
 
 
-def write_plate(folder, law, ground, days, readings, until, *, asked="", more=""):
+def write_plate(folder, law, ground, days, readings, until, *, asked=None, more=""):
     """The case of a plate, of which readings until a day are fitted; its path."""
+    asked = {"until": "2061-01-01"} if asked is None else asked
     rows = [f"P,{day_text(day)},{1e3 * s:.2f},mm" for day, s in zip(days, readings, strict=True)]
     (folder / "readings.csv").write_text("\n".join(["gauge,date,value,unit", *rows, ""]))
     text = CONSOLIDATION if law == "consolidation" else CURVE
@@ -206,7 +213,7 @@ def write_plate(folder, law, ground, days, readings, until, *, asked="", more=""
             stress=ground.stress,
             spacing=ground.spacing / 1.05,
             path=ground.thickness,
-            asked=asked,
+            asked="\n".join(f"  {key}: {value}" for key, value in asked.items()),
             more=more,
         )
     )

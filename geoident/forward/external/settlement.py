@@ -47,7 +47,26 @@ def settlement(
     time = point.numbers(law.time)
     if law.curve == "asaoka":
         return final * (1.0 - (time.reciprocal() * -elapsed).exp())
-    return final * (1.0 - time / time.plus(elapsed))
+    if not law.shape:
+        return final * (1.0 - time / time.plus(elapsed))
+    return final * (1.0 - (-_slowed(time.reciprocal() * elapsed, point.numbers(law.shape))).exp())
+
+
+_STRAIGHT = 1e-4
+"""Shape times x below which log(1 + m x) / m is its series: m may be 0."""
+
+
+def _slowed(x: Dual, m: Dual) -> Dual:
+    """log(1 + m x) / m, which is x where m is 0."""
+    a, b = x.value, np.broadcast_to(m.value, x.value.shape)
+    z = a * b
+    small = z < _STRAIGHT
+    safe = np.where(small, 1.0, b)
+    value = np.where(small, a * (1.0 - z / 2.0 + z**2 / 3.0), np.log1p(z) / safe)
+    exact = (a / (1.0 + z) - np.log1p(z) / safe) / safe
+    by_m = np.where(small, a**2 * (-0.5 + 2.0 * z / 3.0 - 0.75 * z**2), exact)
+    slopes = x.columns[..., 1:] / (1.0 + z)[..., None] + by_m[..., None] * m.columns[..., 1:]
+    return Dual(np.concatenate([value[..., None], slopes], axis=-1))
 
 
 def _courses(of: Consolidation, times: Floats, point: ParameterPoint) -> Dual:
@@ -150,9 +169,11 @@ def degree(
     x: Floats = np.multiply(rate, lasted[..., None], dtype=np.float64)
     old = part[..., None] * a_j * np.exp(-rate * age[..., None])
     left = old * _mean_decay(x)
-    slope = old * lasted[..., None] * _mean_decay_slope(x) - left * age[..., None]
     drained = np.exp(-l_h * waited)
     value = part - drained * left.sum(axis=-1)
+    if vertical.n == 0:
+        return Dual(value[..., None])
+    slope = old * lasted[..., None] * _mean_decay_slope(x) - left * age[..., None]
     by_vertical = -drained * (slope * k_j).sum(axis=-1)
     by_horizontal = np.where(
         before, waited * drained * left.sum(axis=-1), -drained * slope.sum(axis=-1)

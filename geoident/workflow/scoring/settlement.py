@@ -13,11 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.forward.external.settlement import SettlementModel
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
+from geoident.forward.observed import Query
 from geoident.identify.assessment.later_readings import simulated_readings
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.problem.scaling import Scaling
 from geoident.io.text.dates import date_text
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Stage
 from geoident.model.gauges import DAY, Channel
 from geoident.model.results.settlement import SettlementState
@@ -62,78 +64,95 @@ def settlement_states(setup: Setup, estimate: Estimate) -> tuple[SettlementState
         estimate: the estimate.
     """
     model = setup.model
-    used = [model.case.dates[stage] for _, stage in setup.readings.used_pairs]
+    used = setup.readings.used_pairs
     if not isinstance(model, SettlementModel) or not used:
         return ()
-    law, now = model.law, max(used)
+    law, now = model.law, max(model.case.dates[stage] for _, stage in used)
     end = law.until if np.isfinite(law.until) else law.since + _FAR
+    now = min(now, end)
     times = {now, *law.after}
     if law.degrees:
         first = max(0.5 * DAY, 1e-4 * (now - law.since))
         times |= set((law.since + np.geomspace(first, end - law.since, _STEPS)).tolist())
     days = np.array([*sorted(time for time in times if time < end), end])
+    asked = np.isin(days, [now, *law.after])
     rows = []
-    for k, channel in enumerate(model.case.channels):
-        course = _course(setup, model, estimate, k, days, np.isin(days, [now, *law.after]))
-        rows += list(_rows_of(model, channel, course, min(now, end)))
+    for channel, course in zip(
+        model.case.channels, _courses(setup, model, estimate, days, asked), strict=True
+    ):
+        rows += list(_rows_of(model, channel, course, now))
     return tuple(rows)
 
 
-def _course(
-    setup: Setup, model: SettlementModel, estimate: Estimate, k: int, days: Floats, asked: Bools
-) -> _Course:
-    """The readings of channel k at some days (m,), as the used readings let expect them.
+def _courses(
+    setup: Setup, model: SettlementModel, estimate: Estimate, days: Floats, asked: Bools
+) -> Iterator[_Course]:
+    """The readings of all channels at some days (m,), as the used readings let expect them.
 
     Args:
         setup: model and readings.
         model: the model.
         estimate: the estimate.
-        k: number of the channel.
         days: (m,) seconds since 1970, the last of them the end.
         asked: (m,) which of them are asked for.
     """
     case, p = model.case, estimate.outcome.values
-    known_days = {name: case.dates[name] for name in case.stage_names[1:]}
     names = {f"{day:.0f} s": float(day) for day in days}
+    begin, *stages = case.stage_names
+    known_days = {name: case.dates[name] for name in stages}
     dates = dict(sorted((known_days | names).items(), key=lambda item: item[1]))
     law = replace(model.law, times=np.array(list(dates.values())))
     longer = replace(
         case,
         stages=tuple(Stage(name) for name in dates),
-        dates={case.stage_names[0]: case.dates[case.stage_names[0]], **dates},
+        dates={begin: case.dates[begin], **dates},
         elsewhere=law,
     )
     extended = SettlementModel(longer, law)
-    order = list(dates)
-    later: Ints = np.array([(k, order.index(name)) for name in names], dtype=np.int64)
-    channel = case.channels[k].name
-    pairs = [*setup.readings.used_pairs, *((channel, name) for name in names)]
-    response = extended.response(pairs)
-    g = len(setup.readings.used_pairs)
-    computed, jacobian = response.evaluate(p)
-    rng = np.random.default_rng([_DRAWS, k])
+    used = setup.readings.used_pairs
+    g, m = len(used), len(days)
+    pairs = [*used, *((channel.name, name) for channel in case.channels for name in names)]
+    places = ReadingPlaces.of(longer, pairs, ())
+    query = Query(places, len(dates))
+
+    def readings(point: Floats, *, derivatives: bool = False) -> Floats:
+        observed = extended.observe(point, replace(query, derivatives=derivatives))
+        return extended.readings_of(point, observed, places, derivatives=derivatives)
+
+    computed, jacobian = np.split(readings(p, derivatives=True), [1], axis=1)
+    rng = np.random.default_rng(_DRAWS)
     points = _points(estimate, Scaling(case.parameters), rng)
-    answers = np.array([response.readings(point) for point in points])
+    answers = np.array([readings(point)[:, 0] for point in points])
     known = estimate.errors
-    mean, drawn = computed[g:], answers[:, g:]
     if known is not None:
-        if known.model_error is not None:
-            survey = extended.survey(p, fields=False)
-            error = replace(
-                known.model_error, case=longer, model=extended, increments=survey.increments
-            )
-            known = replace(known, model_error=error)
-        known = replace(known, case=longer)
-        mean = mean + known.of(later, jacobian[g:]).shift
-        problem, errors = known.with_later(later)
-        errors = replace(
-            errors, sd=np.zeros(len(later))
-        )  # what the gauge would show without its own
-        drawn = simulated_readings(problem, answers[:, :g], drawn, errors, rng)
-    band = predict_band(estimate.assessment, jacobian[-1:], np.zeros(1))
-    return _Course(
-        days, mean, _forwards(drawn, asked, np.sign(mean[-1])), bool(np.isfinite(band.upper95[0]))
-    )
+        error = known.model_error
+        if error is not None:
+            steps = extended.survey(p, fields=False).increments
+            error = replace(error, case=longer, model=extended, increments=steps)
+        known = replace(known, case=longer, model_error=error)
+    order = list(dates)
+    stage = [order.index(name) for name in names]
+    for k in range(len(case.channels)):
+        own = slice(g + k * m, g + (k + 1) * m)
+        mean, drawn = computed[own, 0], answers[:, own]
+        if known is not None:
+            later = np.column_stack([np.full(m, k), stage])
+            mean = mean + known.of(later, jacobian[own]).shift
+            problem, errors = known.with_later(later)
+            errors = replace(errors, sd=np.zeros(m))  # what it would show without its own
+            drawn = simulated_readings(problem, answers[:, :g], drawn, errors, rng)
+        band = predict_band(estimate.assessment, jacobian[own][-1:], np.zeros(1))
+        forwards = _forwards(drawn, asked, float(np.sign(mean[-1])))
+        yield _Course(days, mean, forwards, bool(np.isfinite(band.upper95[0])))
+
+
+def _points(estimate: Estimate, scaling: Scaling, rng: np.random.Generator) -> Floats:
+    """Parameters (k, n) as they may be, SI."""
+    posterior = estimate.assessment.posterior
+    chosen = rng.choice(len(posterior.weight), _DRAWS, p=posterior.weight)
+    normal = rng.standard_normal((_DRAWS, posterior.factor.shape[1]))
+    steps = posterior.shift[:, chosen].T + normal @ posterior.factor.T
+    return np.array([scaling.away(estimate.outcome.values, step) for step in steps])
 
 
 def _forwards(drawn: Floats, asked: Bools, sign: float) -> Floats:
@@ -149,15 +168,6 @@ def _forwards(drawn: Floats, asked: Bools, sign: float) -> Floats:
     left = (drawn[:, -1:] - drawn[:, asked]) * sign
     kept = drawn[np.all(left >= 0.0, axis=1)]
     return kept if len(kept) >= _FEWEST else drawn
-
-
-def _points(estimate: Estimate, scaling: Scaling, rng: np.random.Generator) -> Floats:
-    """Parameters (k, n) as they may be, SI."""
-    posterior = estimate.assessment.posterior
-    chosen = rng.choice(len(posterior.weight), _DRAWS, p=posterior.weight)
-    normal = rng.standard_normal((_DRAWS, posterior.factor.shape[1]))
-    steps = posterior.shift[:, chosen].T + normal @ posterior.factor.T
-    return np.array([scaling.away(estimate.outcome.values, step) for step in steps])
 
 
 def _rows_of(

@@ -62,9 +62,9 @@ def day(number):
 
 def two_plates(folder, law, *, last=220, seed=3, more=""):
     """Two plates that follow a law, read every nine days, and before the end of loading."""
-    rng = np.random.default_rng(seed)
     rows = ["gauge,date,value,unit"]
     for name, number in (("P1", "1"), ("P2", "2")):
+        rng = np.random.default_rng([seed, int(number)])
         S, before = TRUTH[f"S_{number}"], TRUTH[f"before_{number}"]
         for t in range(-45, last, 9):
             s = before + S * SHAPES[law](t, TRUTH["T"]) if t >= 0 else before * (1.0 + t / 45.0)
@@ -114,7 +114,7 @@ def test_days_are_stages_and_earlier_readings_are_left_out(found):
     _, _, result = found
     assert result.gauges.stages[:2] == (day(0), day(9))
     assert result.gauges.stages[-1] == "2030-01-01"
-    assert any(note.startswith("10 readings of P1 and P2 before") for note in result.notes)
+    assert "10 readings of P1, P2 before the first stage left out." in result.notes
     assert result.prediction.lower95[0, -1] <= result.prediction.mean[0, -1]
 
 
@@ -153,8 +153,8 @@ def test_new_readings_are_judged_and_fitted_in(tmp_path):
     path = two_plates(tmp_path, "hyperbola", last=180)
     assert update(str(path)).updates == ()
     two_plates(tmp_path, "hyperbola", last=220)
-    [step] = update(str(path)).updates
-    assert (step.new, step.belong) == (10, True)
+    step = update(str(path)).updates[-1]
+    assert (step.new, step.changed, step.belong, step.case_changed) == (10, 0, True, False)
 
 
 def test_readings_may_count_from_a_day_after_the_end_of_loading(tmp_path):
@@ -167,8 +167,9 @@ def test_readings_may_count_from_a_day_after_the_end_of_loading(tmp_path):
     text = "\n".join(line for line in text.splitlines() if not line.startswith("  before"))
     path.write_text(text)
     result = fit(load_case(str(path)), force=True).data
-    p = dict(zip(result.parameters.names, zip(result.parameters.lower95, result.parameters.upper95, strict=True), strict=True))  # fmt: skip
-    assert p["S_1"][0] <= TRUTH["S_1"] <= p["S_1"][1]
+    p = result.parameters
+    S = p.names.index("S_1")
+    assert p.lower95[S] <= TRUTH["S_1"] <= p.upper95[S]
     [final] = [r for r in result.settlement if (r.gauge, r.quantity) == ("P1", "final")]
     shown = TRUTH["S_1"] * np.exp(-9.0 / TRUTH["T"])
     assert final.lower95 <= shown <= final.upper95
@@ -183,15 +184,10 @@ def scores(folder, law, seeds):
     errors, hand, held = [], [], []
     for seed in seeds:
         ground, days, readings, truth = plate(seed)
-        since, until = half_of(ground, days)
+        _, until = half_of(ground, days)
         end = days[-1]
-        ask = {"remaining_after": day_text(end), "until": day_text(3649)}
-        asked = "".join(f", {key}: {value}" for key, value in ask.items())
+        asked = {"remaining_after": day_text(end), "until": day_text(3649)}
         path = write_plate(folder, law, ground, days, readings, until, asked=asked)
-        if law == "consolidation":
-            text = path.read_text().replace(f"until: 2061-01-01{asked}", f"until: {ask['until']}\n"
-                                            f"  remaining_after: {ask['remaining_after']}")  # fmt: skip
-            path.write_text(text)
         result = fit(load_case(str(path)), force=True).data
         known, later = (days >= ground.loaded) & (days <= until), days > until
         columns = [result.gauges.stages.index(day_text(one)) for one in days[later]]
@@ -240,7 +236,7 @@ def test_cases_of_the_page_are_right(tmp_path):
     )
     laws = [parse_case(text, str(tmp_path / "case.yaml")).case.elsewhere for text in texts]
     assert [law.curve for law in laws] == ["hyperbola", "consolidation"]
-    assert laws[0].degrees == (0.9, 0.95)
+    assert laws[0].degrees == pytest.approx((0.9, 0.95))
     np.testing.assert_allclose(laws[1].consolidation.fills[0].load, 19e3 * np.array([0, 1, 2.5, 4]))
 
 

@@ -48,6 +48,7 @@ def build_settlement(section: SettlementLawSection, around: ModelContext) -> Set
         since=since,
         final=constants.like_readings("S", section.S),
         time=() if section.T is None else constants.of("T", section.T, least="above"),
+        shape=() if section.m is None else constants.of("m", section.m, least="at"),
         times=np.array([around.dates.get(stage, np.nan) for stage in around.stages]),
         consolidation=consolidation,
         until=np.inf if section.until is None else read_date(section.until),

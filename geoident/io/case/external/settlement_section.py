@@ -179,6 +179,13 @@ class SettlementLawSection(Section):
         description="Time after which 63 % of `S` (asaoka) or half of it (hyperbola) has come.",
         examples=["$T"],
     )
+    m: ByGauge[Coefficient] | None = Field(
+        None,
+        description="Of `hyperbola`: shape between that (1, if missing) and `asaoka` (0), S [1 - "
+        "(1 + m t / T)^(-1 / m)]. As a parameter with bounds 0 and 1 it says what is not known of "
+        "the shape.",
+        examples=["$m"],
+    )
     fill: Fills | None = Field(
         None,
         description="The lifts, for all gauges or by gauge: a list, or a file with a row for each.",
@@ -242,6 +249,8 @@ class SettlementLawSection(Section):
             if getattr(self, key) is not None:
                 message = f"the law '{self.law}' does not depend on it"
                 faults.add((key,), "unused-key", message, f"Remove it. {_NEEDS[self.law]}")
+        if self.law != "hyperbola" and self.m is not None:
+            faults.add(("m",), "unused-key", f"the law '{self.law}' has no shape", "Remove it.")
         needed = ("fill",) if by_load else _OF_CURVES
         missing = [key for key in needed if getattr(self, key) is None]
         if by_load and self.c_v is None and self.drains is None:
