@@ -27,13 +27,13 @@ from geoident.units import DIMENSIONLESS, in_unit, shown_unit
 from geoident.workflow.estimating.estimate import Estimate
 from geoident.workflow.estimating.setup import Setup
 
-_DRAWS = 1000
+_DRAWS = 500
 _FEWEST = 100
 """Draws from which quantiles are taken."""
 _FAR = 1e5 * 365.25 * DAY
 """Time after which settlement without end is taken as final, s: of a hyperbola but T / 1e5 years.
 """
-_STEPS = 60
+_STEPS = 40
 """Days, in ratio of time, between which the date of a degree is interpolated."""
 _LAST_DATE = 2e11
 """Seconds since 1970 beyond which there is no date to be written."""
@@ -135,13 +135,15 @@ def _courses(
     for k in range(len(case.channels)):
         own = slice(g + k * m, g + (k + 1) * m)
         mean, drawn = computed[own, 0], answers[:, own]
+        rows, sd = jacobian[own], np.full(m, case.channels[k].accuracy)
         if known is not None:
             later = np.column_stack([np.full(m, k), stage])
-            mean = mean + known.of(later, jacobian[own]).shift
+            given = known.of(later, jacobian[own])
+            mean, rows, sd = mean + given.shift, given.jacobian, given.sd
             problem, errors = known.with_later(later)
             errors = replace(errors, sd=np.zeros(m))  # what it would show without its own
             drawn = simulated_readings(problem, answers[:, :g], drawn, errors, rng)
-        band = predict_band(estimate.assessment, jacobian[own][-1:], np.zeros(1))
+        band = predict_band(estimate.assessment, rows[-1:], sd[-1:])  # as of a stage there
         forwards = _forwards(drawn, asked, float(np.sign(mean[-1])))
         yield _Course(days, mean, forwards, bool(np.isfinite(band.upper95[0])))
 
@@ -251,20 +253,23 @@ def settlement_notes(states: Sequence[SettlementState]) -> tuple[str, ...]:
 
 
 def _words(of: SettlementState) -> str:
+    """A quantity in words, without numbers where the readings do not determine it."""
+    if not np.isfinite([of.lower95, of.upper95]).all():
+        return {
+            "final": f"its end{' at ' + of.at if of.at else ''} is not determined",
+            "degree": f"what part of that it has shown on {of.at} is not determined",
+            "remaining": f"what remains after {of.at} is not determined",
+            "reached": f"when it has shown {of.at} of that is not determined",
+        }[of.quantity]
     if of.quantity == "reached":
-        if not np.isfinite(of.upper95):
-            return f"{of.at} of it on {of.date} (not determined)"
-        last = of.date_upper95 or "never"
-        return f"{of.at} of it on {of.date or 'no date'} (95 %: {of.date_lower95} to {last})"
+        first, last = of.date_lower95, of.date_upper95 or "never"
+        return f"{of.at} of that on {of.date or 'no date'} (95 %: {first} to {last})"
     unit = of.unit, of.dimension
     name = f" {shown_unit(*unit)}".rstrip()
     number, low, high = (f"{in_unit(x, *unit):.4g}" for x in (of.value, of.lower95, of.upper95))
     interval = f"(95 %: {low} to {high}{name})"
-    if not np.isfinite([of.lower95, of.upper95]).all():
-        interval = "(not determined)"
     if of.quantity == "final":
-        when = f"until {of.at}" if of.at else "in the end"
-        return f"{when} {number}{name} {interval}"
+        return f"{'until ' + of.at if of.at else 'in the end'} {number}{name} {interval}"
     if of.quantity == "degree":
         return f"on {of.at} it has shown {number}{name} of that {interval}"
     return f"after {of.at} {number}{name} remain {interval}"

@@ -156,7 +156,7 @@ def test_a_lift_that_takes_time_is_olsons(tmp_path, verification):
     found = readings(model_of(tmp_path, clay(days, ["c_v: 4 m2/year", "path: 3 m"], fill=fill)))
     by_day = 4.0 / 9.0 / YEAR
     exact = [olson(by_day * t, by_day * 150.0) for t in days]
-    np.testing.assert_allclose(found, exact, rtol=2e-5)
+    np.testing.assert_allclose(found, exact, rtol=2e-4)
     T = by_day * np.array(days)
     verification("settlement-ramp", "", T, exact=exact, found=found)
 

@@ -167,7 +167,7 @@ def _lifts(fill: object, numbers: ShownNumbers) -> str:
     if isinstance(fill, Mapping):
         return f"as in {fill.get('file')}"
     lifts = []
-    for lift in listed(fill):
+    for lift in fill if isinstance(fill, list) else []:
         size = numbers.text(lift.get("height") or lift.get("load"))
         over = f" over {numbers.text(lift['lasts'])}" if lift.get("lasts") else ""
         lifts.append(f"{size} from {lift.get('date')}{over}")
