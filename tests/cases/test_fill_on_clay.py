@@ -32,7 +32,7 @@ def test_its_readings_are_those_of_the_script(truth):
     assert np.std(residuals) == pytest.approx(1e-3 * made.SD, rel=0.15)
 
 
-@pytest.mark.parametrize("name", ["case", pytest.param("hyperbola", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param("case", marks=pytest.mark.slow), "hyperbola"])
 def test_later_readings_and_what_remains_after_the_opening_are_foretold(tmp_path, truth, name):
     case = load_case(str(CASE / f"{name}.yaml"), {"fit.backtest": False})
     result = fit(case, output=str(tmp_path / "o.h5")).data
