@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator
+from matplotlib.dates import AutoDateLocator, MonthLocator
 from matplotlib.ticker import FuncFormatter
 
 from geoident.io.text.dates import date_text
@@ -20,6 +20,7 @@ from geoident.report.text.case import stage_dates
 from geoident.report.text.instruments import Instrument
 
 _DAY = 86400.0  # s
+_YEAR = 366.0  # days
 _CLOSE = 0.035
 """Part of an axis by which two stages are apart at least if both have their numbers."""
 
@@ -32,6 +33,7 @@ class StageAxis:
         stages: their names.
         at: (n_stages,) days since 1970 where there are dates, else numbers from 0.
         dated: these are days.
+        named: a stage says more than its day, so that it has a line and its number.
         ends: the first and the last of stages and readings.
     """
 
@@ -39,6 +41,7 @@ class StageAxis:
     at: Floats
     dated: bool
     ends: tuple[float, float] = (0.0, 1.0)
+    named: bool = True
 
     def of_reading(self, stage: int, time: float) -> float:
         """Where a reading of a stage lies that was taken at a time (s since 1970, or NaN)."""
@@ -52,9 +55,14 @@ class StageAxis:
         low, high = self.ends
         margin = 0.03 * (high - low)
         axes.set_xlim(low - margin, high + margin)
-        locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call] # matplotlib.dates has no types
-        axes.xaxis.set_major_locator(locator)
+        if _YEAR < high - low < 2.0 * _YEAR:  # where the other finds no interval, and warns
+            axes.xaxis.set_major_locator(MonthLocator(bymonth=(1, 7)))  # type: ignore[no-untyped-call] # matplotlib.dates has no types
+        else:
+            locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call]
+            axes.xaxis.set_major_locator(locator)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
+        if not self.named:
+            return
         for x in self.at:
             axes.axvline(float(x), color=FAINT, lw=0.4, ls=(0, (1, 2)), zorder=0)
         last = -np.inf
@@ -73,7 +81,10 @@ def stage_axis(result: Result) -> StageAxis:
     if in_order and np.ptp(dates) > 0.0:
         every = np.r_[dates, result.gauges.readings.time] / _DAY
         ends = float(np.nanmin(every)), float(np.nanmax(every))
-        return StageAxis(stages, dates / _DAY, dated=True, ends=ends)
+        named = any(
+            name != date_text(date) for name, date in zip(stages, dates.tolist(), strict=True)
+        )
+        return StageAxis(stages, dates / _DAY, dated=True, ends=ends, named=named)
     return StageAxis(stages, np.arange(len(stages), dtype=np.float64), dated=False)
 
 

@@ -69,7 +69,9 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
     shown = _over_time(result)
     over = "time" if axis.dated else "the stages"
     words = (
-        "Dotted lines: when stages were complete, by their numbers. " if axis.dated else ""
+        "Dotted lines: when stages were complete, by their numbers. "
+        if axis.dated and axis.named
+        else ""
     ) + "Panels of the same quantity have the same scale."
     if any(len(one.rows) > _MOST_CHANNELS for one in shown):
         words += f" Of instruments with more than {_MOST_CHANNELS} channels, some."
