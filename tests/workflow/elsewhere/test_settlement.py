@@ -22,6 +22,8 @@ import geoident as package
 from geoident.api import fit, load_case, update
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case
+from geoident.report.drawing.gauges.axis import stage_axis
+from geoident.report.drawing.gauges.course import reading_pictures
 
 BEGIN = date(2024, 5, 20)
 DAY = 86400.0
@@ -117,6 +119,14 @@ def test_days_are_stages_and_earlier_readings_are_left_out(found):
     assert result.gauges.stages[-1] == "2030-01-01"
     assert "10 readings of P1, P2 before the first stage left out." in result.notes
     assert result.prediction.lower95[0, -1] <= result.prediction.mean[0, -1]
+
+
+def test_its_plates_are_drawn_over_time_with_the_days_to_come(found):
+    [picture] = reading_pictures(found[2])
+    assert picture.title.startswith("Gauges over time")
+    axis = stage_axis(found[2])
+    assert (axis.dated, axis.named) == (True, False)
+    assert axis.at[-1] - axis.at[0] == (date(2030, 1, 1) - BEGIN).days
 
 
 def test_it_is_shown_exported_and_checked(found):
