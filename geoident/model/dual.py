@@ -190,6 +190,11 @@ class ParameterPoint:
         """A number of the case."""
         return Dual(scalar.columns(self.values, self.names))
 
+    def numbers(self, scalars: Sequence[Scalar]) -> Dual:
+        """Numbers (k,) of the case."""
+        columns = [self.number(scalar).columns for scalar in scalars]
+        return Dual(np.array(columns).reshape(-1, self.n_columns))  # also of none
+
     def constant(self, number: Floats | float) -> Dual:
         """Numbers (...) that depend on no parameter."""
         return Dual.constant(number, len(self.names))

@@ -18,6 +18,7 @@ from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats
 from geoident.model.in_service import SeasonalModel
 from geoident.model.parameter import Scalar
+from geoident.model.settlement import SettlementLaw
 
 
 @dataclass(frozen=True)
@@ -438,7 +439,9 @@ class ConvergenceLaw:
         return ()
 
 
-ExternalSource = ExternalProgram | PythonFunction | RunTable | ConvergenceLaw | SeasonalModel
+ExternalSource = (
+    ExternalProgram | PythonFunction | RunTable | ConvergenceLaw | SettlementLaw | SeasonalModel
+)
 
 
 def seen_parameters(source: ExternalSource, names: Sequence[str]) -> tuple[bool, ...]:

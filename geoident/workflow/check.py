@@ -38,6 +38,7 @@ from geoident.model.results.summary import (
     StageSummary,
 )
 from geoident.model.results.surface import SurfaceTable
+from geoident.model.settlement import SettlementLaw
 from geoident.workflow.estimating.mistakes import mistaken_readings
 from geoident.workflow.estimating.reading_patterns import (
     computed_at_start,
@@ -175,7 +176,7 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
-    if isinstance(case.elsewhere, ConvergenceLaw | SeasonalModel):
+    if isinstance(case.elsewhere, ConvergenceLaw | SettlementLaw | SeasonalModel):
         return words
     if isinstance(case.elsewhere, RunTable):
         return f"the model is external: {words}, and response surfaces between them"
@@ -210,7 +211,7 @@ def _reading_notes(
     if not case.parameters or not readings.used.any() or case.service is not None:
         return ()
     elsewhere = case.elsewhere is not None and not isinstance(
-        case.elsewhere, ConvergenceLaw | RunTable
+        case.elsewhere, ConvergenceLaw | SettlementLaw | RunTable
     )
     if elsewhere or (cost is not None and cost.seconds > _AT_ONCE):
         why = "the case is computed elsewhere" if elsewhere else f"{_seconds(cost)} an evaluation"

@@ -103,6 +103,7 @@ class DrawnPosterior:
             rivals=None,
             certificate=None,
             convergence=(),
+            settlement=(),
             reduced=None,
             sensitivity=None,
             grid=None,

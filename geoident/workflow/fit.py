@@ -77,6 +77,7 @@ from geoident.workflow.scoring.decisions import with_decisions
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import fit_ladder
 from geoident.workflow.scoring.left_out import left_out_rows, left_out_table
+from geoident.workflow.scoring.settlement import settlement_notes, settlement_states
 from geoident.workflow.scoring.trials import LastStage, last_stage
 
 
@@ -197,6 +198,7 @@ def _result(
     }
     alarms = alarm_states(case, gauges, prediction)
     convergence = convergence_states(setup.model, estimate)
+    settlement = settlement_states(setup, estimate)
     result = Result(
         kind="fit",
         status=status,
@@ -270,6 +272,7 @@ def _result(
         left_out=scored,
         alarms=alarms,
         convergence=convergence,
+        settlement=settlement,
         certificate=over_all_stages(estimate.outcome.certificate, survey),
         notes=(
             *case.notes,
@@ -277,6 +280,7 @@ def _result(
             *model_error_notes(setup.model_error, case, estimate.readings, job.methods),
             *surface_notes(setup.surface),
             *convergence_notes(convergence),
+            *settlement_notes(settlement),
             *unused_notes(estimate.readings),
             *score(gauges, prediction, left_out),
             *(scored.sentences if scored else ()),

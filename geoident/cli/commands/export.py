@@ -33,6 +33,7 @@ TABLES = (
     "plan",
     "plan-targets",
     "convergence",
+    "settlement",
     "troughs",
     "yielded",
     "opening",

@@ -47,7 +47,6 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
-from geoident.forward.analysis.consolidating import ConsolidationSteps
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
@@ -59,6 +58,7 @@ from geoident.forward.analysis.stage import (
     UnitForces,
     elastic_step,
 )
+from geoident.forward.analysis.stages_in_time import StagesInTime
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
 from geoident.forward.creep.steps import CreepSteps
@@ -239,9 +239,9 @@ class AnalysisRun:
         self._creep: CreepSteps | None = None
         if analysis.case.creeps:
             self._creep = CreepSteps(analysis.on_mesh, self.point, self._ground)
-        self._in_time: ConsolidationSteps | None = None
+        self._in_time: StagesInTime | None = None
         if analysis.case.consolidates or analysis.case.creeps:
-            self._in_time = ConsolidationSteps(systems, analysis.pores, self._creep, options.finer)
+            self._in_time = StagesInTime(systems, analysis.pores, self._creep, options.finer)
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0

@@ -82,7 +82,8 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
             yield case.source.fault(
                 _stage_key(case, n),
                 code="undrained",
-                message=f"'{state.name}' lasts, and no water leaves its ground: no face is drained",
+                message=f"'{case.stages[n - 1].whole}' lasts, and no water leaves its ground: "
+                "no face is drained",
                 hint="Write 'drained: {GROUP OF FACES: {}}' in the case or in the stage, or "
                 "'lasts: 0 d' for a stage in which no time passes.",
             )
@@ -115,8 +116,8 @@ def _yielding(on_mesh: CaseOnMesh) -> Iterator[Fault]:
             yield case.source.fault(
                 _stage_key(case, n),
                 code="yields-in-time",
-                message=f"'{names[0]}' yields, and '{state.name}' lasts while water leaves the "
-                "ground; only elastic ground consolidates in time",
+                message=f"'{names[0]}' yields, and '{case.stages[n - 1].whole}' lasts while water "
+                "leaves the ground; only elastic ground consolidates in time",
                 hint="Remove 'yield' of it, or 'lasts' of the stage: it is then the drained end.",
             )
             return

@@ -11,7 +11,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.external import ConvergenceLaw
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Values
 
 
 def convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] = ()) -> Dual:
@@ -25,13 +25,13 @@ def convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] = ()) 
         names: of the parameters by which to differentiate.
     """
     point = ParameterPoint(values, names)
-    limit, reach = _numbers(point, law.limit), _numbers(point, law.range)
+    limit, reach = point.numbers(law.limit), point.numbers(law.range)
     ratio = reach / reach.plus(law.distance)
     closure = limit * (1.0 - ratio * ratio)
     if law.creep is None:
         return closure
     size, time, exponent = (
-        _numbers(point, each) for each in (law.creep.size, law.creep.time, law.creep.exponent)
+        point.numbers(each) for each in (law.creep.size, law.creep.time, law.creep.exponent)
     )
     left = (time / time.plus(law.age)).power(exponent)
     return closure * (size * (1.0 - left)).plus(1.0)
@@ -46,13 +46,8 @@ def final_convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] 
         names: of the parameters by which to differentiate.
     """
     point = ParameterPoint(values, names)
-    limit = _numbers(point, law.limit)
-    return limit if law.creep is None else limit * _numbers(point, law.creep.size).plus(1.0)
-
-
-def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
-    columns = [point.number(scalar).columns for scalar in scalars]
-    return Dual(np.array(columns).reshape(-1, point.n_columns))  # also of no gauge
+    limit = point.numbers(law.limit)
+    return limit if law.creep is None else limit * point.numbers(law.creep.size).plus(1.0)
 
 
 class LawModel(ExternalModel):

@@ -24,7 +24,7 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Values
 
 
 @dataclass(frozen=True)
@@ -146,20 +146,16 @@ class InstrumentErrors:
         since = self._stages_since[self._zero[rows], states]
         later = self._states_since[self._zero[rows], states] > 0
         elapsed = known - self._start[rows]
-        for k, row in enumerate(rows):
-            channel = self._channels[row]
-            offset = float(later[k] or not channel.is_zeroed)
-            table[k] += _part(channel.offset, offset, values, names)
-            table[k] += _part(channel.drift, float(elapsed[k]), values, names)
-            table[k] += _part(channel.drift_per_stage, float(since[k]), values, names)
+        for row in np.unique(rows).tolist():
+            channel, own = self._channels[row], rows == row
+            for scalar, factor in (
+                (channel.offset, (later[own] | (not channel.is_zeroed)).astype(np.float64)),
+                (channel.drift, elapsed[own]),
+                (channel.drift_per_stage, since[own].astype(np.float64)),
+            ):
+                if scalar is not None:
+                    table[own] += np.outer(factor, scalar.columns(values, names))
         return table
-
-
-def _part(scalar: Scalar | None, factor: float, values: Values, names: Sequence[str]) -> Floats:
-    """A linear term and its derivatives (1 + n,)."""
-    if scalar is None:
-        return np.zeros(1 + len(names))
-    return factor * scalar.columns(values, names)
 
 
 def _read_at(case: Case) -> dict[tuple[int, int], list[float]]:

@@ -31,6 +31,7 @@ from geoident.io.case.creep_checks import check_creep_in_service, check_staged_c
 from geoident.io.case.decisions import Decisions, build_decisions
 from geoident.io.case.durations import Timetable, is_date
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
 from geoident.io.case.frames import with_periods
@@ -143,7 +144,9 @@ def _stages(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationI
         return [StageSection(name=name) for name in model.face]
     if isinstance(model, SeasonalModelSection):
         return [StageSection(name=IN_SERVICE)]
-    return [] if model is None else [StageSection(name=ONE_STAGE)]
+    # those of a settlement law are the days of reading, which nobody knows yet
+    none = model is None or isinstance(model, SettlementLawSection)
+    return [] if none else [StageSection(name=ONE_STAGE)]
 
 
 _GROUND = ("analysis", "materials", "groups")
@@ -166,10 +169,10 @@ class CaseSection(Section):
     title: Text = Field("", description="Free text.")
     model: ElsewhereSection | None = Field(
         None,
-        description="A program, a function of Python, a table of runs or a law of convergence "
-        "that gives the readings, in place of `mesh`, ground and supports: of a stage only its "
-        "name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, `materials` "
-        "and `groups` are required without it.",
+        description="A program, a function of Python, a table of runs, a law of convergence or of "
+        "settlement that gives the readings, in place of `mesh`, ground and supports: of a stage "
+        "only its name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, "
+        "`materials` and `groups` are required without it.",
     )
     analysis: Annotated[
         Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")
@@ -432,8 +435,19 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
             message = f"the model is external, and geoident cannot place a gauge '{gauge.kind}'"
             hint = "Write 'kind: reading' with its accuracy; 'model' says what it reads."
             faults.add(("gauges", name, "kind"), "no-place", message, hint)
-    if not section.stages:
+    if isinstance(section.model, SettlementLawSection):
+        _check_settlement(section, faults)
+    elif not section.stages:
         faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
+
+
+def _check_settlement(section: CaseSection, faults: SectionFaults) -> None:
+    """The stages of a settlement law are days, and its dates those of the readings."""
+    for key in ("stages", "dates"):
+        if getattr(section, key):
+            message = "the stages of a settlement law are the days of reading"
+            hint = "Remove it; days to be predicted go to 'model.forecast'."
+            faults.add((key,), "no-stages", message, hint)
 
 
 def _check_seasonal(section: CaseSection, faults: SectionFaults) -> None:

@@ -19,8 +19,10 @@ from pydantic import ValidationError
 
 from geoident.errors import InputError
 from geoident.io.case.case import LEFT_OUT, CaseSection, build_case, tied_parameters
+from geoident.io.case.days import with_days
 from geoident.io.case.durations import Timetable
 from geoident.io.case.external.build import build_elsewhere
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
 from geoident.io.case.face import with_zero_stage
@@ -194,6 +196,8 @@ def _build(
             the case is not complete then.
         with_mesh: whether the file of the mesh has to be there.
     """
+    if isinstance(section.model, SettlementLawSection) and _OF_READINGS.isdisjoint(wrong):
+        section = with_days(section, section.model, partial(_find, folder), faults)
     if "stages" not in wrong:
         gauges = {
             name: with_zero_stage(gauge, section.stages, ("gauges", name), faults)

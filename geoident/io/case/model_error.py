@@ -69,7 +69,7 @@ class ModelErrorSection(Section):
         None,
         description="Time over which it is correlated: errors then last, and are those of what "
         "is read since the zero. Without it a third of the time of the readings, where the model "
-        "is a program, a function, a table or a convergence law; of other models each stage has an "
+        "is a program, a function, a table or a law; of other models each stage has an "
         "error of its own beside that of all. Needs dates.",
         examples=["60 days"],
     )

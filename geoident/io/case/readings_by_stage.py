@@ -19,6 +19,7 @@ from typing import Any
 from geoident.errors import Fault, InputError
 from geoident.io.case.case import CaseSection
 from geoident.io.case.durations import Timetable
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.checks import ReadingChecks
@@ -144,7 +145,10 @@ def read_all(
     reasons = _BadReasons(section, calendar)
     read.readings = [replace(r, bad=r.bad or reasons.of(r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
-    if read.by_stage and not faults.found and section.service_stage is None:
+    in_stages = section.service_stage is None and not isinstance(
+        section.model, SettlementLawSection
+    )
+    if read.by_stage and not faults.found and in_stages:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
     return read
 
@@ -237,7 +241,7 @@ def _of_file(
     survey = surveyed(described, checks.section, calendar.channels.values(), faults, path)
     checks.mapped(described, path)
     declared = len(faults.found)
-    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, read.notes)
+    rows = rows_of(paths, described.described(calendar.dimensions, survey), faults, read.notes)
     if declared > before:
         return none
     sound = len(faults.found) == before
@@ -285,7 +289,7 @@ def _reduced_rows(
     return readings, not repeated
 
 
-def _rows(
+def rows_of(
     paths: Sequence[str], layout: Layout, faults: Faults, notes: list[str]
 ) -> tuple[Reading, ...]:
     """The readings of files of one layout; what several of them repeat counts once."""

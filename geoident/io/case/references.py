@@ -12,6 +12,7 @@ from dataclasses import replace
 from geoident.io.case.actions import LoadSection, WaterSection
 from geoident.io.case.case import CaseSection, circle_of, numbers_with_paths, tied_parameters
 from geoident.io.case.external.section import ConvergenceLawSection
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.face import groups_released
 from geoident.io.case.face_checks import check_face
 from geoident.io.case.fit import AxisSection
@@ -288,7 +289,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
 
 def _check_use(section: CaseSection, faults: Faults) -> None:
     """Parameters on which nothing depends."""
-    if not isinstance(section.model, ConvergenceLawSection | None):
+    if not isinstance(section.model, ConvergenceLawSection | SettlementLawSection | None):
         return
     used = names_of_sets(section.fit.ladder or ()) | tied_parameters(section)
     for name in section.parameters:

@@ -58,7 +58,8 @@ class Layout:
         sheet: name of the sheet of a workbook; empty for its only one.
         cells: range of the sheet, such as ``B4:H60``; empty for all.
         survey: how coordinates become readings; None where the file has readings.
-        load: name of the load that the file describes; empty for a file of readings.
+        load: key of the load in the case that the file describes, such as ``loads.air``; empty for
+            a file of readings.
     """
 
     delimiter: str = ","
@@ -84,11 +85,12 @@ class Layout:
     def declaring(self, key: str) -> str:
         """What a user writes in the case to declare one more key of the file.
 
-        >>> Layout().declaring("decimal: ','"), Layout(load="air").declaring("decimal: ','")
+        >>> Layout().declaring("decimal: ','"), Layout(load="loads.air").declaring("decimal: ','")
         ("readings: {file: ..., decimal: ','}", "loads: {air: {file: ..., decimal: ','}}")
         """
         declared = f"{{file: ..., {key}}}"
-        return f"loads: {{{self.load}: {declared}}}" if self.load else f"readings: {declared}"
+        section, _, name = self.load.partition(".")
+        return f"{section}: {{{name}: {declared}}}" if self.load else f"readings: {declared}"
 
     @property
     def what(self) -> str:

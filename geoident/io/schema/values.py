@@ -54,6 +54,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "unit weight": "26 kN/m3",
     "acceleration": "9.81 m/s2",
     "velocity": "0.5 mm/month",
+    "diffusivity": "2 m2/year",
     "pressure rate": "2 kPa/month",
     "angle rate": "0.01 mrad/month",
     "strain rate": "5 microstrain/month",
@@ -585,6 +586,7 @@ SpecificHeat = Annotated[CaseNumber, QuantityType("specific heat", tied=True, ab
 FilmCoefficient = Annotated[CaseNumber, QuantityType("film coefficient", tied=True, above=0.0)]
 Permeability = Annotated[CaseNumber, QuantityType("velocity", tied=True)]
 Compressibility = Annotated[CaseNumber, QuantityType("compressibility", tied=True)]
+Diffusivity = Annotated[CaseNumber, QuantityType("diffusivity", tied=True, above=0.0)]
 FixedTemperature = Annotated[CaseNumber, QuantityType("temperature")]
 Size = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
 Area = Annotated[CaseNumber, QuantityType("area", tied=True, above=0.0)]
@@ -604,6 +606,7 @@ FixedCoefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
 FixedAngle = Annotated[CaseNumber, QuantityType("angle")]
 FixedSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
 FixedTime = Annotated[CaseNumber, QuantityType("time")]
+FixedUnitWeight = Annotated[CaseNumber, QuantityType("unit weight", above=0.0)]
 FixedDuration = Annotated[CaseNumber, QuantityType("time", above=0.0)]
 FixedAcceleration = Annotated[CaseNumber, QuantityType("acceleration")]
 AnyQuantity = Annotated[CaseNumber, QuantityType(None)]

@@ -38,6 +38,7 @@ from geoident.model.results.plan import GaugePlan
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
+from geoident.model.results.settlement import SettlementState
 from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.times import StageTimes
 from geoident.model.results.updates import UpdateHistory
@@ -862,6 +863,7 @@ class Result:
         decisions: what is known of each decision that depends on a reading.
         telling: earlier readings that would tell how probable these are.
         convergence: what a convergence law says of each channel.
+        settlement: what a settlement law says of each channel.
         plan: of gauges that are to be read, or None.
         updates: how a fit came about as readings came, or None where it was never updated.
         varied: what is known of each constant that varies from place to place.
@@ -978,6 +980,9 @@ class Result:
     )
     convergence: tuple[ConvergenceState, ...] = field(
         default=(), metadata=column("law_gauge", group="convergence", optional=True)
+    )
+    settlement: tuple[SettlementState, ...] = field(
+        default=(), metadata=column("law_row", group="settlement", optional=True)
     )
     plan: GaugePlan | None = field(default=None, metadata=column(group="plan", optional=True))
     updates: UpdateHistory | None = field(

@@ -59,7 +59,7 @@ def case_mapping(result: Result, key: str) -> Mapping[str, Any]:
 
 
 def stage_dates(result: Result) -> Floats:
-    """When the stages end, from the case or else from their readings.
+    """When the stages end, from the case, by their names where these are days, or from readings.
 
     Returns:
         (n_stages,) seconds since 1970; NaN where nobody says.
@@ -73,8 +73,8 @@ def stage_dates(result: Result) -> Floats:
     for k, stage in enumerate(result.gauges.stages):
         read = table.time[names == stage] if len(table) else np.empty(0)
         try:
-            seconds[k] = read_date(str(dates[stage]))
-        except (KeyError, DateError):
+            seconds[k] = read_date(str(dates.get(stage, stage)))
+        except DateError:
             seconds[k] = np.nanmax(read) if np.isfinite(read).any() else np.nan
     return seconds
 

@@ -249,6 +249,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "plan": lambda result: sheet(result.plan and result.plan.gauges, ROW),
     "plan-targets": lambda result: sheet(result.plan and result.plan.targets, ROW),
     "convergence": lambda result: sheet(result.convergence, ROW),
+    "settlement": lambda result: sheet(result.settlement, ROW),
     "troughs": lambda result: sheet(troughs(result), ROW),
     "yielded": lambda result: sheet(result.yielded, "state"),
     "opening": _opening,

@@ -141,6 +141,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "decisions": result.decisions and objects(result.decisions, ROW),
         "telling_readings": result.telling and objects(result.telling, ROW),
         "convergence": result.convergence and objects(result.convergence, ROW),
+        "settlement": result.settlement and objects(result.settlement, ROW),
         "troughs": objects(troughs(result), ROW) or None,
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),

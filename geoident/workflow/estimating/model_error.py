@@ -256,8 +256,8 @@ class FittedModelError:
         if not self.course:
             return ""
         return (
-            f"How the motion goes on behind the face may be off by {percent(self.course)} of it, "
-            "as readings and usual errors of longitudinal profiles, creep and support leave it."
+            f"How the motion goes on in time may be off by {percent(self.course)} of it in all "
+            "gauges alike, as the readings and usual errors of such models leave it."
         )
 
     @property

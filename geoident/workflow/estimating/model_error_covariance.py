@@ -37,6 +37,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel
 from geoident.model.methods import ModelErrorOptions
+from geoident.model.settlement import SettlementLaw
 from geoident.model.structures import Bars
 
 PERSISTENT = 0.75
@@ -338,6 +339,16 @@ def _elapsed(case: Case, pairs: Sequence[tuple[str, str]]) -> Floats:
     state = dict(zip(names, clock.tolist(), strict=True))
     since = [state[stage] - zero[channel] for channel, stage in pairs]
     return np.maximum(np.array(since, dtype=np.float64), 0.0)
+
+
+def errs_in_common(case: Case) -> bool:
+    """Whether the course in time may be wrong alike in all channels.
+
+    Behind a tunnel face another profile does that, on a fill another curve than that of the law:
+    what is wrong with it at one plate is so at the next.
+    """
+    several = isinstance(case.elsewhere, SettlementLaw) and len(case.channels) > 1
+    return case.face is not None or several
 
 
 def has_dates(case: Case) -> bool:

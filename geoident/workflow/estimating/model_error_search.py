@@ -101,7 +101,7 @@ class ModelErrorSearch:
             (n_states, n_channels), SI.
         search: for the parameters, from where the problem begins.
         plain: the loss is that of squares.
-        behind_face: the course in time may be wrong as well.
+        in_common: the course in time may be wrong as well, alike in all channels.
     """
 
     options: ModelErrorOptions
@@ -112,7 +112,7 @@ class ModelErrorSearch:
     steps_at: Callable[[Floats], ReadingSteps]
     search: Callable[[Problem], Outcome]
     plain: bool = True
-    behind_face: bool = False
+    in_common: bool = False
 
     def run(self, problem: Problem, outcome: Outcome) -> WithModelError | None:
         """Both, in turns, until neither changes; None where no reading can have a model error.
@@ -231,7 +231,7 @@ class ModelErrorSearch:
 
     def _course(self, used: ReadingSteps) -> Floats | None:
         """Errors of the course in time (g, r), SI; None where there are none."""
-        if not self.behind_face or used.moments is None:
+        if not self.in_common or used.moments is None:
             return None
         kinds = np.unique([family(channel) for channel in used.channels], return_inverse=True)[1]
         moved = used.steps.sum(axis=1)[:, None]

@@ -51,6 +51,7 @@ from geoident.workflow.estimating.model_error import (
 from geoident.workflow.estimating.model_error_covariance import (
     correlation_length,
     correlation_time,
+    errs_in_common,
     reading_steps,
 )
 from geoident.workflow.estimating.model_error_search import ModelErrorSearch
@@ -291,7 +292,7 @@ class _Search:
             lambda increments: reading_steps(case, setup.model, increments, pairs, length, time),
             self.descent,
             isinstance(case.fit.loss, SquaredOptions),
-            case.face is not None,
+            errs_in_common(case),
         )
         fitted = search.run(at.problem, at.outcome)
         if fitted is None:

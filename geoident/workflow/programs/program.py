@@ -47,6 +47,7 @@ from geoident.model.external import (
     seen_parameters,
 )
 from geoident.model.in_service import SeasonalModel
+from geoident.model.settlement import SETTLEMENT_WORDS, SettlementLaw
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import (
@@ -96,6 +97,8 @@ def executed(source: ExternalSource) -> str:
     if isinstance(source, ConvergenceLaw):
         also = "" if source.creep is None else " and time"
         return f"convergence law in distance to the face{also} (Sulem, Panet and Guenot 1987)"
+    if isinstance(source, SettlementLaw):
+        return SETTLEMENT_WORDS[source.curve]
     if isinstance(source, SeasonalModel):
         return f"seasonal model of {', '.join(source.words)}"
     if isinstance(source, RunTable):

@@ -10,7 +10,7 @@ from pathlib import Path
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, INDEFINITE, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
-from geoident.forward.analysis.consolidating import steps_of
+from geoident.forward.analysis.stages_in_time import steps_of
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,

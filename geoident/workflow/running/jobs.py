@@ -20,6 +20,7 @@ from geoident.fem.solvers import pick_solver
 from geoident.forward.external.convergence import LawModel
 from geoident.forward.external.model import ExternalModel
 from geoident.forward.external.program import ProgramModel
+from geoident.forward.external.settlement import SettlementModel
 from geoident.forward.external.table import TableModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.in_service.model import SeasonalReadings
@@ -40,6 +41,7 @@ from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.moments import with_states
 from geoident.model.results.result import Provenance, Result
+from geoident.model.settlement import SettlementLaw
 from geoident.workflow.executing.versions import versions
 from geoident.workflow.programs.digest import (
     digest_of,
@@ -303,6 +305,8 @@ def build_model(
             return TableModel(case, elsewhere)
         case ConvergenceLaw():
             return LawModel(case, elsewhere)
+        case SettlementLaw():
+            return SettlementModel(case, elsewhere)
         case SeasonalModel():
             return SeasonalReadings(case)
         case ExternalProgram():

@@ -18,6 +18,8 @@ from geoident.io.case.external.section import (
     TableModelSection,
     TemplateSection,
 )
+from geoident.io.case.external.settlement import build_settlement
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import build_table
 from geoident.io.case.in_service.seasonal import SeasonalModelSection, build_seasonal
@@ -47,6 +49,8 @@ def build_elsewhere(section: ElsewhereSection, around: ModelContext) -> External
         return build_table(section, around)
     if isinstance(section, ConvergenceLawSection):
         return build_law(section, around)
+    if isinstance(section, SettlementLawSection):
+        return build_settlement(section, around)
     if isinstance(section, SeasonalModelSection):
         return build_seasonal(section, around.series, around.loads, around.faults)
     machine = Machine(section.time_limit, section.at_once)

@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from geoident.io.case.external.section import Constant, ConvergenceLawSection, TunnelSectionSection
+from geoident.io.case.external.by_gauge import LawConstants
+from geoident.io.case.external.section import ConvergenceLawSection, TunnelSectionSection
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.dates import read_date
@@ -15,8 +16,6 @@ from geoident.model.arrays import Floats
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.external import ConvergenceLaw, Creep
 from geoident.model.gauges import Channel
-from geoident.model.parameter import Scalar
-from geoident.units import in_unit, shown_unit, with_article
 
 _AT: KeyPath = ("model",)
 
@@ -28,87 +27,18 @@ def build_law(section: ConvergenceLawSection, around: ModelContext) -> Convergen
         section: the key ``model``.
         around: what it refers to.
     """
-    limit = _constant("C_inf", section.C_inf, around)
-    reach = _constant("X", section.X, around, least="above")
+    constants = LawConstants("convergence law", around)
+    limit = constants.like_readings("C_inf", section.C_inf)
+    reach = constants.of("X", section.X, least="above")
     creep = None
     if section.m is not None and section.T is not None and section.n is not None:
         creep = Creep(
-            _constant("m", section.m, around, least="at"),
-            _constant("T", section.T, around, least="above"),
-            _constant("n", section.n, around, least="above"),
+            constants.of("m", section.m, least="at"),
+            constants.of("T", section.T, least="above"),
+            constants.of("n", section.n, least="above"),
         )
-    _check_limits(section.C_inf, around)
     distance, age = _places(section, around, in_time=creep is not None)
     return ConvergenceLaw(limit, reach, creep, distance, age)
-
-
-def _constant(
-    key: str, given: Constant, around: ModelContext, *, least: str = ""
-) -> tuple[Scalar, ...]:
-    """One number for each channel.
-
-    Args:
-        key: of the constant.
-        given: what is written there.
-        around: what it refers to.
-        least: ``above`` where it must be positive, ``at`` where it may be 0.
-    """
-    path: KeyPath = (*_AT, key)
-    names = [channel.name for channel in around.channels]
-    if isinstance(given, CaseNumber):
-        _require(path, given, around, least)
-        return (given.scalar,) * len(names)
-    for name, number in given.items():
-        if name not in names:
-            around.faults.add_unknown((*path, name), "gauge", name, names, key=True)
-        _require((*path, name), number, around, least)
-    missing = [name for name in names if name not in given]
-    if missing:
-        message = f"no {key} for {', '.join(map(repr, missing))}"
-        hint = "Add it, or write one number for all gauges."
-        around.faults.add(path, "missing-gauge", message, hint, key=True)
-    return tuple(given[name].scalar if name in given else Scalar(1.0) for name in names)
-
-
-def _require(path: KeyPath, given: CaseNumber, around: ModelContext, least: str) -> None:
-    """A constant is positive at all values that its parameter may have."""
-
-    def wrong(value: float) -> bool:
-        return value <= 0.0 if least == "above" else value < 0.0
-
-    words = "positive" if least == "above" else "0 or more"
-    parameter = around.parameters.get(given.parameter or "")
-    if least and wrong(given.factor):
-        message = f"'{given.text}': {path[1]} must be {words}"
-        around.faults.add(path, "out-of-range", message, "Correct the number.")
-    elif least and parameter is not None and wrong(parameter.lower):
-        unit = parameter.unit, parameter.dimension
-        bound = f"{in_unit(parameter.lower, *unit):.6g} {shown_unit(*unit)}".rstrip()
-        message = f"the bound {bound} lets {path[1]} of the convergence law be "
-        message += "0 or negative" if least == "above" else "negative"
-        hint = f"Raise it: {path[1]} must be {words}."
-        place: KeyPath = ("parameters", parameter.name, "bounds", 0)
-        around.faults.add(place, "out-of-range", message, hint)
-
-
-def _check_limits(given: Constant, around: ModelContext) -> None:
-    """C_inf is of what the gauge reads."""
-    for channel in around.channels:
-        path: KeyPath = (*_AT, "C_inf")
-        own = given if isinstance(given, CaseNumber) else given.get(channel.name)
-        if own is None:
-            continue
-        if own is not given:
-            path = (*path, channel.name)
-        dimension = own.dimension
-        if own.parameter is not None:
-            parameter = around.parameters.get(own.parameter)
-            dimension = channel.dimension if parameter is None else parameter.dimension
-        if dimension != channel.dimension:
-            message = f"'{own.text}' is {with_article(dimension)}; '{channel.name}' reads "
-            message += with_article(channel.dimension)
-            hint = "Correct its unit, or the accuracy of the gauge, which says what is read."
-            around.faults.add(path, "unit", message, hint)
 
 
 def _places(

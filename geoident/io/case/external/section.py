@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
+from geoident.io.case.external.by_gauge import ByGauge, LikeReading
+from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Alternatives, Section, SectionFaults
 from geoident.io.schema.values import (
-    CaseNumber,
     Coefficient,
     Count,
     FixedLength,
     Multiple,
     Name,
-    QuantityType,
     Size,
     Text,
     TextOrMapping,
@@ -302,20 +302,6 @@ class TunnelSectionSection(Section):
     )
 
 
-def _by_gauge(value: object) -> str:
-    return "<by gauge>" if isinstance(value, Mapping) else "text"
-
-
-_T = TypeVar("_T")
-ByGauge = Annotated[
-    Annotated[_T, Tag("text")] | Annotated[dict[Name, _T], Tag("<by gauge>")],
-    Discriminator(_by_gauge),
-]
-"""One number for all gauges, or gauge to number."""
-Constant = CaseNumber | dict[str, CaseNumber]
-"""A constant of all gauges, or one for each."""
-
-
 class ConvergenceLawSection(Section):
     """Convergence of a tunnel in distance to the face and time (Sulem, Panet and Guenot 1987).
 
@@ -338,7 +324,7 @@ class ConvergenceLawSection(Section):
         min_length=1, description="Sections of the tunnel by name.",
         examples=[{"A": {"chainage": "1250 m", "excavated": "2024-03-01"}}],
     )  # fmt: skip
-    C_inf: ByGauge[Annotated[CaseNumber, QuantityType(None, tied=True)]] = Field(
+    C_inf: ByGauge[LikeReading] = Field(
         description="Convergence far from the face before time adds to it, since the ground was "
         "undisturbed.",
         examples=["$C_inf"],
@@ -358,6 +344,7 @@ ElsewhereSection = Annotated[
     | PythonModelSection
     | TableModelSection
     | ConvergenceLawSection
+    | SettlementLawSection
     | SeasonalModelSection,
     Field(discriminator="kind"),
 ]

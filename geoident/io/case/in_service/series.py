@@ -34,14 +34,11 @@ _REGULAR = 1.5
 """Times the usual distance of two values up to which there is no gap between them."""
 
 
-class SeriesSection(Section):
-    """A load that changes in time: a file with a date and a value in each row."""
+class DatedTableSection(Section):
+    """A file with a date and a value in each row, and how it is written."""
 
     file: Text = Field(
         description="Path of a CSV file or an Excel workbook (.xlsx).", examples=["level.csv"]
-    )
-    column: Text | None = Field(
-        None, description="Name of the column of values; that of the load if missing."
     )
     unit: Text | None = Field(
         None, description="Of the values, where the header does not say it.", examples=["m", "degC"]
@@ -49,12 +46,6 @@ class SeriesSection(Section):
     date: Text = Field("date", description="Name of the column of dates.")
     date_format: DateFormat = Field(
         ISO, description="How its dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
-    )
-    bridge: Annotated[CaseNumber, QuantityType("time", above=0.0)] | None = Field(
-        None,
-        description="Longest gap over which values are taken as linear in between. Without it "
-        "nothing is known inside of gaps, and readings there are not used.",
-        examples=["10 d"],
     )
     blank: list[Text] = Field(
         [], description="Texts of cells that stand for no value.", examples=[["n/a", "---"]]
@@ -65,6 +56,41 @@ class SeriesSection(Section):
     sheet: Text = Field("", description="Excel: name of the sheet, where there are several.")
     range: Cells | None = Field(None, description="Excel: cells of the table with its header.")
 
+    def layout_of(self, column: str, dimension: str, load: str) -> Layout:
+        """For the readers of files.
+
+        Args:
+            column: name of the column of values.
+            dimension: of its values.
+            load: key of the load in the case.
+        """
+        name = load.rpartition(".")[2]
+        return self.to_model(
+            Layout,
+            delimiter=DELIMITERS[self.delimiter],
+            wide=True,
+            columns={"date": self.date},
+            channels={name: Origin(column, self.unit or "")},
+            dimensions={name: dimension},
+            cells=self.range or "",
+            unit="",
+            load=load,
+        )
+
+
+class SeriesSection(DatedTableSection):
+    """A load that changes in time: a file with a date and a value in each row."""
+
+    column: Text | None = Field(
+        None, description="Name of the column of values; that of the load if missing."
+    )
+    bridge: Annotated[CaseNumber, QuantityType("time", above=0.0)] | None = Field(
+        None,
+        description="Longest gap over which values are taken as linear in between. Without it "
+        "nothing is known inside of gaps, and readings there are not used.",
+        examples=["10 d"],
+    )
+
     def layout(self, name: str, dimension: str) -> Layout:
         """For the readers of files.
 
@@ -72,17 +98,7 @@ class SeriesSection(Section):
             name: of the load.
             dimension: of its values.
         """
-        return self.to_model(
-            Layout,
-            delimiter=DELIMITERS[self.delimiter],
-            wide=True,
-            columns={"date": self.date},
-            channels={name: Origin(self.column or name, self.unit or "")},
-            dimensions={name: dimension},
-            cells=self.range or "",
-            unit="",
-            load=name,
-        )
+        return self.layout_of(self.column or name, dimension, f"loads.{name}")
 
 
 def read_series(

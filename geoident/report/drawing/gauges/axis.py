@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator
+from matplotlib.dates import AutoDateLocator, MonthLocator
 from matplotlib.ticker import FuncFormatter
 
 from geoident.io.text.dates import date_text
@@ -27,6 +27,7 @@ _DECADES = 30.0
 _MANY = 60
 """Readings of a channel from which on dots are smaller."""
 
+_YEAR = 366.0  # days
 _CLOSE = 0.035
 """Part of an axis by which two stages are apart at least if both have their numbers."""
 
@@ -84,7 +85,10 @@ class StageAxis:
         if self.label:
             axes.set_xlabel(self.label, fontsize=SMALL)
         else:
-            locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call] # matplotlib.dates has no types
+            if _YEAR < high - low < 2.0 * _YEAR:  # where the other finds no interval, and warns
+                locator: Any = MonthLocator(bymonth=(1, 7))  # type: ignore[no-untyped-call] # matplotlib.dates has no types
+            else:
+                locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call]
             axes.xaxis.set_major_locator(locator)
             axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
         last = -np.inf
@@ -114,7 +118,8 @@ def stage_axis(result: Result) -> StageAxis:
         every = np.r_[dates, result.gauges.readings.time] / _DAY
         span = float(np.nanmin(every)), float(np.nanmax(every))
         at = dates / _DAY
-        marks = {number: float(at[n]) for number, n in enumerate(ends, 1)}
+        named = list(stages) != [date_text(date) for date in dates.tolist()]
+        marks = {number: float(at[n]) for number, n in enumerate(ends, 1) if named}
         return StageAxis(stages, at, dated=True, ends=span, marks=marks)
     if times is not None and times.series is not None:
         at = times.elapsed / _DAY

@@ -37,7 +37,7 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         "lasts": lambda s: str(s.get("lasts", "")),
         "follows": _base,
     }
-    if entries(case, "model").get("kind") == "seasonal":
+    if entries(case, "model").get("kind") in ("seasonal", "settlement-law"):
         return TextTable((), ())  # nothing is built
     stages = [stage for stage in case.get("stages", ()) if isinstance(stage, Mapping)]
     dates = entries(case, "dates")

@@ -82,6 +82,8 @@ def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
     if model.get("kind") == "convergence-law":
         law = _convergence_law(model, numbers)
         return (f"Convergence law of Sulem, Panet and Guenot (1987): {law}.",)
+    if model.get("kind") == "settlement-law":
+        return _settlement_law(model, numbers)
     if model.get("kind") == "seasonal":
         return (f"Seasonal model of each gauge: {_seasonal(model)}.",)
     if model:
@@ -130,6 +132,49 @@ def _convergence_law(model: CaseTexts, numbers: ShownNumbers) -> str:
     names = ("C_inf", "X", "m", "T", "n")
     constants = [(name, model[name]) for name in names if model.get(name) is not None]
     return ", ".join(f"{name} = {_by_group(value, numbers)}" for name, value in constants)
+
+
+_CURVES = {
+    "asaoka": "S [1 - exp(-t / T)] (Asaoka 1978)",
+    "hyperbola": "S t / (T + t) (Tan 1991)",
+    "consolidation": "one-dimensional consolidation (Terzaghi, Barron, Hansbo)",
+}
+
+
+def _settlement_law(model: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
+    """A settlement law, its constants, its lifts and its drains, as the case gives them."""
+    names = ("S", "T", "c_v", "path", "stress", "creep", "creep_time", "unit_weight")
+    given = [(name, model[name]) for name in names if model.get(name) is not None]
+    constants = ", ".join(f"{name} = {_by_group(value, numbers)}" for name, value in given)
+    since = f" since {model['since']}" if model.get("since") else ""
+    sentences = [f"Settlement law: {_CURVES[str(model.get('law'))]}{since}; {constants}."]
+    fill = model.get("fill")
+    fills = {"": fill} if isinstance(fill, list) or "file" in entries(model, "fill") else fill
+    for gauge, own in (fills if isinstance(fills, Mapping) and fill else {}).items():
+        of = f" at {gauge}" if gauge else ""
+        sentences.append(f"Fill{of}: {_lifts(own, numbers)}.")
+    drains = entries(model, "drains")
+    if drains:
+        parts = [
+            f"{key.replace('_', ' ')} {_by_group(value, numbers)}"
+            if key not in ("pattern", "installed")
+            else f"{key} {value}"
+            for key, value in drains.items()
+        ]
+        sentences.append(f"Vertical drains: {', '.join(parts)}.")
+    return tuple(sentences)
+
+
+def _lifts(fill: object, numbers: ShownNumbers) -> str:
+    """The lifts of a fill; of a file its name."""
+    if isinstance(fill, Mapping):
+        return f"as in {fill.get('file')}"
+    lifts = []
+    for lift in fill if isinstance(fill, list) else []:
+        size = numbers.text(lift.get("height") or lift.get("load"))
+        over = f" over {numbers.text(lift['lasts'])}" if lift.get("lasts") else ""
+        lifts.append(f"{size} from {lift.get('date')}{over}")
+    return ", ".join(lifts)
 
 
 def _by_group(value: object, numbers: ShownNumbers) -> str:

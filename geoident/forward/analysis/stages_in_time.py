@@ -45,8 +45,8 @@ class _Going:
     motion: Floats | None
 
 
-class ConsolidationSteps:
-    """The stages of one analysis in which ground consolidates.
+class StagesInTime:
+    """The stages of one analysis in which water flows or ground creeps.
 
     Args:
         systems: the equations of the stages.
