@@ -158,35 +158,30 @@ class StageSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """Moments lie within the stage."""
-        lasts = None if self.lasts is None else self.lasts.factor
+        """Moments, and what comes evenly, lie within the stage."""
+        lasts = None if self.lasts is None else self.lasts.factor  # a NaN follows from dates
         for n, time in enumerate(self.moments or ()):
-            if lasts is not None and time.factor > lasts:  # a NaN follows from dates
+            if lasts is not None and time.factor > lasts:
                 message = f"'{time.text}' is later than the end of the stage, which lasts "
                 message += f"'{self.lasts.text}'" if self.lasts else ""
                 faults.add(("moments", n), "after-stage", message, "Correct one of them.")
-
-    def for_model(self, context: Context) -> Stage:
-        """The stage for the model; what cannot be is noted as a fault."""
-        if self.over is not None:
-            self._check_over(self.over.factor, context)
-        supports = build_supports(self.supports, context.at("supports"))
-        drained = build_drained(self.drained, context.at("drained"))
-        return self.to_model(Stage, context, supports=supports, drained=drained)
-
-    def _check_over(self, over: float, context: Context) -> None:
-        """What a stage does comes while it lasts."""
-        assert self.over is not None
-        if self.lasts is None or over < 0.0 or over > self.lasts.factor:  # a NaN follows from dates
+        if self.over is None:
+            return
+        if lasts is None or self.over.factor < 0.0 or self.over.factor > lasts:
             message = f"'{self.over.text}' is longer than the stage lasts, or negative"
-            if self.lasts is None:
+            if lasts is None:
                 message = "what the stage does comes in a time, and the stage has no duration"
-            hint = "Give 'lasts', at least as long."
-            context.at("over").refuse("out-of-range", message, hint)
+            faults.add(("over",), "out-of-range", message, "Give 'lasts', at least as long.")
         if self.temperature:
             message = "a temperature changes at the beginning of a stage"
             hint = "Remove 'over', or change the temperature in a stage of its own."
-            context.at("over").refuse("contradiction", message, hint)
+            faults.add(("over",), "contradiction", message, hint)
+
+    def for_model(self, context: Context) -> Stage:
+        """The stage for the model; what cannot be is noted as a fault."""
+        supports = build_supports(self.supports, context.at("supports"))
+        drained = build_drained(self.drained, context.at("drained"))
+        return self.to_model(Stage, context, supports=supports, drained=drained)
 
 
 @dataclass(frozen=True)
