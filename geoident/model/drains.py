@@ -83,8 +83,7 @@ class VerticalDrains:
         found = {key: one.value(values) for key, one in numbers.items() if one is not None}
         for key, value in found.items():
             if not value > 0.0:
-                what = key.replace("_", " ")
-                return key, f"the {what} of the drains is {value:.4g}, it must be positive"
+                return key, f"'{key}' of the drains is {value:.4g}, it must be positive"
         diameter = sum(found[key] for key in names) / len(names)
         wrong = misplaced(found["spacing"], diameter, found.get("smear"))
         if wrong is None:
