@@ -75,6 +75,8 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
     for n, state in enumerate(on_mesh.sequence.states):
         if not state.lasts or state.goes_on or not _consolidates(case, state):
             continue
+        if any(_has_drains(case, name) for name in state.materials.values()):
+            continue
         corners = _corners(on_mesh, state, consolidating=True)
         at_once = _corners(on_mesh, state, consolidating=False)
         drained = [group_nodes(on_mesh.mesh, name) for name in state.drained]
@@ -83,9 +85,9 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 _stage_key(case, n),
                 code="undrained",
                 message=f"'{case.stages[n - 1].whole}' lasts, and no water leaves its ground: "
-                "no face is drained",
-                hint="Write 'drained: {GROUP OF FACES: {}}' in the case or in the stage, or "
-                "'lasts: 0 d' for a stage in which no time passes.",
+                "no face is drained, and no ground has drains",
+                hint="Write 'drained: {GROUP OF FACES: {}}' in the case or in the stage, give a "
+                "material 'drains', or write 'lasts: 0 d' for a stage in which no time passes.",
             )
 
 
@@ -125,6 +127,11 @@ def _yielding(on_mesh: CaseOnMesh) -> Iterator[Fault]:
 
 def _consolidates(case: Case, state: ConstructionState) -> bool:
     return any(case.materials[name].consolidates for name in state.materials.values())
+
+
+def _has_drains(case: Case, name: str) -> bool:
+    hydraulic = case.materials[name].hydraulic
+    return hydraulic is not None and hydraulic.drains is not None
 
 
 def _corners(on_mesh: CaseOnMesh, state: ConstructionState, *, consolidating: bool) -> Ints:

@@ -108,6 +108,9 @@ class Pores:
             for j, matrix in enumerate(matrices.flow):
                 along = point.number(numbers[j if len(numbers) > 1 else 0])
                 flow.append((along / weight, matrix))
+            taken = hydraulic.taken(len(matrices.flow), point)
+            if taken is not None:  # pressure times its shapes, as in what is stored
+                flow.append((taken / weight, matrices.storage))
         n_nodes, n_dofs = self._on_mesh.mesh.n_nodes, self._on_mesh.discretization.n_dofs
         square = (n_nodes, n_nodes)
         return PoreOperators(

@@ -10,7 +10,6 @@ superposed; drains that come later begin to act then.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,9 +17,10 @@ import numpy as np
 from geoident.forward.external.model import ExternalModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
+from geoident.model.drains import resistance
 from geoident.model.dual import Dual, ParameterPoint, joined
 from geoident.model.parameter import Values
-from geoident.model.settlement import Consolidation, Drains, Fill, SettlementLaw
+from geoident.model.settlement import Consolidation, Fill, SettlementLaw
 
 TERMS = 40
 """Of Terzaghi's series; what the others weigh, 0.5 %, goes with the last."""
@@ -97,8 +97,9 @@ def _course(of: Consolidation, k: int, fill: Fill, times: Floats, point: Paramet
         vertical = point.number(of.c_v[k]) / (path * path)
     if of.drains is not None:
         drains, installed = of.drains, of.drains.installed
-        horizontal = 8.0 * point.number(drains.c_h[k])
-        horizontal = horizontal / (resistance(drains, k, point) * drains.influence**2)
+        n, s = (point.constant(x / drains.diameter) for x in (drains.influence, drains.smear))
+        mu = resistance(n, s, point.number(drains.smear_ratio[k]))
+        horizontal = 8.0 * point.number(drains.c_h[k]) / (mu * drains.influence**2)
     begin, end, load = _parted(fill, installed)
     if of.stress:
         stress = point.number(of.stress[k])
@@ -123,14 +124,6 @@ def _parted(fill: Fill, installed: float) -> tuple[Floats, Floats, Floats]:
         begin, end = np.insert(begin, k + 1, installed), np.insert(end, k, installed)
         load = np.insert(load, k + 1, load[k] + part * (load[k + 1] - load[k]))
     return begin, end, load
-
-
-def resistance(drains: Drains, k: int, point: ParameterPoint) -> Dual:
-    """Mu of Barron (1948) and Hansbo (1981), with smear, of the drains at channel k."""
-    n = drains.influence / drains.diameter
-    ideal = n**2 / (n**2 - 1.0) * math.log(n) - (3.0 * n**2 - 1.0) / (4.0 * n**2)
-    more = point.number(drains.smear_ratio[k]).plus(-1.0)
-    return (more * math.log(drains.smear / drains.diameter)).plus(ideal)
 
 
 def degree(

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Tag
 
+from geoident.io.case.drains import VerticalDrainsSection
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
@@ -57,6 +58,12 @@ class HydraulicSection(Section):
         None,
         description="Biot's coefficient, 1 (grains keep their volume) if missing.",
         examples=["0.8"],
+    )
+    drains: VerticalDrainsSection | None = Field(
+        None,
+        description="Vertical drains in the ground of this material. A stage installs them where it"
+        " changes ground to it.",
+        examples=[{"spacing": "1.2 m", "diameter": "66 mm", "smear": "0.2 m", "smear_ratio": "3"}],
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -126,10 +133,16 @@ def build_hydraulic(
     if isinstance(value.permeability, list):
         context.at("permeability").has_axes(given)
     permeability = tuple(number.scalar for number in given)
-    hydraulic = value.to_model(Hydraulic, context, permeability=permeability)
-    starts = numbers_at_start([*value.numbers, *given], parameters)
+    drains = None if value.drains is None else value.drains.build()
+    hydraulic = value.to_model(Hydraulic, context, permeability=permeability, drains=drains)
+    numbers = [*value.numbers, *given, *([] if value.drains is None else value.drains.numbers)]
+    starts = numbers_at_start(numbers, parameters)
+    wrong = None if starts is None or drains is None else drains.breach(starts)
     breach = None if starts is None else hydraulic.breach(starts)
-    if breach is not None:
+    if wrong is not None:
+        key, why = wrong
+        context.at("drains", key).refuse("out-of-range", why, "Correct it, or what it starts at.")
+    elif breach is not None:
         hint = f"Change the start of its parameter. {_IMPERVIOUS}"
         context.refuse("out-of-range", f"at the start {breach}", hint)
     return hydraulic

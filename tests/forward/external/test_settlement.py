@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import erfc
+from support.drains import resistance
 
 from geoident.io.case.file import parse_case
 from geoident.workflow.running.jobs import build_model, load_inputs
@@ -127,15 +128,14 @@ def test_drains_are_barrons(tmp_path, n, verification):
 
 
 def test_both_ways_go_together_as_carrillo_says_and_smear_as_hansbo(tmp_path):
-    """1 - U = (1 - U_v) (1 - U_h); smear adds (k / k_s - 1) ln(d_s / d) to mu."""
+    """1 - U = (1 - U_v) (1 - U_h); mu by its definition."""
     days = [20, 100, 400]
     drains = (
         "drains: {c_h: 3 m2/year, spacing: 1.4 m, diameter: 70 mm, smear: 210 mm, smear_ratio: 3}"
     )
     found = readings(model_of(tmp_path, clay(days, [drains, "c_v: 2 m2/year", "path: 4 m"])))
     D = 1.4 * 1.05
-    n = D / 0.07
-    mu = -8.0 / np.log(1.0 - barron(n, 1.0)) + 2.0 * np.log(3.0)
+    mu = resistance(D, 0.07, 0.21, 3.0)
     t = np.array(days) / YEAR
     left = (1.0 - one_dimensional(2.0 * t / 16.0)) * np.exp(-8.0 * 3.0 * t / D**2 / mu)
     np.testing.assert_allclose(found, 1.0 - left, rtol=1e-4)

@@ -127,6 +127,8 @@ GIVEN: dict[tuple[str, str], list[Any]] = {
     ("Fall", "to"): [lambda dim: at(dim, 9, 0)],
     ("Drain", "at"): [lambda dim: at(dim, 4, 0)],
     ("Support", "axis"): ["z"],
+    ("Vertical drains", "spacing"): ["5 m", "9 $p_length"],
+    ("Vertical drains", "permeability"): ["1e-9 m/s"],
     ("Measured motion", "points"): [lambda dim: [at(dim, 1, 0), at(dim, 2, 1)]],
     **{("Measured motion", axis): [["1 mm", "2 mm"]] for axis in "xyz"},
     ("Measured motion", "file"): ["motions.csv"],
@@ -180,6 +182,8 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
     ("Inclinometer", "ring_accuracy"): {"rings": ["3 m"]},
     ("Load", "at"): {"line_force": ["1", "2 kN/m"]},
     ("Target", "components"): {"along": east},
+    ("Vertical drains", "smear"): {"smear_ratio": "0.2"},
+    ("Vertical drains", "smear_ratio"): {"smear": "2 m"},
 }
 """Keys that another one goes with, as its description says."""
 

@@ -20,13 +20,12 @@ from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.readings.file import read_readings
 from geoident.io.text.dates import date_text, read_date
 from geoident.model.case import KeyPath
+from geoident.model.drains import AROUND
 from geoident.model.parameter import Scalar
 from geoident.model.settlement import Consolidation, Drains, Fill, SettlementLaw
 from geoident.units import DIMENSIONS, size_in, unit_list, with_article
 
 _AT: KeyPath = ("model",)
-_AROUND = {"triangle": 1.05, "square": 1.13}
-"""Diameter of the ground around a drain, in spacings (Barron 1948)."""
 
 
 def build_settlement(section: SettlementLawSection, around: ModelContext) -> SettlementLaw:
@@ -119,7 +118,7 @@ def _drains(section: DrainsSection, constants: LawConstants) -> Drains:
     ratio = section.smear_ratio
     return Drains(
         c_h=constants.of("drains.c_h", section.c_h, least="above"),
-        influence=_AROUND[section.pattern] * section.spacing.factor,
+        influence=AROUND[section.pattern] * section.spacing.factor,
         diameter=diameter,
         smear=diameter if section.smear is None else section.smear.factor,
         smear_ratio=(Scalar(1.0),) * len(constants.around.channels)

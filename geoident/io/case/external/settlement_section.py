@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from geoident.io.case.drains import check_smear
 from geoident.io.case.external.by_gauge import ByGauge, LikeReading
 from geoident.io.case.in_service.series import DatedTableSection
 from geoident.io.case.readings import Date
@@ -29,6 +30,7 @@ from geoident.io.schema.values import (
     TextOrList,
     Time,
 )
+from geoident.model.drains import misplaced
 from geoident.units import DIMENSIONLESS
 
 
@@ -123,18 +125,12 @@ class DrainsSection(Section):
 
     def check(self, faults: SectionFaults) -> None:
         """Drains are apart from each other, and what is disturbed lies between."""
-        if self.diameter.factor >= self.spacing.factor:
-            message = f"the drains are as thick as they are apart, '{self.spacing.text}'"
-            faults.add(("diameter",), "out-of-range", message, "Correct one of them.")
-        if (self.smear is None) != (self.smear_ratio is None):
-            given, other = ("smear", "smear_ratio") if self.smear else ("smear_ratio", "smear")
-            message = f"'{given}' without '{other}' says nothing"
-            faults.add((given,), "missing-key", message, f"Add '{other}', or remove it.")
-        elif self.smear is not None and not (
-            self.diameter.factor <= self.smear.factor < self.spacing.factor
-        ):
-            message = f"'{self.smear.text}' is not between the diameter and the spacing"
-            faults.add(("smear",), "out-of-range", message, "Correct it.")
+        check_smear(self.smear, self.smear_ratio, faults)
+        smear = None if self.smear is None else self.smear.factor
+        wrong = misplaced(self.spacing.factor, self.diameter.factor, smear)
+        if wrong is not None:
+            key, why = wrong
+            faults.add((key,), "out-of-range", why, "Correct one of them.")
 
 
 _Degree = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0, below=1.0)]
