@@ -86,7 +86,9 @@ class TestCheck:
         heads = [place for place in good["places"] if place["point"] == [2.0, 3.0]]
         assert [place["channels"] for place in heads] == [["X.a"]]
         assert heads[0]["distance"] == pytest.approx(0.0)
-        assert {"stage": "first", "used": ["CV", "S", "X.a"], "unused": []} in good["readings"]
+        assert {"stage": "first", "used": ["CV", "S", "X.a"], "unused": [], "moments": 0} in good[
+            "readings"
+        ]
         assert good["cost"]["factor_entries"] > 300
         assert good["cost"]["seconds"] > 0
         assert bad["status"] == "failed"

@@ -38,8 +38,10 @@ class Formula(ObservedModel):
         case = SimpleNamespace(
             parameters=[SimpleNamespace(name=name) for name in "ab"], channels=CHANNELS,
             zero_of=lambda channel: 1 if channel.is_zeroed else 0,
-            dates={"first": 0.0, "second": 2 * DAY}, readings=(),
+            readings=(),
             stage_names=("virgin", "first", "second"),
+            stages=(SimpleNamespace(goes_on=False),) * 2,
+            times={"first": 0.0, "second": 2 * DAY},
         )  # fmt: skip
         readable = np.array([[1, 1], [1, 0], [1, 1]], dtype=bool)
         weights = np.array([[1.0, 1.0], [-1.0, 0.0]])

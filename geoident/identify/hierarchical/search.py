@@ -33,6 +33,9 @@ _ROUGH, _FINE = 1e-8, 1e-12
 _FIRST_SCATTER = 0.25
 """Of the largest scatter: where the search for it begins."""
 
+_LEAST_SCATTER = 1e-3
+"""Of the largest scatter: what stays where a law alone leaves the bounds of a parameter."""
+
 
 @dataclass(frozen=True)
 class HierarchicalFit:
@@ -112,6 +115,10 @@ def fit_sections(
     for _ in range(_ROUNDS):
         joint = JointUnknowns(sections, shared, laws, tau > 0.0)
         problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
+        if problem.response.admissible(problem.start) is not None:  # with a law without scatter
+            tau = np.where(free, np.maximum(tau, _LEAST_SCATTER * joint.largest), tau)
+            joint = JointUnknowns(sections, shared, laws, tau > 0.0)
+            problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
         history = History("gauss-newton", problem.response, on_iteration)
         options = GaussNewtonOptions(tolerance=_FINE if last else _ROUGH)
         descent = gauss_newton_descent(Discrepancy(problem), options, history)

@@ -199,7 +199,7 @@ class AgeingSection(Section):
     of the virgin state is old. In service it counts from `service.loaded` on.
     """
 
-    one_of = (Alternatives("share time law?", "curve", "law s?", hint="Give one of these."),)
+    one_of = (Alternatives("share time law?", "curve", "code s?", hint="Give one of these."),)
 
     curve: Annotated[dict[Age, Modulus], Field(min_length=2)] | None = Field(
         None,
@@ -207,11 +207,10 @@ class AgeingSection(Section):
         "after the last.",
         examples=["{1 d: 12 GPa, 7 d: 25 GPa, 28 d: 30 GPa}"],
     )
-    law: Literal["eurocode-2", "fib", "exponential", "logarithmic"] | None = Field(
+    code: Literal["eurocode-2", "fib"] | None = Field(
         None,
-        description="`eurocode-2`: E exp(s (1 - sqrt(28 d / t)))^0.3, E being that at 28 days; "
-        "`fib`: ^0.5. An age below an hour counts as an hour. With `share` and `time`: "
-        "`exponential` if missing, or `logarithmic`, `share` log(1 + t / `time`).",
+        description="Of concrete: `eurocode-2`, E exp(s (1 - sqrt(28 d / t)))^0.3, E being that at "
+        "28 days; `fib`, ^0.5. An age below an hour counts as an hour.",
     )
     s: Coefficient | None = Field(
         None,
@@ -222,17 +221,15 @@ class AgeingSection(Section):
         None, description="The part of E by which the modulus grows.", examples=["0.2"]
     )
     time: Time | None = Field(None, description="In which it grows.", examples=["2 years"])
+    law: Literal["exponential", "logarithmic"] | None = Field(
+        None,
+        description="Of `share` and `time`: `exponential` if missing, or `logarithmic`, `share` "
+        "log(1 + t / `time`).",
+    )
 
     def check(self, faults: SectionFaults) -> None:
-        """A law of concrete has no share, another one has; the ages of a table increase."""
+        """The share is not negative; no age of a table is given twice."""
         _refuse_negative(self.share, faults)
-        of_concrete = self.law in _EXPONENTS
-        if self.share is not None and of_concrete:
-            message = f"found share and time; '{self.law}' takes s"
-            faults.add(("law",), "wrong-pair", message, "Remove 'law', or 'share' and 'time'.")
-        if self.share is None and self.curve is None and not of_concrete:
-            message = f"'{self.law}' needs share and time"
-            faults.add(("law",), "wrong-pair", message, "Add them, or write 'law: eurocode-2'.")
         ages = [read_quantity(text, "time").value for text in self.curve or ()]
         for n, text in enumerate(self.curve or ()):
             if ages[n] in ages[:n]:
@@ -248,4 +245,4 @@ class AgeingSection(Section):
             return StiffnessTable(tuple(ages[text] for text in rows), moduli)
         if self.share is not None:
             return self.to_model(TimeCurve)
-        return ConcreteAgeing(scalar_of(self.s) or NORMAL_CEMENT, _EXPONENTS[self.law or ""])
+        return ConcreteAgeing(scalar_of(self.s) or NORMAL_CEMENT, _EXPONENTS[self.code or ""])

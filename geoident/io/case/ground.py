@@ -86,7 +86,7 @@ class _MaterialBase(Section):
         None,
         description="The modulus grows with the age: what is loaded later strains less. In "
         "service it grows by a `share` with the time under load.",
-        examples=["{law: eurocode-2, s: 0.2}", "{curve: {1 d: 12 GPa, 28 d: 30 GPa}}"],
+        examples=["{code: eurocode-2, s: 0.2}", "{curve: {1 d: 12 GPa, 28 d: 30 GPa}}"],
     )
     softening: TimeCurveSection | None = Field(
         None,
@@ -323,7 +323,7 @@ def check_in_time(material: _MaterialBase, faults: SectionFaults) -> None:
         and (getattr(material, "E", None) is None or varies)
     ):
         message = "a table of Young's modulus needs 'E' as one number"
-        hint = "Give E and nu, or 'law: eurocode-2'."
+        hint = "Give E and nu, or 'code: eurocode-2'."
         faults.add(("ageing", "curve"), "no-modulus", message, hint)
 
 

@@ -176,7 +176,7 @@ class BeamSection(Section):
         None,
         description="Its stiffness grows since it was built, as that of sprayed concrete. Stages "
         "in which it stands have `lasts`.",
-        examples=["{law: eurocode-2, s: 0.2}"],
+        examples=["{code: eurocode-2, s: 0.2}"],
     )
 
     def check(self, faults: SectionFaults) -> None:

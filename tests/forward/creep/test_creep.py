@@ -203,7 +203,7 @@ OF_EVERYTHING = (
     {share: $share, time: $time, law: logarithmic, in: shear},
     {share: 0.5 $share, time: 2 $time}, {kelvin: {K: 2 $GK, viscosity: $eta_K}, in: volume}]""")
     .replace("{E: 20 GPa, nu: 0.2}", """
-    {E: $E, nu: 0.2, ageing: {law: eurocode-2, s: $s}, creep: {share: $creep, time: $time}}
+    {E: $E, nu: 0.2, ageing: {code: eurocode-2, s: $s}, creep: {share: $creep, time: $time}}
   more: {E: $E, nu: 0.2, ageing: {curve: {1 d: $young, 28 d: 25 GPa}}}""")
     .replace("install: {shell: ring}, lasts: 3640 d}", "install: {shell: ring}, lasts: 50 d}\n"
              "  - {name: thick, install: {core: more}, lasts: 100 d}")
@@ -326,8 +326,8 @@ def cast(tmp_path, ageing, load):
 
 
 LAWS = {
-    "{law: eurocode-2}": lambda d: np.exp(0.25 * (1 - np.sqrt(28 / d))) ** 0.3,
-    "{law: fib, s: 0.38}": lambda d: np.exp(0.38 * (1 - np.sqrt(28 / d))) ** 0.5,
+    "{code: eurocode-2}": lambda d: np.exp(0.25 * (1 - np.sqrt(28 / d))) ** 0.3,
+    "{code: fib, s: 0.38}": lambda d: np.exp(0.38 * (1 - np.sqrt(28 / d))) ** 0.5,
     "{share: 0.5, time: 10 d}": lambda d: 1 - 0.5 * np.expm1(-d / 10),
     "{curve: {1 d: 2 GPa, 14 d: 6 GPa, 28 d: 9 GPa}}": lambda d: np.interp(
         d, [1, 14, 28], [0.2, 0.6, 0.9]
@@ -355,7 +355,7 @@ def test_strain_that_comes_evenly_meets_the_modulus_of_each_day(tmp_path, ageing
 BEAM_RING = TUNNEL.replace("install: {shell: ring}", "build: [ring]").replace(
     "gauges:",
     """structures:
-  ring: {kind: beam, on: wall, E: $E, thickness: 0.25 m, ageing: {law: eurocode-2, s: $s}}
+  ring: {kind: beam, on: wall, E: $E, thickness: 0.25 m, ageing: {code: eurocode-2, s: $s}}
 gauges:""",
 ).replace("parameters: {}", """parameters:
   E: {start: 25 GPa, bounds: [5 GPa, 50 GPa]}

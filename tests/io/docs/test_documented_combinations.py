@@ -52,7 +52,8 @@ WORDS = {
     "strain rate": "2 microstrain/month", "strain": "5 microstrain", "temperature": "10 K",
     "quantity": "2 mm", "whole number": "48", "flag": "true", "estimate": "estimate",
     "text": "heading", "time": "3 day", "conductivity": "2.5 W/mK", "heat capacity": "2 MJ/m3K",
-    "specific heat": "900 J/kgK",
+    "specific heat": "900 J/kgK", "viscosity": "5e14 Pa s", "compressibility": "1e-9 1/Pa",
+    "diffusivity": "2 m2/year",
 }  # fmt: skip
 """A value of each kind."""
 POINTS: dict[str, Callable[[int], Any]] = {
@@ -77,6 +78,9 @@ PARAMETERS = {
     "quantity": ("0 mm", "[-9, 9 mm]"), "time": ("3 day", "[1 day, 9 day]"),
     "conductivity": ("2 W/mK", "[1, 3 W/mK]"), "heat capacity": ("2 MJ/m3K", "[1, 3 MJ/m3K]"),
     "specific heat": ("900 J/kgK", "[500, 1500 J/kgK]"),
+    "viscosity": ("5e14 Pa s", "[1e14, 9e14 Pa s]"),
+    "compressibility": ("1e-9 1/Pa", "[1e-10, 1e-8 1/Pa]"),
+    "diffusivity": ("2 m2/year", "[1, 3 m2/year]"),
 }  # fmt: skip
 """Start and bounds of a parameter of each kind."""
 OF_GAUGES: dict[str, dict[str, str]] = {
@@ -110,6 +114,11 @@ GIVEN: dict[tuple[str, str], list[Any]] = {
         (part, "yield"): [{"type": "tresca", "strength": "2 MPa", "planes": "48"}]
         for part in ("Transversely isotropic", "Orthotropic", "Anisotropic")
     },
+    **{
+        (part, key): [value]
+        for part in ("Transversely isotropic", "Orthotropic", "Anisotropic")
+        for key, value in (("creep", {"share": "0.2", "time": "3 d"}), ("ageing", {"code": "fib"}))
+    },
     **{("Transversely isotropic", key): ["6 GPa", "3 $p_pressure"] for key in "AC"},
     ("Transversely isotropic", "F"): ["0.5 GPa", "0.2 $p_pressure"],
     **{
@@ -127,6 +136,8 @@ GIVEN: dict[tuple[str, str], list[Any]] = {
     ("Fall", "to"): [lambda dim: at(dim, 9, 0)],
     ("Drain", "at"): [lambda dim: at(dim, 4, 0)],
     ("Support", "axis"): ["z"],
+    ("Ageing", "curve"): [{"1 d": "12 GPa", "28 d": "2 $p_pressure"}],
+    ("Creep", "kelvin"): [{"G": "200 MPa", "viscosity": "2 $p_viscosity"}],
     ("Vertical drains", "spacing"): ["5 m", "9 $p_length"],
     ("Vertical drains", "permeability"): ["1e-9 m/s"],
     ("Measured motion", "points"): [lambda dim: [at(dim, 1, 0), at(dim, 2, 1)]],
