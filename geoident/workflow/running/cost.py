@@ -10,7 +10,7 @@ from pathlib import Path
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, INDEFINITE, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
-from geoident.forward.analysis.stages_in_time import steps_of
+from geoident.forward.analysis.stages_in_time import of_each_length, steps_of
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -102,7 +102,7 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         creeps = model.case.creeps and states[n].lasts is not None
         if not (water or creeps) or states[n].goes_on:
             continue
-        steps = steps_of(states, n, water=water)
+        steps = steps_of(states, n, of_each_length(model.case, water=water))
         solved, pores = 2.0 * len(steps) * columns, _PORES if water else 1.0
         factors = 2 * len(steps) if model.case.ages else len({step.share for step in steps})
         yield pores * cost.flops / _FLOPS[by] * factors * (2 if water and creeps else 1)
