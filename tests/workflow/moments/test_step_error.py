@@ -95,6 +95,12 @@ def test_gauges_better_than_stated_notice_the_steps(tmp_path):
     assert result.gauges.step_errors is not None
 
 
+def test_check_says_how_many_steps_there_are(tmp_path):
+    for of_each in (6, 7):  # six lengths, and two steps more
+        said = run_command("check", write(tmp_path, 0.2), f"--set=time_steps={of_each}").stdout
+        assert f"take {6 * of_each + 2} steps in time" in " ".join(said.split())
+
+
 def test_check_tells_the_error_at_the_start(tmp_path):
     case = write(tmp_path, 0.2, more="time_steps: 1\n")
     at = ("--set=parameters.E.start=4 MPa", "--set=parameters.k.start=2e-9 m/s")
