@@ -154,9 +154,13 @@ def judged_steps(
         ModelError: the model has no solution there.
     """
     _, shift = used_and_shift(table, problem, pairs, outcome)
-    largest = float(np.nan_to_num(table.share).max(initial=0.0))
     of_each = of_each_length(case, water=case.consolidates)
-    return FittedSteps(table, of_each, shift > SHIFT or largest > MATTERS)
+    return FittedSteps(table, of_each, shift > SHIFT or counts_alone(table))
+
+
+def counts_alone(table: ComputedError) -> bool:
+    """Whether the error of any reading by the steps is large beside its accuracy."""
+    return float(np.nan_to_num(table.share).max(initial=0.0)) > MATTERS
 
 
 def with_step_error(case: Case, table: ComputedError) -> Case:

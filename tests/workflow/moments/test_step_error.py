@@ -64,6 +64,20 @@ def test_coarse_steps_are_told_and_counted(tmp_path):
     again = read_result(tmp_path / "case.predict.h5")
     np.testing.assert_allclose(again.prediction.sd, prediction.sd, rtol=1e-6)
 
+    # another case has those of its own steps
+    coarse = tmp_path / "coarse.yaml"
+    coarse.write_text(case.read_text().replace("time_steps: 2", "time_steps: 1"))
+    done = run_command(
+        "predict", tmp_path / "case.fit.h5", "--case", coarse, "-o", tmp_path / "c.h5"
+    )
+    assert done.exit_code == 0, done.output
+    other = read_result(tmp_path / "c.h5")
+    at = other.gauges.stages.index("fill")
+    off = exact(other)[at] - other.gauges.computed[0, at]
+    assert other.gauges.step_errors[0, at] == pytest.approx(off, rel=0.2)
+    assert SAID.search(" ".join(other.notes))
+    assert other.prediction.lower95[0, at] < truth[-1] < other.prediction.upper95[0, at]
+
     # the remedy of the finding makes it a note
     assert "Intervals and bands allow for it." in words
     remedy = re.search(r"Write 'time_steps: (\d+)' in the case: (\d+) times as many", words)
