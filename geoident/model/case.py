@@ -367,6 +367,7 @@ class Case:
         decisions: what is to be done if a reading is beyond a value.
         service: what acts day by day from the last stage on, or None.
         drained: group of faces at which water leaves from the beginning.
+        time_steps: steps in time of each length in stages that last; None for the usual number.
     """
 
     title: str
@@ -397,6 +398,7 @@ class Case:
     decisions: tuple[Decision, ...] = ()
     service: StructureInService | None = None
     drained: Mapping[str, Drained] = field(default_factory=dict)
+    time_steps: int | None = None
 
     @property
     def in_time(self) -> SeasonalModel | StructureInService | None:

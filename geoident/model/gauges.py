@@ -66,6 +66,7 @@ class ErrorParts:
         mesh: of stages the name, the error there of what is computed on the mesh, SI, signed: all
             readings share one factor on it, of variance one; and by how much it is uncertain, which
             the readings of a channel share. No part of the gauge's accuracy.
+        steps: the same of the steps in time, with a factor of its own.
         surface: of stages the name, and the standard deviations there, SI, of independent errors
             that all readings share: those of the response surfaces of a table of runs. No part of
             the gauge's accuracy.
@@ -95,6 +96,7 @@ class ErrorParts:
     estimated: tuple[tuple[str, str], ...] = ()
     already_estimated: tuple[tuple[str, str], ...] = ()
     mesh: tuple[tuple[str, float, float], ...] = ()
+    steps: tuple[tuple[str, float, float], ...] = ()
     surface: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def total(self, along: float = 0.0, own: float | None = None, epochs: int = 1) -> float:

@@ -18,8 +18,11 @@ _UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0))
 _STEPS = {"s": (1, 2, 5, 10, 20), "min": (1, 2, 5, 10, 20), "h": (1, 2, 5, 10)}
 _DAYS = tuple(step * 10**decade for decade in range(5) for step in (1, 2, 5))
 _USUAL = sorted(step * size for unit, size in _UNITS for step in _STEPS.get(unit, _DAYS))
-_DECADES = 1000.0
-"""The first usual moment of a stage is about this part of it."""
+_FIRST = 1e-3
+"""The first usual moment of a stage is about this part of it: water begins to flow at once."""
+
+_FIRST_OF_CREEP = 1e-2
+"""The same where ground creeps without water: earlier moments cost steps and show little."""
 
 CLOSE = 0.01
 """Times since the beginning of a stage that differ by less than this part are one moment."""
@@ -135,16 +138,18 @@ def stage_and_time(name: str, stages: Collection[str]) -> tuple[str, str] | None
     return (stage, time.strip()) if plus and stage in stages and name not in stages else None
 
 
-def usual_moments(lasts: float) -> tuple[float, ...]:
-    """Times in a stage for predictions and pictures, s: about ten over three decades.
+def usual_moments(lasts: float, *, water: bool) -> tuple[float, ...]:
+    """Times in a stage for predictions and pictures, s: about three in a decade.
 
-    >>> [time_text(time) for time in usual_moments(90 * 86400.0)]
+    >>> [time_text(time) for time in usual_moments(90 * 86400.0, water=True)]
     ['5 h', '10 h', '1 d', '2 d', '5 d', '10 d', '20 d', '50 d']
 
     Args:
         lasts: how long it lasts, s.
+        water: whether water flows in it.
     """
-    return tuple(time for time in _USUAL if lasts / _DECADES < time < lasts * (1.0 - _NEAR))
+    first = lasts * (_FIRST if water else _FIRST_OF_CREEP)
+    return tuple(time for time in _USUAL if first < time < lasts * (1.0 - _NEAR))
 
 
 def chosen_moments(

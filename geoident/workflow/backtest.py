@@ -165,6 +165,8 @@ def run_trials(
         trials.append(trial)
         if trial.setup.mesh is not None:
             setup = replace(setup, mesh=trial.setup.mesh)  # the next need not ask the mesh again
+        if trial.setup.steps is not None:
+            setup = replace(setup, steps=trial.setup.steps)
         control.monitor.inform(_progress(trial, name))
     return trials, skipped
 

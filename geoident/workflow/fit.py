@@ -236,6 +236,7 @@ def _result(
             *last.findings,
             *_extrapolation(setup, estimate, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
+            *(setup.steps.findings if setup.steps is not None else ()),
             *surface_findings(setup.surface),
             *implausible_findings(case, known),
             *(
@@ -287,6 +288,7 @@ def _result(
             *rests,
             *last.notes,
             *(setup.mesh.notes if setup.mesh is not None else ()),
+            *(setup.steps.notes if setup.steps is not None else ()),
         ),
     )
     hang_together = partial(

@@ -13,6 +13,7 @@ from geoident.forward.model import StagedModel
 from geoident.io.result.file import read_result
 from geoident.model.results.mesh_error import MeshError
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence
+from geoident.workflow.estimating.step_error import step_error, steps_sentence, takes_steps
 from geoident.workflow.running.jobs import (
     build_model,
     inputs_of_result,
@@ -71,6 +72,9 @@ def check_mesh_error(
     values = start_values(model.case, model)
     at = np.array([known.get(n, x) for n, x in zip(model.names, values, strict=True)])
     table = mesh_error(model, inputs.case, at)
+    if takes_steps(inputs.case):
+        said = steps_sentence(step_error(model, at))
+        table = replace(table, notes=(*table.notes, said))
     table = replace(table, cost=model.counts + table.cost)
     if len(at):
         table = replace(table, notes=(_where(path), *table.notes))

@@ -11,6 +11,7 @@ import numpy as np
 from geoident.errors import ExitCode, ModelError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.external.table import TableModel
+from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.model.arrays import Bools
@@ -46,6 +47,13 @@ from geoident.workflow.estimating.predictions import (
     strength_findings,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
+from geoident.workflow.estimating.step_error import (
+    counts_alone,
+    step_error,
+    steps_sentence,
+    takes_steps,
+    with_step_error,
+)
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
@@ -143,6 +151,12 @@ def predict(task: PredictTask, control: Control) -> Finished:
     p = parameters.values
     require_same_modes(fit, model, case, p)
     control.stop.check()
+    steps: tuple[str, ...] = ()
+    if not same_case and isinstance(model, StagedModel) and takes_steps(case):
+        error = step_error(model, p)  # the fit knows that of its own stages and steps
+        steps = (steps_sentence(error),)
+        if counts_alone(error):
+            case = with_step_error(case, error)
     survey = model.survey(p, fields=True, partial=True)
     if isinstance(model, ReducedCaseModel) and not model.by_model:  # the fit has it all
         survey = replace(survey, **details_of(fit))
@@ -192,6 +206,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
         varied=fit.varied if same_case else (),
         notes=(
             *left_out,
+            *steps,
             *by_reduced,
             *bad_notes(readings),
             *score(gauges, prediction, rows),

@@ -26,6 +26,7 @@ from geoident.forward.consolidation.steps import (
 from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Floats
+from geoident.model.case import Case
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,10 @@ class StagesInTime:
         equations = StepEquations(
             task, self._systems, system, operators, before, factors, self._creep
         )
-        steps = steps_of(self._sequence.states, number, self._finer, water=len(system.nodes) > 0)
+        of_each = self._finer * of_each_length(
+            self._systems.on_mesh.case, water=len(system.nodes) > 0
+        )
+        steps = steps_of(self._sequence.states, number, of_each)
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
         return _Going(march, nothing, equations.rest, task.motion)
@@ -172,16 +176,25 @@ def moment_of(state: ConstructionState) -> float:
     return float(state.lasts or 0.0) if state.at is None else state.at
 
 
-def steps_of(
-    states: Sequence[ConstructionState], number: int, finer: int = 1, *, water: bool
-) -> list[TimeStep]:
+def of_each_length(case: Case, *, water: bool) -> int:
+    """How many steps of each length a stage of a case has.
+
+    Args:
+        case: the case.
+        water: whether water flows in the stage; else ground creeps alone.
+    """
+    if case.time_steps is not None:
+        return case.time_steps
+    return OF_EACH_LENGTH if water else OF_EACH_WITHOUT_WATER
+
+
+def steps_of(states: Sequence[ConstructionState], number: int, of_each: int) -> list[TimeStep]:
     """The steps in time of the stage that begins with a state; none where no time passes.
 
     Args:
         states: of the case.
         number: of the state.
-        finer: how many times as many steps are made as usual.
-        water: whether water flows in it; else ground creeps alone.
+        of_each: steps of each length.
     """
     state = states[number]
     if not state.lasts:
@@ -192,5 +205,4 @@ def steps_of(
             moments.append(moment_of(states[later]))
             at = later
     first = min(moment for moment in moments if moment > 0.0)
-    of_each = OF_EACH_LENGTH if water else OF_EACH_WITHOUT_WATER
-    return stage_steps(state.lasts, first, state.over, finer * of_each)
+    return stage_steps(state.lasts, first, state.over, of_each)

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoident.errors import InputError
+from geoident.errors import Fault, InputError
 from geoident.fem.faces import load_patches
 from geoident.fem.loads import facet_geometry
 from geoident.fem.solvers import Solver, pick_solver
@@ -90,7 +90,7 @@ def service_model(mesh: Mesh, case: Case, *, solver: Solver) -> ServiceModel:
     if faults := [*service_faults(on_mesh)]:
         raise InputError(faults)
     model = ServiceModel(with_fields(on_mesh), gauges, solver=solver)
-    if faults := [*nonlinear_faults(model)]:
+    if faults := [*nonlinear_faults(model), *model.curve_faults()]:
         raise InputError(faults)
     return model
 
@@ -188,16 +188,29 @@ class ServiceModel(StagedModel):
                 f"{0.5 * reach:.2g} m there the mesh shifts conductivity and expansion"
             )
 
+    def curve_faults(self) -> Iterator[Fault]:
+        """Creep, ageing and softening that are impossible at the start values."""
+        for name, kind, fault in self._wrong_curves(ParameterPoint(self.case.start, ())):
+            path, hint = ("materials", name, kind), "Correct its share or its time, or their start."
+            yield self.case.source.fault(
+                path, code="impossible-curve", message=f"'{name}': {fault}", hint=hint
+            )
+
+    def _wrong_curves(self, point: ParameterPoint) -> Iterator[tuple[str, str, str]]:
+        """Material, kind and a clause for each curve whose numbers are impossible."""
+        longest = float(self._creep_days[-1] - self.loaded) if self.creeping else 0.0
+        for name in self.creeping:
+            for kind, curve in self.case.materials[name].in_time.items():
+                if (fault := curve_fault(kind, curve, longest, point)) is not None:
+                    yield name, kind, fault
+
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
         if (fault := super().domain_fault(p)) is not None:
             return fault
         point = ParameterPoint(self.values(p), ())
-        longest = float(self._creep_days[-1] - self.loaded) if self.creeping else 0.0
-        for name in self.creeping:
-            for kind, curve in self.case.materials[name].in_time.items():
-                if (fault := curve_fault(kind, curve, longest, point)) is not None:
-                    return f"{name}: {fault}"
+        for name, _, fault in self._wrong_curves(point):
+            return f"{name}: {fault}"
         names = self.sequence.states[self.last].materials.values() if self.service.air else ()
         for name in set(names):
             material = self.case.materials[name]

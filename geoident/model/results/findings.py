@@ -15,7 +15,7 @@ FindingKind = Literal[
     # of readings and their errors
     "misfit", "far-reading", "gross-reading", "opposite-sign", "influential-reading", "unit",
     "zero", "exchanged", "no-motion", "correlated-residuals", "accuracy", "degrees-of-freedom",
-    "mesh-error", "surface-error", "model-error", "model-error-doubt",
+    "mesh-error", "step-error", "surface-error", "model-error", "model-error-doubt",
     # of predictions
     "bands", "extrapolation", "collapse", "other-case", "alarm", "decision", "change",
     "new-readings", "changed-readings",

@@ -8,14 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
+from geoident.model.results.computed_error import ComputedError
 from geoident.model.results.costs import NO_COST, Counts
-
-NOTICED = 0.1
-"""Part of its accuracy from which on the error of a reading by the mesh is counted."""
-
-MATTERS = 0.5
-"""Root mean square of these parts from which on the mesh is called too coarse."""
 
 DOUBT: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"refinement": (0.2, 0.1), "order": (0.3, 0.2), "recovery": (0.5, 0.1)}
@@ -27,20 +22,14 @@ Measured against finer meshes, once a factor that all readings share is taken ou
 
 
 @dataclass(frozen=True)
-class MeshError:
+class MeshError(ComputedError):
     """What the mesh does to the computed readings, by channel and stage.
 
     Args:
         how: ``refinement``: every edge was halved; ``order``: elements of second order on the same
             edges; ``recovery``: from the jumps of the stress.
-        channels: n_channels names.
-        stages: n_stages names.
         computed: (n_channels, n_stages) on the mesh, SI; NaN where nothing can be read.
         change: (n_channels, n_stages) on the finer mesh, SI; NaN where there was none.
-        error: (n_channels, n_stages) estimated: exact less computed, SI, signed where it is known.
-        accuracy: (n_channels, n_stages) standard deviation of a reading, SI.
-        units: of the channels, as people want to see them.
-        dimensions: of the channels.
         order: of convergence that the extrapolation takes, for readings of displacements.
         elements: of the mesh, and of the finer one.
         notes: what else is to be known, sentences.
@@ -49,24 +38,13 @@ class MeshError:
     """
 
     how: str
-    channels: tuple[str, ...]
-    stages: tuple[str, ...]
     computed: Floats
     change: Floats
-    error: Floats
-    accuracy: Floats
-    units: tuple[str, ...]
-    dimensions: tuple[str, ...]
     order: float
     elements: tuple[int, int]
     notes: tuple[str, ...] = ()
     first_order: bool = True
     cost: Counts = NO_COST
-
-    @property
-    def share(self) -> Floats:
-        """(n_channels, n_stages) size of the error in parts of the accuracy."""
-        return np.asarray(np.abs(self.error) / self.accuracy)
 
     @property
     def doubt(self) -> Floats:
@@ -86,8 +64,3 @@ class MeshError:
             typical[rows] = np.sqrt(np.sum(error[rows] ** 2, axis=0) / count)
         size = np.hypot(own * error, mean * typical)
         return np.asarray(np.where(known, np.copysign(size, error), 0.0))
-
-    def scatter(self, which: Bools) -> float:
-        """Root mean square of the parts of some readings (n_channels, n_stages); 0 for none."""
-        parts = self.share[which & np.isfinite(self.share)]
-        return float(np.sqrt(np.mean(parts**2))) if parts.size else 0.0

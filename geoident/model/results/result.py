@@ -252,6 +252,7 @@ class GaugeTable:
     @classmethod
     def from_columns(
         cls, *, mesh_errors: Floats | None = None, mesh_doubts: Floats | None = None,
+        step_errors: Floats | None = None, step_doubts: Floats | None = None,
         surface_errors: Floats | None = None, **columns: Any,
     ) -> GaugeTable:  # fmt: skip
         """The table from its columns, with the errors of channels stage by stage.
@@ -259,14 +260,21 @@ class GaugeTable:
         Args:
             mesh_errors: (n_channels, n_stages), see there.
             mesh_doubts: likewise.
+            step_errors: likewise.
+            step_doubts: likewise.
             surface_errors: (n_channels, n_stages, k), see there.
             **columns: all others.
         """
         table = cls(**columns)
         errors: list[ErrorParts | None] = []
         for i, parts in enumerate(table.errors):
-            mesh = [] if mesh_errors is None or mesh_doubts is None else list(
-                zip(table.stages, mesh_errors[i].tolist(), mesh_doubts[i].tolist(), strict=True)
+            mesh, steps = (
+                () if error is None or doubt is None else tuple(
+                    row
+                    for row in zip(table.stages, error[i].tolist(), doubt[i].tolist(), strict=True)
+                    if row[1] or row[2]
+                )
+                for error, doubt in ((mesh_errors, mesh_doubts), (step_errors, step_doubts))
             )  # fmt: skip
             surface = [] if surface_errors is None else list(
                 zip(table.stages, map(tuple, surface_errors[i].tolist()), strict=True)
@@ -275,7 +283,8 @@ class GaugeTable:
                 parts
                 and replace(
                     parts,
-                    mesh=tuple(row for row in mesh if row[1] or row[2]),
+                    mesh=mesh,
+                    steps=steps,
                     surface=tuple(row for row in surface if any(row[1])),
                 )
             )
@@ -292,6 +301,18 @@ class GaugeTable:
     def mesh_doubts(self) -> Floats | None:
         """(n_channels, n_stages) by how much these are uncertain, SI."""
         return self._by_stage([() if e is None else e.mesh for e in self.errors], 2)
+
+    @property
+    @derived("gauge", "stage", name="step_error", dimension="gauge", stored=True, optional=True)
+    def step_errors(self) -> Floats | None:
+        """(n_channels, n_stages) errors by the steps in time that count in the covariance, SI."""
+        return self._by_stage([() if e is None else e.steps for e in self.errors], 1)
+
+    @property
+    @derived("gauge", "stage", name="step_doubt", dimension="gauge", stored=True, optional=True)
+    def step_doubts(self) -> Floats | None:
+        """(n_channels, n_stages) by how much these are uncertain, SI."""
+        return self._by_stage([() if e is None else e.steps for e in self.errors], 2)
 
     @property
     @derived(

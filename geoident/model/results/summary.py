@@ -158,6 +158,7 @@ class CostEstimate:
         memory: estimate of the peak, bytes.
         seconds: estimate of the time.
         newton_steps: factorizations of a stage that were reckoned with; 1 where nothing yields.
+        time_steps: steps in time of all stages that last.
     """
 
     solver: str
@@ -166,6 +167,7 @@ class CostEstimate:
     memory: float
     seconds: float
     newton_steps: int = 1
+    time_steps: int = 0
 
 
 @dataclass(frozen=True)

@@ -372,9 +372,11 @@ def _together(channels: Sequence[str]) -> str:
 def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     if cost is None:
         return ""
-    yields = ""
+    steps = ""
     if cost.newton_steps > 1:
-        yields = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
+        steps = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
+    if cost.time_steps:
+        steps = f"; stages that last take {cost.time_steps} steps in time"
     factor = f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
     factor += f"stages take {_many(cost.factor_flops)} operations (counted)."
     if cost.solver == "iterative":
@@ -383,7 +385,7 @@ def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     lines = [
         factor,
         f"About {number(cost.memory / 1e6, 2)} MB of memory and {number(cost.seconds, 2)} s for "
-        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated){yields}. "
+        f"one evaluation by {cost.solver} on two cores of 2.5 GHz (estimated){steps}. "
         + evaluations,
     ]
     return "\n".join(sentence(line) for line in lines)

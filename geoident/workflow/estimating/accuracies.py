@@ -164,8 +164,11 @@ def with_scatter(case: Case, factor: float, zero: float) -> Case:
         sizes = {part: factor * getattr(parts, part) for part in PARTS}
         if zero > 0.0 and channel.reads is Reads.CHANGE:
             sizes["zero"] = zero * sizes["reading"]
-        mesh = tuple((stage, factor * size, factor * doubt) for stage, size, doubt in parts.mesh)
-        errors = replace(parts, **sizes, mesh=mesh)
+        mesh, steps = (
+            tuple((stage, factor * size, factor * doubt) for stage, size, doubt in computed)
+            for computed in (parts.mesh, parts.steps)
+        )
+        errors = replace(parts, **sizes, mesh=mesh, steps=steps)
         return replace(channel, errors=errors, accuracy=errors.total(channel.along))
 
     return replace(

@@ -124,6 +124,7 @@ def with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
     """
     case, fitted = inputs.case, {channel.name: channel for channel in origin.case.channels}
     same_mesh = inputs.mesh_sha256 == fit.provenance.mesh_sha256
+    same_steps = case.time_steps == origin.case.time_steps
     if fit.model_error is not None:
         case = with_scatter(case, fit.model_error.factor, fit.model_error.zero)
     if fit.accuracies is not None:
@@ -136,6 +137,8 @@ def with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
         errors = before.errors
         if errors is not None and not same_mesh:
             errors = replace(errors, mesh=())
+        if errors is not None and not same_steps:
+            errors = replace(errors, steps=())
         return replace(channel, accuracy=before.accuracy, errors=errors)
 
     case = replace(case, channels=tuple(as_fitted(channel) for channel in case.channels))

@@ -20,9 +20,10 @@ from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts, ReadingTable
+from geoident.model.results.computed_error import MATTERS, ComputedError
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.findings import Finding
-from geoident.model.results.mesh_error import MATTERS, MeshError
+from geoident.model.results.mesh_error import MeshError
 from geoident.workflow.estimating.mesh_error import (
     Refinement,
     by_recovery,
@@ -242,6 +243,21 @@ def judged_mesh(
     Raises:
         ModelError: the model has no solution there.
     """
+    used, shift = used_and_shift(table, problem, pairs, outcome)
+    return FittedMesh(table, used, shift, shift > SHIFT or table.scatter(used) > MATTERS)
+
+
+def used_and_shift(
+    table: ComputedError, problem: Problem, pairs: Sequence[tuple[str, str]], outcome: Outcome
+) -> tuple[Bools, float]:
+    """Which readings (n_channels, n_stages) were used, and what their errors shift.
+
+    The shift is that of the parameter that they shift most, in its standard deviations. For the
+    arguments see `judged_mesh`.
+
+    Raises:
+        ModelError: the model has no solution there.
+    """
     _, jacobian = problem.response.evaluate(outcome.values)
     number = {channel: k for k, channel in enumerate(table.channels)}
     i = np.array([number[channel] for channel, _ in pairs], dtype=np.int64)
@@ -249,8 +265,7 @@ def judged_mesh(
     used = np.zeros(table.error.shape, dtype=np.bool_)
     used[i, j] = True
     error = np.nan_to_num(table.error[i, j])
-    shift = _shift(problem, outcome.values, jacobian, error)
-    return FittedMesh(table, used, shift, shift > SHIFT or table.scatter(used) > MATTERS)
+    return used, _shift(problem, outcome.values, jacobian, error)
 
 
 def _shift(problem: Problem, values: Floats, jacobian: Floats, error: Floats) -> float:

@@ -28,9 +28,9 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.gauges import ReadingTable
 from geoident.model.parameter import Values
-from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
+from geoident.model.results.computed_error import MATTERS, NOTICED
+from geoident.model.results.mesh_error import MeshError
 from geoident.model.results.summary import CostEstimate
-from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.recovery import EnergyError, reading_errors
 from geoident.workflow.running.cost import (
     estimate_cost,
@@ -339,14 +339,9 @@ _MANY = 4
 
 def mesh_sentence(mesh_error: MeshError, which: Bools) -> str:
     """What the mesh does to some readings (n_channels, n_stages), in one sentence."""
-    share = np.where(which, np.nan_to_num(mesh_error.share), 0.0)
-    if not share.any():
+    worst = mesh_error.largest(which)
+    if not worst:
         return "The mesh changes none of the readings."
-    i, j = np.unravel_index(int(share.argmax()), share.shape)
-    unit = mesh_error.units[i], mesh_error.dimensions[i]
-    size = f"{in_unit(abs(float(mesh_error.error[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
-    place = f"{mesh_error.channels[i]} in {mesh_error.stages[j]}"
-    worst = f"{size} at {place}, {share[i, j]:.2g} accuracies"
     scatter = mesh_error.scatter(which)
     if scatter < NOTICED:
         return f"Little of the accuracy of the readings is lost to mesh error (at most {worst})."

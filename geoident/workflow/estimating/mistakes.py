@@ -144,11 +144,12 @@ def mistakes_of_fit(
 
 
 def _with_numerical_errors(stated: Channel, fitted: Channel) -> Channel:
-    """A channel with the errors of mesh and response surfaces that another has."""
+    """A channel with the errors of mesh, steps and response surfaces that another has."""
     parts = fitted.errors
-    if parts is None or not (parts.mesh or parts.surface):
+    if parts is None or not (parts.mesh or parts.steps or parts.surface):
         return stated
-    errors = replace(stated.error_parts, mesh=parts.mesh, surface=parts.surface)
+    errors = stated.error_parts
+    errors = replace(errors, mesh=parts.mesh, steps=parts.steps, surface=parts.surface)
     return replace(stated, errors=errors)
 
 

@@ -63,6 +63,13 @@ from geoident.workflow.estimating.setup import (
     reduced_in_log,
     used_response,
 )
+from geoident.workflow.estimating.step_error import (
+    FittedSteps,
+    fitted_steps,
+    judged_steps,
+    takes_steps,
+    with_step_error,
+)
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
 from geoident.workflow.running.cached_response import EXACT, answered_approximately, substituting
 from geoident.workflow.running.control import OUT_OF_TIME, Control
@@ -187,11 +194,16 @@ class _Search:
         """
         problem, minima = first.problem, first.outcome.minima
         with substituting(problem.response):
-            begun = self._with_mesh(self._with_surfaces(first))
+            begun = self._with_steps(self._with_mesh(self._with_surfaces(first)))
             state = self._with_errors(begun)
             mesh = _mesh_beside_accuracies(state.setup, problem, state.outcome)
-            if mesh is not None:
-                begun = self._counted(begun._replace(problem=problem), mesh)
+            steps = _steps_beside_accuracies(state.setup, problem, state.outcome)
+            if mesh is not None or steps is not None:
+                begun = begun._replace(problem=problem)
+                if mesh is not None:
+                    begun = self._counted(begun, mesh)
+                if steps is not None:
+                    begun = self._counted_steps(begun, steps)
                 state = self._with_errors(begun)
         state = self._confirmed(state)
         if state.problem is problem or not minima:
@@ -253,6 +265,25 @@ class _Search:
         """The same with the error of the mesh among those of the readings."""
         weighed = self._weighed(at, with_mesh_error(at.setup.case, mesh.table))
         return weighed._replace(setup=replace(weighed.setup, mesh=mesh))
+
+    def _with_steps(self, at: SearchState) -> SearchState:
+        """The same with the error by the steps in time among those of the readings."""
+        setup, outcome, last = at.setup, at.outcome, self.methods[-1]
+        model, known = setup.model, any(c.errors and c.errors.steps for c in setup.case.channels)
+        plain = not isinstance(last, ScanOptions) and not _proves(last)
+        asked = plain and not known and takes_steps(setup.case) and outcome.status != STOPPED
+        if not asked or not isinstance(model, StagedModel):
+            return at._replace(setup=setup.not_asked_of_the_steps())
+        pairs = setup.readings.used_pairs
+        steps = fitted_steps(model, at.problem, pairs, outcome, setup.steps)
+        if steps is None or not steps.counts:
+            return at._replace(setup=replace(setup, steps=steps))
+        return self._counted_steps(at, steps)
+
+    def _counted_steps(self, at: SearchState, steps: FittedSteps) -> SearchState:
+        """The same with the error by the steps in time among those of the readings."""
+        weighed = self._weighed(at, with_step_error(at.setup.case, steps.table))
+        return weighed._replace(setup=replace(weighed.setup, steps=steps))
 
     def _with_errors(self, at: SearchState) -> SearchState:
         """The same with all errors that are estimated: those of the model and of the gauges."""
@@ -345,6 +376,20 @@ def _mesh_beside_accuracies(setup: Setup, problem: Problem, outcome: Outcome) ->
     whole = everywhere(setup.model, problem, outcome)
     spent = mesh.spent + (setup.model.counts - before) + whole.cost
     return replace(judged, table=replace(whole, accuracy=accuracy), spent=spent)
+
+
+def _steps_beside_accuracies(
+    setup: Setup, problem: Problem, outcome: Outcome
+) -> FittedSteps | None:
+    """The steps in time, where they count beside estimated accuracies and not before; likewise."""
+    steps, case = setup.steps, setup.case
+    if steps is None or steps.counts or setup.accuracies is None or outcome.status == STOPPED:
+        return None
+    sd, shared = setup.errors.stated
+    again = replace(problem, sd=sd, shared=shared)
+    table = replace(steps.table, accuracy=case.accuracies)
+    judged = judged_steps(table, case, again, setup.readings.used_pairs, outcome)
+    return replace(judged, spent=steps.spent) if judged.counts else None
 
 
 def _proves(options: MethodOptions) -> bool:

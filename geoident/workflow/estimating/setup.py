@@ -26,6 +26,7 @@ from geoident.model.results.result import AccuracyTable, Result
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import FittedModelError, of_result, require_room
+from geoident.workflow.estimating.step_error import FittedSteps
 from geoident.workflow.running.cached_response import CachedResponse, part_evaluator
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
@@ -57,6 +58,7 @@ class Setup:
         model_error: that of the fit; None where there is none.
         mesh: what the mesh does to the readings, or did at the end of another fit; None where
             it was not asked.
+        steps: what the steps in time do to them, likewise.
         stated: the case before errors of gauges were found with the model error; None where none
             were.
         kept: a reduced model of the case that a result keeps, to be asked first; None for none.
@@ -70,6 +72,7 @@ class Setup:
     accuracies: AccuracyTable | None = None
     model_error: FittedModelError | None = None
     mesh: FittedMesh | None = None
+    steps: FittedSteps | None = None
     stated: Case | None = None
     kept: RestoredModel | None = None
     surface: SurfaceTable | None = None
@@ -96,10 +99,17 @@ class Setup:
             return self
         return replace(self, mesh=replace(self.mesh, spent=NO_COST))
 
+    def not_asked_of_the_steps(self) -> Setup:
+        """The same where this fit has not asked for more steps in time, likewise."""
+        if self.steps is None:
+            return self
+        return replace(self, steps=replace(self.steps, spent=NO_COST))
+
     @property
     def spent(self) -> Counts:
-        """What the finer mesh has cost."""
-        return NO_COST if self.mesh is None else self.mesh.spent
+        """What the finer mesh and the further steps in time have cost."""
+        mesh = NO_COST if self.mesh is None else self.mesh.spent
+        return mesh if self.steps is None else mesh + self.steps.spent
 
     @property
     def model_error_table(self) -> ModelErrorTable | None:

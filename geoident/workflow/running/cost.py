@@ -6,11 +6,12 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, INDEFINITE, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
-from geoident.forward.analysis.stages_in_time import steps_of
+from geoident.forward.analysis.stages_in_time import of_each_length, steps_of
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -43,6 +44,8 @@ _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not n
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PORES = 1.3  # what pressures of water add to the entries and operations of a factor
+_CREEP_SECONDS = 5.5e-7  # a strain point, part of a step and column: what creeps in it
+_ANALYSIS_SECONDS = 1e-5  # an unknown: the matrix of water and creep, its order before each factor
 _PROGRAM = 120e6  # bytes of Python and its libraries
 _PATTERNS = 9  # values and places of the entries of K that are there at once, in patterns
 
@@ -68,7 +71,7 @@ def estimate_cost(
     flops = steps * sum(c.flops for c in costs)
     entries = sum(c.entries for c in costs)
     most = max((c.flops for c in costs), default=0.0)
-    in_time = _in_time(model, costs, columns)
+    in_time = [*_in_time(model, costs, columns)]
     largest = max((c.entries for c in costs), default=0)
     nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
     if solver == AUTO:
@@ -81,14 +84,30 @@ def estimate_cost(
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
-    seconds += sum(in_time)
+    seconds += sum(stage.seconds for stage in in_time)
+    flops += sum(stage.flops for stage in in_time)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * _BYTES[solver]
     memory = _PROGRAM + solved + _memory_beside(model, columns)
-    return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
+    marched = sum(stage.steps for stage in in_time)
+    return CostEstimate(solver, largest, flops, float(memory), seconds, steps, marched)
 
 
-def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) -> Iterator[float]:
-    """Seconds of each stage that takes steps in time, beyond those of one equilibrium.
+class _InTime(NamedTuple):
+    """What the steps in time of a stage cost, beyond one equilibrium.
+
+    Args:
+        steps: their number.
+        flops: of their factorizations.
+        seconds: estimate of the time.
+    """
+
+    steps: int
+    flops: float
+    seconds: float
+
+
+def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) -> Iterator[_InTime]:
+    """The cost of each stage that takes steps in time.
 
     Args:
         model: of the case.
@@ -102,11 +121,17 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         creeps = model.case.creeps and states[n].lasts is not None
         if not (water or creeps) or states[n].goes_on:
             continue
-        steps = steps_of(states, n, water=water)
+        steps = steps_of(states, n, of_each_length(model.case, water=water))
         solved, pores = 2.0 * len(steps) * columns, _PORES if water else 1.0
         factors = 2 * len(steps) if model.case.ages else len({step.share for step in steps})
-        yield pores * cost.flops / _FLOPS[by] * factors * (2 if water and creeps else 1)
-        yield solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + _POINT_SECONDS * points)
+        seconds = 0.0
+        if water and creeps:
+            factors *= 2
+            seconds += factors * _ANALYSIS_SECONDS * model.n_dofs[n]
+        flops = factors * pores * cost.flops
+        at_points = _POINT_SECONDS + (_CREEP_SECONDS if creeps else 0.0)
+        seconds += solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + at_points * points)
+        yield _InTime(len(steps), flops, seconds + flops / _FLOPS[by])
 
 
 def _memory_beside(model: StagedModel, columns: float) -> float:

@@ -39,6 +39,9 @@ LATER = "it was read after fit.until"
 MESH = "mesh"
 """The error of the mesh: one factor for all readings, and one for each channel."""
 
+STEPS = "steps"
+"""The error by the steps in time, likewise."""
+
 SURFACE = "surface"
 """The errors of response surfaces: independent ones that all readings share."""
 
@@ -334,10 +337,11 @@ def _shared_terms(
     averaging = 1.0 / math.sqrt(reading.epochs)
     day = -1.0 if reading.time is None else reading.time // DAY
     yield "zero", ("zero", channel.name), parts.zero
-    for stage, error, doubt in parts.mesh:
-        if stage == reading.stage:
-            yield MESH, (MESH,), error
-            yield MESH, (MESH, channel.name), doubt
+    for part, errors in ((MESH, parts.mesh), (STEPS, parts.steps)):
+        for stage, error, doubt in errors:
+            if stage == reading.stage:
+                yield part, (part,), error
+                yield part, (part, channel.name), doubt
     for stage, sizes in parts.surface:
         if stage == reading.stage:
             for number, size in enumerate(sizes):

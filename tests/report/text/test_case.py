@@ -128,6 +128,9 @@ def test_the_cost_is_in_words_and_units():
     text = " ".join(case_text(summary(cost=yielding)).split())
     assert "574 entries; all stages take 1000000 operations" in text
     assert "ground yields, so 15 Newton steps per stage are assumed" in text
+    lasting = CostEstimate("pardiso", 574, 999_999, 1e6, 30.0, time_steps=44)
+    text = " ".join(case_text(summary(cost=lasting)).split())
+    assert "(estimated); stages that last take 44 steps in time." in text
     assert "Computation" not in case_text(summary(cost=None))
 
 

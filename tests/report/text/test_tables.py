@@ -240,8 +240,8 @@ def test_a_face_that_goes_on_is_in_tables_and_json(result):
 
 def test_parts_of_accuracies_variances_and_motions_are_percent():
     mesh = MeshError(
-        "refinement", ("CV",), ("drift",), np.array([[1e-2]]), np.array([[1e-4]]),
-        np.array([[2e-4]]), np.array([[8e-4]]), ("mm",), ("length",), 2.0, (10, 40),
+        ("CV",), ("drift",), np.array([[2e-4]]), np.array([[8e-4]]), ("mm",), ("length",),
+        "refinement", np.array([[1e-2]]), np.array([[1e-4]]), 2.0, (10, 40),
     )  # fmt: skip
     (row,) = mesh_error_table(mesh).rows
     assert tuple(row) == ("CV", "drift", "10", "0.1", "0.2", "0.8", "mm", "25 %")

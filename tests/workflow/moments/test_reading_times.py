@@ -93,9 +93,23 @@ def test_a_stage_has_moments_for_pictures_unless_it_says_which(tmp_path):
   - {{name: rest, lasts: 9 d, moments: [2 h, 3 d]}}"""
     case = load_inputs(str(write_column(tmp_path, stages=stages))).case
     at = [stage.at for stage in case.stages if stage.whole == "fill"]
-    assert at == [*usual_moments(60 * DAY), 60 * DAY]
+    assert at == [*usual_moments(60 * DAY, water=True), 60 * DAY]
     assert 8 <= len(at) <= 12
     assert [stage.name for stage in case.stages][len(at) :] == ["rest + 2 h", "rest + 3 d", "rest"]
+
+    # ground that only creeps moves evenly: there are no early moments, and fewer steps
+    creeping = write_column(tmp_path, stages=f"  - {{name: fill, {FILL}, lasts: 60 d}}")
+    text = creeping.read_text().replace("drained: {y1: {}}\n", "")
+    text = text.replace(
+        "k: {start: 1e-9 m/s, bounds: [1e-11, 1e-7 m/s]", "t: {start: 9 d, bounds: [1, 99 d]"
+    )
+    text = text.replace(
+        "hydraulic: {permeability: $k, storage: 1e-9 1/kPa}", "creep: {share: 1, time: $t}"
+    )
+    creeping.write_text(text)
+    case = load_inputs(str(creeping)).case
+    assert [stage.at for stage in case.stages] == [*usual_moments(60 * DAY, water=False), 60 * DAY]
+    assert 0.01 < case.stages[0].at / (60 * DAY) < 0.02
 
 
 def test_zero_at_the_beginning_of_a_stage_and_within_it(tmp_path):

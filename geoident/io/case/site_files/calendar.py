@@ -142,23 +142,28 @@ class Calendar:
                 at = row.stage, row.since
             if at is not None and at[0] in self.timetable.lasts:
                 read.setdefault(at[0], []).append(at[1])
-        moments = {}
+        moments, water = {}, _has(section, _WATER)
+        takes_time = water or _has(section, *_CREEP)
         for stage in section.stages:
             lasts = self.timetable.lasts.get(stage.name)
             if lasts is None:
                 continue
             stated = None if stage.moments is None else [time.factor for time in stage.moments]
             fixed = [*named.get(stage.name, ()), *(stated or ())]
-            shown = usual_moments(lasts) if stated is None and _takes_time(section) else ()
+            usual = stated is None and takes_time
+            shown = usual_moments(lasts, water=water) if usual else ()
             moments[stage.name] = chosen_moments(lasts, read.get(stage.name, ()), fixed, shown)
         return replace(self, moments=moments)
 
 
-_IN_TIME = ("hydraulic", "creep", "ageing")
-"""Keys of materials whose ground changes while nothing is done."""
+_WATER = "hydraulic"
+"""Key of materials through which water flows in stages that last."""
+
+_CREEP = ("creep", "ageing")
+"""Keys of materials whose ground changes by itself in stages that last."""
 
 
-def _takes_time(section: CaseSection) -> bool:
-    """Whether any ground changes in stages that last."""
+def _has(section: CaseSection, *keys: str) -> bool:
+    """Whether any material of a case has one of some keys."""
     materials = section.materials.values()
-    return any(getattr(one, key) is not None for one in materials for key in _IN_TIME)
+    return any(getattr(one, key) is not None for one in materials for key in keys)
