@@ -34,7 +34,7 @@ _FIRST_SCATTER = 0.25
 """Of the largest scatter: where the search for it begins."""
 
 _LEAST_SCATTER = 1e-3
-"""Of the largest scatter: what stays where a law alone leaves the bounds of a parameter."""
+"""Of the largest scatter: what stays where a law alone would meet the bounds of a section."""
 
 
 @dataclass(frozen=True)
@@ -111,20 +111,24 @@ def fit_sections(
         pairs = zip(begin.points, points, strict=True)
         points = [np.where(np.isnan(own), expected, own) for own, expected in pairs]
     iterations: tuple[Iteration, ...] = ()
-    last = not free.any()
+    last, least = not free.any(), np.zeros(len(laws))
+    little = np.where(free, _LEAST_SCATTER * joint.largest, 0.0)
     for _ in range(_ROUNDS):
         joint = JointUnknowns(sections, shared, laws, tau > 0.0)
         problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
-        if problem.response.admissible(problem.start) is not None:  # with a law without scatter
-            tau = np.where(free, np.maximum(tau, _LEAST_SCATTER * joint.largest), tau)
-            joint = JointUnknowns(sections, shared, laws, tau > 0.0)
-            problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
+        without = bool(np.any(free & (tau == 0.0)))  # a section has what the law gives
+        if without and problem.response.admissible(problem.start) is not None:
+            tau, least = np.maximum(tau, little), little
+            continue
         history = History("gauss-newton", problem.response, on_iteration)
         options = GaussNewtonOptions(tolerance=_FINE if last else _ROUGH)
         descent = gauss_newton_descent(Discrepancy(problem), options, history)
         first = descent.evaluator.evaluate(descent.evaluator.scaling.start)
         descent.evaluator.record(first.x, first, 0.0, "start")
         end = descent.run(first)
+        if without and end.stalled:
+            tau, least = np.maximum(tau, little), little
+            continue
         outcome = history.outcome(end.point.p, end.point.phi, end.status, end.reason)
         done = len(iterations)
         iterations += tuple(
@@ -135,7 +139,7 @@ def fit_sections(
         linear = LinearSections.at(joint, models, outcome.values)
         if last or outcome.status != "converged":
             break
-        previous, tau = tau, most_likely(linear, tau, free)
+        previous, tau = tau, np.maximum(most_likely(linear, tau, free), least)
         last = bool(np.all(np.abs(tau - previous) <= _SETTLED * np.maximum(tau, previous)))
     else:
         reason = f"The scatter about the laws was not settled after {_ROUNDS} rounds."

@@ -77,6 +77,18 @@ def test_intervals_know_that_the_scatter_is_known_poorly():
     np.testing.assert_allclose(inside, 0.95, atol=0.003)
 
 
+def test_a_law_without_scatter_that_leaves_the_bounds_of_a_section_keeps_a_little():
+    """All sections are alike, and read less than the least that their parameter may be."""
+    y = np.repeat(layout(0.0).mean(axis=1)[:, None], N, axis=1)
+    bounded = replace(Z, lower=float(y.mean()) + 0.2, start=3.0)
+    sections = [section(f"S{s}", (bounded,), row, SD) for s, row in enumerate(y)]
+    models = Formulas(tuple(linear_model(np.ones((N, 1))) for _ in y))
+    fit = fit_sections(sections, (), (level(),), models, quiet)
+    assert fit.outcome.status == "converged"
+    np.testing.assert_allclose(fit.outcome.values[1:], bounded.lower, rtol=1e-6)
+    assert 0.0 < fit.tau[0] < 0.01 * fit.joint.largest[0]
+
+
 def test_a_section_of_other_ground_is_found():
     y = layout(0.3, S=7)
     y[4] += 4.0
