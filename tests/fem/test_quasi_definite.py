@@ -13,7 +13,7 @@ def solver(name):
     try:
         return pick_solver(name)
     except UsageError:
-        pytest.skip(f"{name} is not installed")
+        pytest.skip(f"{name} is missing: pip install 'geoident[{name}]', and run again")
 
 
 def blocks(n, m, small):

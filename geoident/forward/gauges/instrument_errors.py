@@ -140,14 +140,15 @@ class InstrumentErrors:
         """
         rows, states = read.rows, read.states
         table = np.zeros((len(rows), 1 + len(names)))
-        if self.none:
+        if self.none or not len(rows):
             return table
         known = np.where(np.isnan(read.times), self.times[states, rows], read.times)
         since = self._stages_since[self._zero[rows], states]
         later = self._states_since[self._zero[rows], states] > 0
         elapsed = known - self._start[rows]
-        for row in np.unique(rows).tolist():
-            channel, own = self._channels[row], rows == row
+        by_channel = np.argsort(rows, kind="stable")
+        for own in np.split(by_channel, np.flatnonzero(np.diff(rows[by_channel])) + 1):
+            channel = self._channels[rows[own[0]]]
             for scalar, factor in (
                 (channel.offset, (later[own] | (not channel.is_zeroed)).astype(np.float64)),
                 (channel.drift, elapsed[own]),

@@ -289,6 +289,11 @@ class CaseSection(Section):
         return self.stages[-1].name if self.service is not None and self.stages else None
 
     @property
+    def in_stages(self) -> bool:
+        """Whether readings belong to stages, and not to days of their own."""
+        return self.service_stage is None and not isinstance(self.model, SettlementLawSection)
+
+    @property
     def service_since(self) -> str | None:
         """When the service begins."""
         if isinstance(self.model, SeasonalModelSection):

@@ -19,7 +19,6 @@ from typing import Any
 from geoident.errors import Fault, InputError
 from geoident.io.case.case import CaseSection
 from geoident.io.case.durations import Timetable
-from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.checks import ReadingChecks
@@ -145,10 +144,7 @@ def read_all(
     reasons = _BadReasons(section, calendar)
     read.readings = [replace(r, bad=r.bad or reasons.of(r)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
-    in_stages = section.service_stage is None and not isinstance(
-        section.model, SettlementLawSection
-    )
-    if read.by_stage and not faults.found and in_stages:
+    if read.by_stage and not faults.found and section.in_stages:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
     return read
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, MonthLocator
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, Locator
 
 from geoident.io.text.dates import date_text
 from geoident.model.arrays import Bools, Floats
@@ -85,11 +85,7 @@ class StageAxis:
         if self.label:
             axes.set_xlabel(self.label, fontsize=SMALL)
         else:
-            if _YEAR < high - low < 2.0 * _YEAR:  # where the other finds no interval, and warns
-                locator: Any = MonthLocator(bymonth=(1, 7))  # type: ignore[no-untyped-call] # matplotlib.dates has no types
-            else:
-                locator = AutoDateLocator(minticks=2, maxticks=3)  # type: ignore[no-untyped-call]
-            axes.xaxis.set_major_locator(locator)
+            axes.xaxis.set_major_locator(_date_locator(high - low))
             axes.xaxis.set_major_formatter(FuncFormatter(lambda day, _: date_text(_DAY * day)))
         last = -np.inf
         for number, x in self.marks.items():
@@ -98,6 +94,15 @@ class StageAxis:
                 axes.text(x, 0.99, str(number), transform=axes.get_xaxis_transform(),
                           ha="center", va="top", fontsize=SMALL - 0.5, color=FAINT)  # fmt: skip
                 last = x
+
+
+def _date_locator(days: float) -> Locator:
+    """Places of two or three dates on an axis of so many days."""
+    auto: Any = AutoDateLocator  # matplotlib.dates has no types
+    monthly: Any = MonthLocator
+    if _YEAR < days < 2.0 * _YEAR:  # where the other finds no interval, and warns
+        return cast(Locator, monthly(bymonth=(1, 7)))
+    return cast(Locator, auto(minticks=2, maxticks=3))
 
 
 def stage_axis(result: Result) -> StageAxis:
