@@ -68,7 +68,7 @@ def with_days(
     if fit.until is not None and fit.stages is None:
         until = read_date(fit.until)
         used = [date_text(day) for day in sorted(days & read) if day <= until]
-        if not used:
+        if read and not used:
             message = f"no reading that the law describes is before '{fit.until}'"
             faults.add(("fit", "until"), "no-readings", message, "Correct the date.")
         fit = fit.model_copy(update={"stages": used or None})

@@ -162,7 +162,8 @@ def inputs_of_result(result: Result, path: str, overrides: Sequence[str] = ()) -
         InputError: the case cannot be read as this version reads it.
     """
     try:
-        loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS, *overrides])
+        changes = [_days_alone(result), *overrides]
+        loaded = parse_case(result.case_resolved, path, overrides=changes)
     except InputError as error:
         unplaced = [replace(fault, location=Location(path)) for fault in error.faults]
         raise InputError(unplaced) from error
@@ -179,6 +180,15 @@ def inputs_of_result(result: Result, path: str, overrides: Sequence[str] = ()) -
         case_sha256=hashes.case_sha256,
         readings_sha256=hashes.readings_sha256,
     )
+
+
+def _days_alone(result: Result) -> str:
+    """The override that leaves no readings; of a settlement law their days, its stages."""
+    if not result.settlement:
+        return NO_READINGS
+    nothing = {"gauge": result.gauges.channels[0], "value": f"0 {result.gauges.units[0]}"}
+    days = [{**nothing, "stage": stage} for stage in result.gauges.stages]
+    return f"readings={json.dumps(days)}"
 
 
 def _as_fitted(case: Case, result: Result, source: Source) -> Case:

@@ -19,7 +19,7 @@ from support.fill_on_clay import (
 )
 
 import geoident as package
-from geoident.api import fit, load_case, update
+from geoident.api import fit, load_case, predict, update
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case
 from geoident.report.drawing.gauges.axis import stage_axis
@@ -146,6 +146,14 @@ def test_it_is_shown_exported_and_checked(found):
     assert f"settlement law: {'hyperbola' if law == 'hyperbola' else 'exponential'}" in (
         run_command("check", path).output
     )
+
+
+def test_a_result_is_enough_to_predict_from(found):
+    """The days are known from it, although the readings stay where they are."""
+    _, path, result = found
+    ahead = predict(str(path.with_name("case.fit.h5"))).data
+    assert ahead.gauges.stages == result.gauges.stages
+    np.testing.assert_allclose(ahead.prediction.mean, result.prediction.mean, rtol=1e-6)
 
 
 def test_readings_after_a_day_are_predicted(tmp_path):
