@@ -41,6 +41,9 @@ NEGLIGIBLE = 1e-6
 UNSEEN_SD = 2.0
 """Standard deviations of the noise of phi within which two values are not told apart."""
 
+_SHORTEST = 1e-8
+"""Radius below which what a step changes in phi is rounding, however small the tolerance."""
+
 _STALLED = (
     "No shorter step lowers the misfit, although the derivatives predict that it falls by {:.1g}: "
     "the computed readings are not smooth here; continue with the method simplex."
@@ -350,7 +353,7 @@ class Descent(Generic[IterateT]):
             return Ending(point, "converged", reason)
         if reason:  # the detour led nowhere
             control.return_to_best()
-        if control.radius <= self.stopping.tolerance:
+        if control.radius <= max(self.stopping.tolerance, _SHORTEST):
             if self.stopping.flat(best):
                 return Ending(best, "converged", _FLAT)
             promised = self.propose(best, np.inf).gain
