@@ -88,9 +88,9 @@ def test_coverage_of_sections_left_out_one_by_one(tmp_path, opening, seeds):
 @pytest.mark.slow
 @pytest.mark.parametrize("opening", [False, True])
 def test_coverage_of_sections_of_which_the_first_readings_are_known(tmp_path, opening):
-    """Ten tunnels, a third of the sections at a time."""
+    """Four tunnels, a third of the sections at a time."""
     inside, widths = [], []
-    for seed in range(10):
+    for seed in range(4):
         ground = sections(seed, COUNT)
         for fold in range(3):
             early = tuple(range(fold, COUNT, 3))
