@@ -227,7 +227,7 @@ class StageTask:
     def moment(self) -> str:
         """The stage, and of one in time the moment, for a message."""
         name, water = f"stage '{self.state.name}'", self.water
-        if water is None:
+        if water is None or not water.span[1]:
             return name
         text = f"{name}, {water.span[1] / 86400.0:.3g} days after it began,"
         came = water.loaded[1]
