@@ -403,7 +403,8 @@ class AnalysisRun:
         if flowed is not None:
             du, yielded = flowed
         elif self._plastic is not None and self._plastic.yields(state):
-            du, yielded = self._plastic.step(task)
+            motions, yielded = self._plastic.step(task)
+            du = motions[: len(u)]
         else:
             known_displacements = self._options.displacements
             u_known = None if known_displacements is None else known_displacements(number)

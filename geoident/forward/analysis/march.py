@@ -119,6 +119,7 @@ class March:
         over: float = 0.0,
     ) -> None:
         self._equations, self._steps, self._given = equations, steps, given
+        equations.n_parts = 1 + 2 * len(steps)
         self._over, self._came = over, 0.0
         self._time, self._done = 0.0, 0
         still = np.zeros((equations.n_dofs, pressures.shape[1]))
@@ -212,7 +213,6 @@ class StepEquations:
         factors: of stages without water.
         creep: makes the steps of ground that creeps; None where none does.
         plastic: solves parts of steps in which ground or structures yield; None where none do.
-        n_parts: of all its steps.
 
     Attributes:
         rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage; where
@@ -220,6 +220,7 @@ class StepEquations:
         carried: by ground that creeps or yields, at the beginning of the stage.
         gamma: where the parts of a step meet.
         yielded: (n_points,) which strain points yielded since it was last set.
+        n_parts: of all steps of the stage.
     """
 
     def __init__(
@@ -230,9 +231,9 @@ class StepEquations:
         operators: PoreOperators,
         before: Floats,
         factors: FactorCache,
+        *,
         creep: CreepSteps | None = None,
         plastic: PlasticSteps | None = None,
-        n_parts: int = 1,
     ) -> None:
         self.pores, self._systems, self._operators = pores, systems, operators
         self.n_dofs = len(task.forces)
@@ -245,9 +246,9 @@ class StepEquations:
         self.carried = carried.copy() if by_parts else None
         self.gamma = GAMMA if len(pores.nodes) else 0.5
         self.yielded = np.zeros(points.n_points, dtype=bool)
+        self.n_parts = 1
         self._forces = task.forces.copy()
         self._task, self._creep, self._plastic, self._factors = task, creep, plastic, factors
-        self._n_parts = n_parts
         self._stiff = _stiffness_depends(task) or creep is not None
         self._blocks: dict[Hashable, PoreBlocks] = {}
         self._last: tuple[float, Floats] | None = None  # length and motions of the last part
@@ -280,7 +281,7 @@ class StepEquations:
             task = begun.task
         water = WaterInPart(
             self._operators, part.h, part.drive, part.jump, self._blocks_of(part.held, task),
-            part.span, part.loaded, self._n_parts,
+            part.span, part.loaded, self.n_parts,
         )  # fmt: skip
         if self._plastic is not None and begun is not None:
             du, dp = self._yielding(self._plastic, replace(task, water=water), before)

@@ -6,7 +6,8 @@ With s* = sigma_old + E C du and sigma = P(s*, p),
     K_T ddu/dp_h = df/dp_h - C^T V g_h
     dsigma/dp_h = g_h + T E C ddu/dp_h
 
-(in a part of a step in time with the rows of the water, theory 18.6; where a part mu of the overstress is kept, T and dP/dp count 1 - mu, and mu is added to T),
+(in a part of a step in time with the rows of the water, theory 18.6; where a part mu of the
+overstress is kept, T and dP/dp count 1 - mu, and mu is added to T),
 so one factorization of the consistent tangent serves all columns; where the last Newton step did
 not leave its pieces it is there already. Where overstress was balanced, derivatives go from each
 solution to the next with those of its field o' (`balanced_overstress`): on the right side stands

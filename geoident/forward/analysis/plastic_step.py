@@ -10,7 +10,7 @@ derivatives: a small change of the parameters costs one or two factorizations a 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -385,12 +385,16 @@ class PlasticSteps:
         tangents = StageTangents(self.systems, task, moduli, points)
         members_of = self._members(points)
         stress = np.ascontiguousarray(points.carried(slice(0, 1))[..., 0])
-        turning = None
+        turning: Callable[[Floats, Floats], Floats] | None = None
         if points.members is not None and points.members.n_turns:
             numbered = range(points.n_ground, points.n_points)
             alone = [one.restrict(np.array(numbered), points.n_points) for one in members_of]
             kept = [one for one in alone if one is not None]
-            turning = Turning(points.members, kept, stress[:, points.n_ground :]).balanced
+            turns = Turning(points.members, kept, stress[:, points.n_ground :])
+
+            def turning(du: Floats, guess: Floats) -> Floats:
+                return turns.balanced(du[:n_dofs], guess)
+
         return StageEquations(
             points,
             volume=points.volume,

@@ -246,7 +246,7 @@ class StageEquations:
         patches: parts that can be solved by themselves; None for none.
         n_turns: how many of the unknowns, the last ones, are rotations of members that yield.
         n_pressures: how many, before these, are pressures of water.
-        balanced_turns: rotations in equilibrium with displacements (n_dofs,), from a first guess;
+        balanced_turns: rotations in equilibrium with what comes before them, from a first guess;
             None where nothing turns. They are asked for where there is no potential, whose
             minimum needs no such help.
     """

@@ -170,9 +170,15 @@ class StagesInTime:
         )
         steps = steps_of(self._sequence.states, number, of_each)
         equations = StepEquations(
-            task, self._systems, system, operators, before, factors, self._creep,
-            self._yields(state), 1 + 2 * len(steps),
-        )  # fmt: skip
+            task,
+            self._systems,
+            system,
+            operators,
+            before,
+            factors,
+            creep=self._creep,
+            plastic=self._yields(state),
+        )
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
         return _Going(march, nothing, equations.rest, task.motion)
@@ -210,6 +216,14 @@ def of_each_length(case: Case, *, water: bool) -> int:
     if case.time_steps is not None:
         return case.time_steps
     return OF_EACH_LENGTH if water else OF_EACH_WITHOUT_WATER
+
+
+def order_of_steps(case: Case) -> int:
+    """With so many times as many steps in time their error falls by that power of it.
+
+    Stress that returns to a yield surface does so to the first order.
+    """
+    return 1 if case.consolidates and case.yields else 2
 
 
 def steps_of(states: Sequence[ConstructionState], number: int, of_each: int) -> list[TimeStep]:
