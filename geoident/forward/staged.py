@@ -28,6 +28,7 @@ from geoident.forward.analysis.analysis import (
 from geoident.forward.analysis.fields import MeshRecorder
 from geoident.forward.analysis.plastic_step import PlasticFindings
 from geoident.forward.analysis.stage import StageEnd
+from geoident.forward.analysis.stages_in_time import order_of_steps
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.virgin import contradictions
 from geoident.forward.checks import imbalance_notes, inadmissible_numbers
@@ -384,7 +385,7 @@ class StagedKernel(ObservedModel):
     def time_step_errors(self, p: Floats) -> Floats:
         """Errors (n_channels, n_stages) of readings by the steps in time, exact less computed, SI.
 
-        The steps are of the second order: with twice as many a quarter of the error is left.
+        With twice as many a quarter of the error is left, or half of it (`order_of_steps`).
 
         Args:
             p: (n,) parameters, SI.
@@ -394,7 +395,8 @@ class StagedKernel(ObservedModel):
         """
         options = RunOptions(derivatives=False, partial=True, explain=False, finer=2)
         finer = ResumableRun(self, p, options, keeps_ends=False).computed(len(self.bases) - 1)
-        return (finer - self.computed(p)) * 4.0 / 3.0
+        less = 2.0 ** order_of_steps(self.case)
+        return (finer - self.computed(p)) * less / (less - 1.0)
 
     def _notes_at(
         self, values: Values, findings: RunFindings, equal: Mapping[str, int]

@@ -98,7 +98,13 @@ class Solver:
         return self._direct(pattern, self.counts)
 
     def quasi_definite(
-        self, constant: sp.csr_array, growing: sp.csr_array, *, signs: Floats, order: Ints
+        self,
+        constant: sp.csr_array,
+        growing: sp.csr_array,
+        *,
+        signs: Floats,
+        order: Ints,
+        changing: sp.csr_array | None = None,
     ) -> QuasiDefinite:
         """Quasi-definite matrices A_0 + h A_1 of one pattern; counts one analysis.
 
@@ -107,6 +113,7 @@ class Solver:
             growing: A_1 (n, n).
             signs: (n,) of the diagonal, 1 or -1.
             order: (n,) of elimination.
+            changing: (n, n) where entries may change beside theirs; None for nowhere.
         """
         return QuasiDefinite(
             constant,
@@ -115,6 +122,7 @@ class Solver:
             order=order,
             prepare=self._indefinite,
             counts=self.counts,
+            changing=changing,
         )
 
     def keep_solutions(self, store: SolutionStore | None) -> None:

@@ -163,7 +163,7 @@ class Factor:
     def __init__(
         self, n: int, counts: SolverCounts, solve: Solve, is_valid: Callable[[], bool]
     ) -> None:
-        self._n, self._counts, self._solve, self._is_valid = n, counts, solve, is_valid
+        self.n, self._counts, self._solve, self._is_valid = n, counts, solve, is_valid
 
     @property
     def valid(self) -> bool:
@@ -178,8 +178,8 @@ class Factor:
         """
         if not self.valid:
             raise RuntimeError("this factor was replaced by a later factorization")
-        if rhs.ndim != 2 or rhs.shape[0] != self._n:
-            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({self._n}, k)")
+        if rhs.ndim != 2 or rhs.shape[0] != self.n:
+            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({self.n}, k)")
         self._counts.solves += rhs.shape[1]
         if rhs.size == 0:
             return np.zeros(rhs.shape)

@@ -6,7 +6,7 @@ beside what they stand on cost digits: C is next to nothing where water hardly g
 flows. So what is left of right-hand sides is solved for again, if it is more than rounding.
 
 Matrices that differ in C alone, C = C_0 + h C_1, have one pattern: it is made once, and a factor
-for each h.
+for each h. K may change as well (`places`).
 """
 
 from __future__ import annotations
@@ -57,6 +57,11 @@ class QuasiDefinite:
         order: (n,) order of elimination with little fill.
         prepare: a library.
         counts: where to count.
+        changing: (n, n) where entries may change beside those that A(h) has; None for nowhere.
+
+    Attributes:
+        order: (n,) of elimination.
+        pattern: of the lower triangle in that order.
     """
 
     def __init__(
@@ -68,26 +73,46 @@ class QuasiDefinite:
         order: Ints,
         prepare: Prepare,
         counts: SolverCounts,
+        changing: sp.csr_array | None = None,
     ) -> None:
-        self._order, self._counts = order, counts
+        self.order, self._counts = order, counts
+        self._place = np.empty_like(order)
+        self._place[order] = np.arange(len(order))
         first, second = _lower(constant, order), _lower(growing, order)
         both = sp.csc_array(abs(first) + abs(second) + sp.eye_array(len(order)))
+        if changing is not None:
+            both = sp.csc_array(both + _lower(abs(changing), order))
         both.sort_indices()
         self._constant, self._growing = _on(both, first), _on(both, second)
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
-        self._pattern = LowerPattern(indptr, indices)
-        self._library = prepare(self._pattern, signs[order])
+        self.pattern = LowerPattern(indptr, indices)
+        self._library = prepare(self.pattern, signs[order])
         self._last = 0  # number of the last factorization
         counts.analyses += 1
 
-    def factor(self, h: float) -> Factor:
-        """The factor of A(h), valid until the next one.
+    def places(self, rows: Ints, columns: Ints) -> Ints:
+        """Where entries (k,) stand among the values (nnz,) of the pattern, which has them all.
+
+        Args:
+            rows: (k,) unknowns, none before that of the column in the order of elimination.
+            columns: (k,) unknowns.
+        """
+        n = len(self.order)
+        keys = np.repeat(np.arange(n), np.diff(self.pattern.indptr)) * n + self.pattern.indices
+        return np.searchsorted(keys, self._place[columns] * n + self._place[rows])
+
+    def values(self, h: float) -> Floats:
+        """(nnz,) of A(h) in the pattern."""
+        return np.asarray(self._constant + h * self._growing)
+
+    def factor(self, h: float, change: Floats | float = 0.0) -> Factor:
+        """The factor of A(h) with a symmetric change (nnz,), valid until the next one.
 
         Raises:
             NotPositiveDefinite: a block is not definite.
         """
-        n, order, pattern = len(self._order), self._order, self._pattern
-        values = self._constant + h * self._growing
+        n, order, pattern = len(self.order), self.order, self.pattern
+        values = self.values(h) + change
         number = self._last = self._last + 1
         self._counts.factorizations += 1
         if not np.isfinite(values).all():

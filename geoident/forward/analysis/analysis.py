@@ -241,7 +241,9 @@ class AnalysisRun:
             self._creep = CreepSteps(analysis.on_mesh, self.point, self._ground)
         self._in_time: StagesInTime | None = None
         if analysis.case.consolidates or analysis.case.creeps:
-            self._in_time = StagesInTime(systems, analysis.pores, self._creep, options.finer)
+            self._in_time = StagesInTime(
+                systems, analysis.pores, self._creep, self._plastic, options.finer
+            )
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
@@ -394,14 +396,15 @@ class AnalysisRun:
         task = self._task(number, carried, forces)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
         flowed = None
-        if self._creep is None:
+        if self._in_time is None or not self._in_time.imposes(state):
             task.impose(systems)
         if self._in_time is not None:
             flowed = self._in_time.step(task, self.factors)
         if flowed is not None:
-            du = flowed
+            du, yielded = flowed
         elif self._plastic is not None and self._plastic.yields(state):
-            du, yielded = self._plastic.step(task)
+            motions, yielded = self._plastic.step(task)
+            du = motions[: len(u)]
         else:
             known_displacements = self._options.displacements
             u_known = None if known_displacements is None else known_displacements(number)

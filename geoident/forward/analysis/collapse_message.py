@@ -55,16 +55,16 @@ def collapse_error(
         names = ", ".join(f"'{part.name}'" for part in members.parts)
         what = f"the ground with {names}" if ground else names
     if failure.proven:
-        msg = f"at stage '{task.state.name}' {what} cannot carry the loads: plastic collapse"
+        msg = f"at {task.moment} {what} cannot carry the loads: plastic collapse"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
     elif associated:
-        msg = f"at stage '{task.state.name}' not converged: no equilibrium was found in "
+        msg = f"at {task.moment} not converged: no equilibrium was found in "
         msg += f"{MOST_STEPS} Newton steps"
         hint = "Divide the change of load among several stages, or raise the strengths: the ground "
         hint += "is near its limit, or beyond it."
     else:
-        msg = f"at stage '{task.state.name}' not converged: no equilibrium was found"
+        msg = f"at {task.moment} not converged: no equilibrium was found"
         if np.isfinite(residual):
             msg += f", residual {100 * residual:.2g} % of the change of load, carried by stress "
             msg += "beyond the yield surface"

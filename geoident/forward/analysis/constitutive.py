@@ -173,10 +173,16 @@ class ReachedPlanes:
         self._margin = np.full(shape[0], -np.inf)
 
     def count(self, state: int, response: PlasticResponse) -> None:
-        """Count the points of one material that are on its planes at the end of a state."""
+        """Count the points of one material that are on its planes at the end of a state.
+
+        Of a stage in time the most at the end of a part of a step.
+        """
         place = self._rows[response.ground.name], state - 1
-        self._points[place] = (response.projection.multipliers > 0.0).sum(axis=0)
-        self._biactive[place] = response.projection.biactive.sum(axis=0)
+        for counts, now in (
+            (self._points, response.projection.multipliers > 0.0),
+            (self._biactive, response.projection.biactive),
+        ):
+            counts[place] = np.maximum(counts[place], now.sum(axis=0))
 
     def note_excess(self, material: str, excess: Floats) -> None:
         """Note the yield functions (y, m) of a material at the end of a state, Pa."""

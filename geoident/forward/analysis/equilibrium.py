@@ -24,6 +24,14 @@ A load beyond collapse has no minimum: Pi falls without end along a mechanism d.
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
 still falling there, d dissipates less than the loads give, and no equilibrium exists.
 
+In a part of a step in time pressures p of water are unknown as well (theory 18.6):
+
+    r_u = f + Q p - C^T V sigma = 0 ,    r_p = w + Q^T du + C p = 0 ,    C = S + h H .
+
+With p eliminated by the second, which is linear, Pi + (w + Q^T du)^T C^-1 (w + Q^T du) / 2 is again
+convex. The first step is taken as a whole, after which r_p = 0; steps keep that, and r_u^T d is
+the slope of the potential without its elimination. So all of the above holds.
+
 Non-associated flow has no potential; its steps are judged by the next ones, and where they are
 lost a path of viscous grounds leads to the solution (`viscous_path`).
 
@@ -186,7 +194,10 @@ def _minimise(equations: StageEquations, iterate: Iterate, at_start: float) -> B
             return Balance(_refined(equations, iterate, tangent), tangent)
         tangent = equations.tangent(iterate)
         d = equations.spread(tangent.solve(iterate.residual))
-        following, whole = _step(equations, iterate, d)
+        if equations.n_pressures and not step:
+            following, whole = equations.at(iterate.du + d), False
+        else:
+            following, whole = _step(equations, iterate, d)
         if following.imbalance >= iterate.imbalance and iterate.imbalance <= NO_LOWER:
             return Balance(iterate, tangent)
         if whole and step >= _SUSPICIOUS:

@@ -22,39 +22,42 @@ w, and what its derivatives of K, Q, S and H make of du and dp.
 Within a step u and p are the parabolas through its beginning, its middle and its end.
 
 Ground that creeps has a K of its own in every part of a step, by its length, and its past is a load
-there (`creeping`); its stress is carried from part to part. Then what a stage does at once comes
+there (`step_parts`); its stress is carried from part to part. Then what a stage does at once comes
 before all steps, and nothing creeps meanwhile. Without water the parts of a step are its halves, so
 that there is one factorization for each length.
+
+Ground that yields has its stress carried in the same way. Each part is an equilibrium of its own,
+whose stress returns from the beginning of the part to its end (`plastic_step`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
-from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
-from geoident.fem.solvers.quasi_definite import QuasiDefinite
-from geoident.forward.analysis.creeping import begin_part, mixed
+from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import (
     FactorCache,
     StageTask,
     StressState,
     not_positive_definite,
 )
+from geoident.forward.analysis.step_parts import begin_part, mixed
 from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.analysis.water import PoreBlocks, WaterInPart
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
 from geoident.forward.consolidation.steps import GAMMA, TimeStep
 from geoident.forward.creep.steps import CreepSteps
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.arrays import Bools, Floats
 
 _BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
 
 _MOST_KEPT = 2
-"""Factors that are kept of ground that creeps: the parts of a step have different moduli."""
+"""Matrices that are kept, each with a factor: the parts of a step of ground that creeps have
+different moduli."""
 
 _ROUNDING = 1e-12
 """Part of a time within which it is reached."""
@@ -67,12 +70,33 @@ class InTime:
     Args:
         u: (n_dofs, 1 + n) since the beginning of the stage, m, without what supports impose.
         p: (n_nodes, 1 + n) Pa.
-        carried: by ground that creeps; None where none does.
+        carried: by ground that creeps or yields; None where none does.
     """
 
     u: Floats
     p: Floats
     carried: StressState | None = None
+
+
+@dataclass(frozen=True)
+class TimePart:
+    """What is given in a part of a step.
+
+    Args:
+        h: by what flow is multiplied, s.
+        drive: w (n_nodes, 1 + n), Pa.
+        jump: (n_nodes, 1 + n) changes of the pressures that are given, Pa.
+        held: (n_nodes,) where they are given.
+        span: when it begins and ends, s since the beginning of the stage.
+        loaded: parts of what the stage does that have come then.
+    """
+
+    h: float
+    drive: Floats
+    jump: Floats
+    held: Bools
+    span: tuple[float, float]
+    loaded: tuple[float, float]
 
 
 class March:
@@ -95,6 +119,7 @@ class March:
         over: float = 0.0,
     ) -> None:
         self._equations, self._steps, self._given = equations, steps, given
+        equations.n_parts = 1 + 2 * len(steps)
         self._over, self._came = over, 0.0
         self._time, self._done = 0.0, 0
         still = np.zeros((equations.n_dofs, pressures.shape[1]))
@@ -103,12 +128,23 @@ class March:
         self._parts = (self._now, self._now, self._now)
         self._length = 0.0
 
-    def to(self, time: float) -> InTime:
-        """What is reached at a time, s since the beginning; not before the last one asked for.
+    def to(self, task: StageTask, time: float) -> tuple[InTime, Bools]:
+        """What is reached at a time, and which strain points (n_points,) yielded on the way there.
+
+        Args:
+            task: the state at that time.
+            time: s since the beginning; not before the last one asked for.
 
         Raises:
             ModelError: the equations have no unique solution.
+            CollapseError: ground that yields cannot carry the loads.
         """
+        equations = self._equations
+        equations.asked_by(task)
+        equations.yielded = np.zeros_like(equations.yielded)
+        return self._to(time), equations.yielded
+
+    def _to(self, time: float) -> InTime:
         jumps = time == 0.0 or (self._now.carried is not None and not self._over)
         if jumps and not self._done and not self._came:
             free = np.zeros_like(self._equations.pores.given)
@@ -156,12 +192,9 @@ class March:
             span: when it begins and ends, s.
         """
         jump = np.where(held[:, None], self._given - before.p, 0.0)
-        start, end = span
-        comes, self._came = self.came(end) - self._came, self.came(end)
-        du, dp, carried = self._equations.advance(
-            h, drive, jump, held, comes, before.carried, end - start
-        )
-        return InTime(before.u + du, before.p + dp, carried)
+        loaded = self._came, self.came(span[1])
+        self._came = loaded[1]
+        return self._equations.advance(before, TimePart(h, drive, jump, held, span, loaded))
 
     def _within(self, part: float) -> InTime:
         """At a part of the last step."""
@@ -179,12 +212,15 @@ class StepEquations:
         before: (n_nodes, 1 + n) pressures before the stage, Pa.
         factors: of stages without water.
         creep: makes the steps of ground that creeps; None where none does.
+        plastic: solves parts of steps in which ground or structures yield; None where none do.
 
     Attributes:
-        rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage; of ground
-            that creeps without what is imposed in it.
-        carried: by ground that creeps, at the beginning of the stage.
+        rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage; where
+            stress is carried from part to part without what is imposed in it.
+        carried: by ground that creeps or yields, at the beginning of the stage.
         gamma: where the parts of a step meet.
+        yielded: (n_points,) which strain points yielded since it was last set.
+        n_parts: of all steps of the stage.
     """
 
     def __init__(
@@ -195,7 +231,9 @@ class StepEquations:
         operators: PoreOperators,
         before: Floats,
         factors: FactorCache,
+        *,
         creep: CreepSteps | None = None,
+        plastic: PlasticSteps | None = None,
     ) -> None:
         self.pores, self._systems, self._operators = pores, systems, operators
         self.n_dofs = len(task.forces)
@@ -204,76 +242,128 @@ class StepEquations:
         if systems.structures.n_rows:
             rest -= systems.structures.nodal_forces(carried.members)
         self.rest = rest + operators.coupling.at(before)
-        self.carried = None if creep is None else carried.copy()
+        by_parts = creep is not None or plastic is not None
+        self.carried = carried.copy() if by_parts else None
         self.gamma = GAMMA if len(pores.nodes) else 0.5
-        self._task, self._creep, self._factors = task, creep, factors
+        self.yielded = np.zeros(points.n_points, dtype=bool)
+        self.n_parts = 1
+        self._forces = task.forces.copy()
+        self._task, self._creep, self._plastic, self._factors = task, creep, plastic, factors
         self._stiff = _stiffness_depends(task) or creep is not None
-        self._blocks: dict[Hashable, _Blocks] = {}
-        self._factor: dict[Hashable, Factor] = {}
+        self._blocks: dict[Hashable, PoreBlocks] = {}
+        self._last: tuple[float, Floats] | None = None  # length and motions of the last part
 
     def forget(self) -> None:
         """Forget factorizations."""
-        self._factor.clear()
+        for blocks in self._blocks.values():
+            blocks.forget()
 
-    def advance(
-        self,
-        h: float,
-        drive: Floats,
-        jump: Floats,
-        held: Bools,
-        comes: float,
-        carried: StressState | None,
-        length: float,
-    ) -> tuple[Floats, Floats, StressState | None]:
-        """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) in a part of a step.
+    def asked_by(self, task: StageTask) -> None:
+        """What follows is part of a state of the stage: findings and messages name that."""
+        self._task = replace(self._task, number=task.number, state=task.state)
 
-        Also what ground that creeps carries at its end.
+    def advance(self, before: InTime, part: TimePart) -> InTime:
+        """The end of a part of a step.
 
         Args:
-            h: by what flow is multiplied, s.
-            drive: w (n_nodes, 1 + n), Pa.
-            jump: (n_nodes, 1 + n) changes of the pressures that are given, Pa.
-            held: (n_nodes,) where they are given.
-            comes: part of what the stage does that comes in it.
-            carried: by ground that creeps, at its beginning; None where none does.
-            length: of the part, s.
+            before: its beginning.
+            part: what is given in it.
 
         Raises:
             ModelError: the matrix is singular.
+            CollapseError: ground that yields cannot carry the loads.
         """
-        Q, S, H = (self._operators.coupling, self._operators.storage, self._operators.flow)
-        task = _part_of(self._task, comes)
-        forces = Q.value @ jump
-        water = h * H.at(drive) + S.value @ jump + h * (H.value @ jump)
-        if comes:
-            forces += comes * self.rest
-        part = None
-        if self._creep is not None and carried is not None:
-            part = begin_part(task, self._systems, self._creep, carried, length)
-            task = part.task
-            forces += part.past
-        moved = None
-        if task.motion is not None:
-            water += Q.value.T @ task.motion
-            moved = task.motion[:, 0]
-        blocks, factor = self._factorized(h, held, task)
-        du, dp = np.zeros_like(forces), jump.copy()
-        state = slice(0, 1)
-        blocks.solve(factor, forces[:, state], water[:, state], du[:, state], dp[:, state])
+        comes = part.loaded[1] - part.loaded[0]
+        task, begun = _part_of(self._task, comes), None
+        if before.carried is not None:
+            length = part.span[1] - part.span[0]
+            begun = begin_part(task, self._systems, self._creep, before.carried, length)
+            task = begun.task
+        water = WaterInPart(
+            self._operators, part.h, part.drive, part.jump, self._blocks_of(part.held, task),
+            part.span, part.loaded, self.n_parts,
+        )  # fmt: skip
+        if self._plastic is not None and begun is not None:
+            du, dp = self._yielding(self._plastic, replace(task, water=water), before)
+            return InTime(before.u + du, before.p + dp, begun.crept())
+        forces = comes * self.rest if begun is None else comes * self.rest + begun.past
+        du, dp = self._elastic(task, water, forces)
+        carried = None if begun is None else begun.end(self._systems, self._factors, du)
+        return InTime(before.u + du, before.p + dp, carried)
+
+    def _elastic(
+        self, task: StageTask, water: WaterInPart, forces: Floats
+    ) -> tuple[Floats, Floats]:
+        """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) under forces (n_dofs, 1 + n)."""
+        forces, right = forces + water.pushed(), water.right(task.motion)
+        du, dp, state, slopes = (
+            np.zeros_like(forces),
+            water.jump.copy(),
+            slice(0, 1),
+            slice(1, None),
+        )
+        self._solve(task, water, (forces[:, state], right[:, state]), (du[:, state], dp[:, state]))
         if forces.shape[1] > 1:
-            u, p = du[:, 0], dp[:, 0]
+            u = du[:, 0]
             if self._stiff:
-                forces[:, 1:] -= self._stiffness_slopes(task, u)
-            for n, slope in Q.slopes.items():
-                forces[:, 1 + n] += slope @ p
-                water[:, 1 + n] += slope.T @ (u if moved is None else u + moved)
-            for n, slope in S.slopes.items():
-                water[:, 1 + n] += slope @ p
-            for n, slope in H.slopes.items():
-                water[:, 1 + n] += h * (slope @ p)
-            rest = slice(1, None)
-            blocks.solve(factor, forces[:, rest], water[:, rest], du[:, rest], dp[:, rest])
-        return du, dp, None if part is None else part.end(self._systems, self._factors, du)
+                forces[:, slopes] -= self._stiffness_slopes(task, u)
+            moved = u if task.motion is None else u + task.motion[:, 0]
+            water.slopes(forces[:, slopes], right[:, slopes], moved, dp[:, 0])
+            self._solve(
+                task, water, (forces[:, slopes], right[:, slopes]), (du[:, slopes], dp[:, slopes])
+            )
+        return du, dp
+
+    def _solve(
+        self,
+        task: StageTask,
+        water: WaterInPart,
+        right: tuple[Floats, Floats],
+        changes: tuple[Floats, Floats],
+    ) -> None:
+        """Add the solution for some columns to changes of displacements and pressures.
+
+        Without a factor nothing is free to move.
+        """
+        (forces, flow), (du, dp), blocks = right, changes, water.blocks
+        dofs = task.system.dofs
+        if blocks is None:
+            factor = self._factors.factor(task, self._systems)
+            if factor is not None:
+                du[dofs] += factor.solve(forces[dofs])
+            return
+        try:
+            factor = blocks.factor(water.h)
+        except NotPositiveDefinite as error:
+            unknown, n = error.unknown, len(dofs)
+            at = unknown if unknown is not None and unknown < n else None
+            place = self._systems.describe_unknown(task.system, at)
+            raise not_positive_definite(task.state.name, place) from error
+        solution = factor.solve(np.concatenate([forces[dofs], blocks.size * flow[blocks.nodes]]))
+        du[dofs] += solution[: len(dofs)]
+        dp[blocks.nodes] += blocks.size * solution[len(dofs) :]
+
+    def _yielding(
+        self, plastic: PlasticSteps, task: StageTask, before: InTime
+    ) -> tuple[Floats, Floats]:
+        """The same where ground yields: forces are those at the end, so that no error is carried.
+
+        Newton's method begins with what the last part needed, by its length.
+        """
+        water = task.water
+        assert water is not None
+        forces = self._forces - (1.0 - water.loaded[1]) * self.rest + water.pushed()
+        forces += self._operators.coupling.at(before.p)
+        length, guess = water.span[1] - water.span[0], None
+        if self._last is not None and self._last[0] > 0.0 and water.h > 0.0:
+            guess = length / self._last[0] * self._last[1]
+        motions, yielded = plastic.step(replace(task, forces=forces), guess)
+        self._last = length, motions[:, 0]
+        self.yielded |= yielded
+        n, dp = self.n_dofs, water.jump.copy()
+        if water.blocks is not None:
+            dp += motions[n : n + water.n_nodes]
+        return motions[:n], dp
 
     def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
         """Forces (n_dofs, n) of dK/dp by displacements (n_dofs,)."""
@@ -284,82 +374,23 @@ class StepEquations:
         forces = points.forces(stress, task.system.volume)
         return forces + structures.nodal_forces(members) if structures.n_rows else forces
 
-    def _factorized(self, h: float, held: Bools, task: StageTask) -> tuple[_Blocks, Factor | None]:
-        if not np.any(~held[self.pores.nodes]):
-            dofs, nodes = task.system.dofs, self.pores.nodes[:0]
-            return _Blocks(None, dofs, nodes, 1.0), self._factors.factor(task, self._systems)
+    def _blocks_of(self, held: Bools, task: StageTask) -> PoreBlocks | None:
+        """The matrices where some pressures (n_nodes,) are held; None where all are."""
+        nodes = self.pores.nodes[~held[self.pores.nodes]]
+        if not len(nodes):
+            return None
         key = held.tobytes(), task.moduli_key
         if key not in self._blocks:
-            _make_room(self._blocks, _MOST_KEPT)
-            self._blocks[key] = self._made_for(held, task)
-        blocks, key_of_factor = self._blocks[key], (*key, h)
-        if key_of_factor not in self._factor:
-            _make_room(self._factor, _MOST_KEPT if self._creep is not None else 1)
-            matrices = blocks.matrices
-            assert matrices is not None
-            try:
-                self._factor[key_of_factor] = matrices.factor(h)
-            except NotPositiveDefinite as error:
-                unknown = error.unknown
-                n_moving = len(task.system.dofs)
-                at = unknown if unknown is not None and unknown < n_moving else None
-                place = self._systems.describe_unknown(task.system, at)
-                raise not_positive_definite(task.state.name, place) from error
-        return blocks, self._factor[key_of_factor]
-
-    def _made_for(self, held: Bools, task: StageTask) -> _Blocks:
-        """The blocks of the unknowns where some pressures (n_nodes,) are held."""
-        systems, operators = self._systems, self._operators
-        system = task.system
-        values = systems.stiffness_values(
-            system, task.state, task.moduli_by_material(), task.point.values, task.members_grown
-        )
-        K = system.pattern.lower.whole(values)
-        dofs, nodes = system.dofs, self.pores.nodes[~held[self.pores.nodes]]
-        Q = operators.coupling.value[dofs][:, nodes]
-        S, H = (one.value[nodes][:, nodes] for one in (operators.storage, operators.flow))
-        size = float(np.abs(K.data).mean() / np.abs(Q.data).mean()) if Q.nnz else 1.0
-        above, below = sp.hstack([K, -size * Q]), sp.hstack([-size * Q.T, -(size**2) * S])
-        constant = sp.csr_array(sp.vstack([above, below]))
-        nothing = sp.csr_array((len(dofs), len(dofs)))
-        growing = sp.csr_array(sp.block_diag([nothing, -(size**2) * H], format="csr"))
-        dim = systems.discretization.kinematics.dim
-        places = np.concatenate([2 * systems.rank[dofs // dim], 2 * systems.rank[nodes] + 1])
-        signs = np.repeat([1.0, -1.0], [len(dofs), len(nodes)])
-        matrices = systems.quasi_definite(constant, growing, places=places, signs=signs)
-        return _Blocks(matrices, dofs, nodes, size)
-
-
-@dataclass(frozen=True)
-class _Blocks:
-    """The matrices of some unknowns.
-
-    Args:
-        matrices: of displacements and pressures; None where no pressure is unknown.
-        dofs: (n,) of the displacements.
-        nodes: (n_p,) of the pressures.
-        size: of a pressure, Pa: the unknowns are pressures by it.
-    """
-
-    matrices: QuasiDefinite | None
-    dofs: Ints
-    nodes: Ints
-    size: float
-
-    def solve(
-        self, factor: Factor | None, forces: Floats, water: Floats, du: Floats, dp: Floats
-    ) -> None:
-        """Add the solution for some columns to changes of displacements and pressures.
-
-        Without a factor nothing is free to move.
-        """
-        if factor is None:
-            return
-        n = len(self.dofs)
-        right = np.concatenate([forces[self.dofs], self.size * water[self.nodes]])
-        solution = factor.solve(right)
-        du[self.dofs] += solution[:n]
-        dp[self.nodes] += self.size * solution[n:]
+            while len(self._blocks) >= _MOST_KEPT:  # the oldest makes room
+                del self._blocks[next(iter(self._blocks))]
+            stiffness = self._systems.stiffness_values(
+                task.system, task.state, task.moduli_by_material(), task.point.values,
+                task.members_grown,
+            )  # fmt: skip
+            self._blocks[key] = PoreBlocks(
+                self._systems, task.system, stiffness, self._operators, nodes
+            )
+        return self._blocks[key]
 
 
 def _part_of(task: StageTask, part: float) -> StageTask:
@@ -379,12 +410,6 @@ def _stiffness_depends(task: StageTask) -> bool:
         if names & moduli.slopes.keys() or moduli.modes:
             return True
     return bool(task.rigidities[:, 1:].any())
-
-
-def _make_room(kept: dict[Hashable, Any], most: int) -> None:
-    """Forget the oldest, so that there is room for one more."""
-    while len(kept) >= most:
-        del kept[next(iter(kept))]
 
 
 def _sum(states: Sequence[InTime], weights: Sequence[float]) -> InTime:

@@ -6,7 +6,8 @@ With s* = sigma_old + E C du and sigma = P(s*, p),
     K_T ddu/dp_h = df/dp_h - C^T V g_h
     dsigma/dp_h = g_h + T E C ddu/dp_h
 
-(where a part mu of the overstress is kept, T and dP/dp count 1 - mu, and mu is added to T),
+(in a part of a step in time with the rows of the water, theory 18.6; where a part mu of the
+overstress is kept, T and dP/dp count 1 - mu, and mu is added to T),
 so one factorization of the consistent tangent serves all columns; where the last Newton step did
 not leave its pieces it is there already. Where overstress was balanced, derivatives go from each
 solution to the next with those of its field o' (`balanced_overstress`): on the right side stands
@@ -44,9 +45,10 @@ def plastic_derivatives(
     equations: StageEquations,
     balance: Balance,
 ) -> Floats:
-    """Derivatives (n_dofs, n + k) of the displacement step; updates those of what is carried.
+    """Derivatives (n_motions, n + k) of the displacement step; updates those of what is carried.
 
-    Where members yield rotations follow the displacements.
+    Pressures of water, divided by their size, and rotations of members that yield follow the
+    displacements.
 
     Args:
         task: the stage; its state is still that of before.
@@ -115,8 +117,9 @@ class _AtStep:
         """
         task, equations, step = self._task, self._equations, self._step
         volume = self._points.volume
-        rest = self._points.extended(task.forces[:, _DERIVATIVES])
+        rest = self._points.given_forces(_DERIVATIVES)
         rest = rest - self._points.forces(self._stress, volume)
+        self._points.add_water_derivatives(step.iterate.du, rest)
         if len(self._members):
             rest -= self._points.elastic_forces(self._members)
         if field is not None and step.field is not None:

@@ -10,7 +10,7 @@ derivatives: a small change of the parameters costs one or two factorizations a 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -59,7 +59,7 @@ _OUTSIDE = 1e-6
 
 _KEPT, _FEWEST = 10_000_000, 4
 """Numbers of displacements, with their derivatives, that are kept of each stage, to start from the
-nearest one; parameter vectors that they are kept of at least."""
+nearest one; parameter vectors that they are kept of at least, 1 of a stage in time."""
 
 _SAME_SEARCH = 1e-3
 """How far apart parameter vectors are for which overstress is balanced in the same way: 6 % in one
@@ -127,42 +127,57 @@ class WarmStart:
         """The parameters of a stage, with the released parts."""
         return {**self.released, **task.point.values}
 
-    def guesses(self, task: StageTask) -> list[Floats]:
-        """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
+    def guesses(self, task: StageTask, units: Floats) -> list[Floats]:
+        """Displacement steps (n_motions,) to try: what near parameters needed, and its slope there.
+
+        Args:
+            task: the stage.
+            units: (n_motions, 1) of motions, as in `StagePoints`.
+        """
         known = self._nearest(task)
-        return [] if known is None else [known.du, known.du + known.change(self._values(task))]
+        if known is None:
+            return []
+        ends = known.du, known.du + known.change(self._values(task))
+        return [end / units[:, 0] for end in ends]
 
     def knows(self, task: StageTask) -> bool:
         """Whether a stage has been solved at these very parameters: then it is not solved on."""
         known = self._nearest(task)
         return known is not None and known.values == self._values(task)
 
-    def flow(self, task: StageTask) -> tuple[KnownFlow, ...]:
+    def flow(self, task: StageTask, units: Floats) -> tuple[KnownFlow, ...]:
         """Solutions with balanced overstress to begin with; none where a search is due."""
         known, values = self._nearest(task), self._values(task)
         if known is None or not known.flow or _far(known.searched, values) > _SAME_SEARCH:
             return ()
         more = known.change(values)
-        return tuple(replace(one, du=one.du + more) for one in known.flow)
+        return tuple(replace(one, du=(one.du + more) / units[:, 0]) for one in known.flow)
 
-    def keep(self, task: StageTask, du: Floats, balance: Balance, *, searched: bool) -> None:
+    def keep(
+        self, task: StageTask, du: Floats, balance: Balance, units: Floats, *, searched: bool
+    ) -> None:
         """What a stage needed.
 
         Without derivatives it is worth less than what is known near by with them.
 
         Args:
             task: the stage.
-            du: (n_dofs, 1 + n + k).
+            du: (n_motions, 1 + n + k).
             balance: that led to it.
+            units: (n_motions, 1) of motions in it.
             searched: whether it does not go on with what `flow` gave.
         """
         nearest, values = self._nearest(task), self._values(task)
         if not task.n and nearest is not None and _far(nearest.values, values) < _NEAR_BY:
             return
-        flow = tuple(KnownFlow(s.viscosity, s.iterate.du, s.multiple) for s in balance.steps)
+        flow = tuple(
+            KnownFlow(s.viscosity, s.iterate.du * units[:, 0], s.multiple) for s in balance.steps
+        )
         origin = values if searched or nearest is None else nearest.searched
         slopes = du[:, 1 : 1 + task.n].copy()
-        most = max(_FEWEST, _KEPT // (task.forces.shape[0] * (1 + task.n + len(flow)) or 1))
+        each = task.forces.shape[0] * (1 + task.n + len(flow)) or 1
+        fewest, shared = (_FEWEST, 1) if task.water is None else (1, task.water.shared)
+        most = max(fewest, _KEPT // (shared * each))
         kept = self._known.setdefault(_key(task), deque())
         while len(kept) >= most:
             kept.popleft()
@@ -242,12 +257,17 @@ class PlasticSteps:
             return True
         return any(self.case.materials[m].yields for m in state.materials.values())
 
-    def step(self, task: StageTask) -> tuple[Floats, Bools]:
-        """Solve a stage; updates what is carried.
+    def step(self, task: StageTask, guess: Floats | None = None) -> tuple[Floats, Bools]:
+        """Solve a stage, or a part of a step in time; updates what is carried.
+
+        Args:
+            task: the stage; of a part of a step with the forces at its end, and its water.
+            guess: (n_motions,) what it may need; None for nothing.
 
         Returns:
-            Displacement steps (n_dofs, 1 + n + k) beside those that supports impose, and which
-            strain points (n_points,) yield.
+            Motions (n_motions, 1 + n + k) as in `StagePoints`, pressures in Pa: first of all
+            displacement steps (n_dofs) beside those that supports impose. And which strain points
+            (n_points,) yield.
 
         Raises:
             CollapseError: the loads cannot be carried.
@@ -255,8 +275,8 @@ class PlasticSteps:
         """
         with self._faults_named(task):
             points = StagePoints(self.systems, task)
-            equations = self._equations(task, points)
-            flow = () if equations.associated or self.strict else self.warm.flow(task)
+            equations, units = self._equations(task, points), points.units
+            flow = () if equations.associated or self.strict else self.warm.flow(task, units)
             searched = True
             try:
                 again = balance_again(equations, flow)
@@ -265,7 +285,9 @@ class PlasticSteps:
                     if again.residual > SOUND:
                         raise NoEquilibrium(again.end.du, diffuse=again)
                 else:
-                    starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
+                    starts = [np.zeros_like(equations.forces), *self.warm.guesses(task, units)]
+                    if guess is not None and len(starts) == 1:
+                        starts.append(guess / units[:, 0])
                     balance = solve(
                         equations,
                         starts,
@@ -274,7 +296,7 @@ class PlasticSteps:
                         most_strain=LARGE_STRAIN,
                     )
             except NoEquilibrium as error:
-                balance = self._after_failure(task, equations, error)
+                balance = self._after_failure(task, equations, error, points)
             end = balance.end
             equations = equations.viscous(balance.viscosity)
             du = np.zeros((len(end.du), task.forces.shape[1]))
@@ -294,8 +316,9 @@ class PlasticSteps:
                     excess = ground.excess(end.stress[:, ground.points])
                     self.findings.planes.note_excess(ground.name, excess)
             self._note_what_is_left(task, equations, balance)
-            self.warm.keep(task, du, balance, searched=searched)
-            return du[: points.n_dofs], end.yielded()[: points.n_ground]
+            du *= units
+            self.warm.keep(task, du, balance, units, searched=searched)
+            return du, end.yielded()[: points.n_ground]
 
     @contextmanager
     def _faults_named(self, task: StageTask) -> Iterator[None]:
@@ -313,7 +336,7 @@ class PlasticSteps:
             msg = f"the yield planes of a material contradict each other: {error}"
             raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
         except NoProjection as error:
-            msg = f"at stage '{task.state.name}' {error}: planes of a material that nearly coincide"
+            msg = f"at {task.moment} {error}: planes of a material that nearly coincide"
             hint = "Leave out planes that are the same but for little, or move them apart."
             raise ModelError(msg, hint) from error
 
@@ -344,46 +367,62 @@ class PlasticSteps:
         ]
 
     def _equations(self, task: StageTask, points: StagePoints) -> StageEquations:
-        structures, members = self.systems.structures, None
-        if structures.n_rows and (points.members is None or not points.members.yields.all()):
-            carried, n_dofs = task.carried.members[:, :1].copy(), points.n_dofs
+        structures, n_dofs = self.systems.structures, points.n_dofs
+        elastic = structures.n_rows > 0
+        if points.members is not None:
+            elastic = not points.members.yields.all()
+        carried = task.carried.members[:, :1].copy()
 
-            def members(du: Floats) -> Floats:
+        def linear(du: Floats) -> Floats:
+            forces = points.water_forces(du)
+            if elastic:
                 more = task.rigidities[:, :1] * structures.strain(du[:n_dofs])[:, None]
-                return points.elastic_forces(carried + more)[:, 0]
+                forces += points.elastic_forces(carried + more)[:, 0]
+            return forces
 
         grounds = self._grounds(task)
         moduli = {ground.name: ground.elasticity for ground in grounds}
         tangents = StageTangents(self.systems, task, moduli, points)
         members_of = self._members(points)
         stress = np.ascontiguousarray(points.carried(slice(0, 1))[..., 0])
-        turning = None
+        turning: Callable[[Floats, Floats], Floats] | None = None
         if points.members is not None and points.members.n_turns:
             numbered = range(points.n_ground, points.n_points)
             alone = [one.restrict(np.array(numbered), points.n_points) for one in members_of]
             kept = [one for one in alone if one is not None]
-            turning = Turning(points.members, kept, stress[:, points.n_ground :]).balanced
+            turns = Turning(points.members, kept, stress[:, points.n_ground :])
+
+            def turning(du: Floats, guess: Floats) -> Floats:
+                return turns.balanced(du[:n_dofs], guess)
+
         return StageEquations(
             points,
             volume=points.volume,
             dofs=points.dofs,
             grounds=[*grounds, *members_of],
             stress=stress,
-            forces=points.extended(task.forces[:, 0]),
+            forces=points.given_forces(slice(0, 1))[:, 0],
             solver=tangents,
-            members=members,
-            patches=tangents if points.members is None else None,
-            n_turns=0 if points.members is None else points.members.n_turns,
+            linear=linear if elastic or points.n_pores else None,
+            patches=tangents if points.members is None and not points.n_pores else None,
+            n_turns=points.n_turns,
+            n_pressures=points.n_free,
             balanced_turns=turning,
         )
 
     def _after_failure(
-        self, task: StageTask, equations: StageEquations, failure: NoEquilibrium
+        self,
+        task: StageTask,
+        equations: StageEquations,
+        failure: NoEquilibrium,
+        points: StagePoints,
     ) -> Balance:
         """The equilibrium that Newton's method missed, if the arc of growing loads leads to it.
 
         Whether there is one is asked in the same way for every p, with few steps since searches
-        ask it often; `explain` only adds to the message.
+        ask it often; `explain` only adds to the message. While water flows there is no load that
+        could grow by itself. Ground that dilates never collapses while its water stays in it: of
+        flow with less dilation that proves nothing.
 
         Raises:
             CollapseError: there is none, with the part of the load that is carried where known.
@@ -391,10 +430,11 @@ class PlasticSteps:
         """
         associated, diffuse = equations.associated, failure.diffuse
         if self.strict and not associated:
-            msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
+            msg = f"at {task.moment} the ground shears in bands, with a dilation "
             raise ModelError(msg + "far below the friction") from failure
-        carried = None
-        if associated and not failure.proven:
+        carried, water = None, task.water
+        flows = water is not None and water.h > 0.0
+        if associated and not failure.proven and not flows:
             carried = carried_part(equations, failure, _CONFIRMING_STEPS)
             failure = carried.failure
             if carried.fraction >= 1.0 and carried.end is not None:
@@ -402,16 +442,19 @@ class PlasticSteps:
                     return solve(equations, [carried.end.du])
                 except NoEquilibrium as again:
                     failure = again
-        elif not failure.proven:
+        elif not associated and not failure.proven:
             balance = self._near_the_end(equations, failure)
             if balance is not None and balance.residual <= SOUND and not failure.runs_away:
                 return balance
-            # Associated flow carries at least as much (Radenkovic 1961).
-            proven = collapses(equations.with_associated_flow(), _CONFIRMING_STEPS)
-            if balance is not None and not proven:
-                return balance
+            proven = False
+            if water is None:
+                # Associated flow carries at least as much (Radenkovic 1961).
+                proven = collapses(equations.with_associated_flow(), _CONFIRMING_STEPS)
+                if balance is not None and not proven:
+                    return balance
             failure = NoEquilibrium(failure.mechanism, proven=proven)
-        explained = self.explain and task.motion is None  # of a given motion no part is known
+        # of a given motion no part is known
+        explained = self.explain and task.motion is None and not flows
         if explained and (carried is None or not failure.proven):
             carried = carried_part(equations, failure)
             failure = carried.failure
@@ -422,6 +465,11 @@ class PlasticSteps:
             residual = diffuse.residual
             if self.explain:
                 band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
+        if band is not None:
+            band = replace(band, mode=points.without_water(band.mode))
+        if failure.mechanism is not None:
+            mechanism = points.without_water(failure.mechanism)
+            failure = NoEquilibrium(mechanism, proven=failure.proven)
         raise collapse_error(
             self.systems.on_mesh, task, failure,
             associated=associated, carried=carried, residual=residual, band=band,
@@ -508,10 +556,14 @@ def _far(one: Values, other: Values) -> float:
 
 
 def _key(task: StageTask) -> object:
-    """What tells a stage from others, of this analysis or of another one of the same ground."""
+    """What tells a stage, or a part of a step, from others.
+
+    Of this analysis or of another one of the same ground.
+    """
     state = task.state
     return (
         state.name,
+        None if task.water is None else task.water.span,
         state.structures,
         *map(frozenset, (state.loads, state.supports, state.leaving)),
     )

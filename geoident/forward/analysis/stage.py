@@ -16,6 +16,7 @@ from geoident.fem.elasticity import Moduli
 from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
 from geoident.forward.analysis.systems import StageSystem, StageSystems
+from geoident.forward.analysis.water import WaterInPart
 from geoident.forward.creep.steps import CreepStrains, StepModuli
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, Index
@@ -168,8 +169,9 @@ class StressState:
         self.hardened[material][:, points, columns] += more
 
     def take(self, other: StressState) -> None:
-        """Take stress, forces of structures and creep of another state."""
+        """Take stress, forces of structures, hardening and creep of another state."""
         self.stress[:], self.members[:] = other.stress, other.members
+        self.hardened = {name: values.copy() for name, values in other.hardened.items()}
         self.creep = None if other.creep is None else other.creep.copy()
 
     def copy(self) -> StressState:
@@ -199,6 +201,7 @@ class StageTask:
             given; None for none.
         moduli_key: what the moduli depend on beside ground and parameters: the step in time.
         members_grown: structure to what there is of its stiffness, where it ages.
+        water: of a part of a step in time in which ground yields; None where none flows.
     """
 
     number: int
@@ -213,11 +216,22 @@ class StageTask:
     motion: Floats | None = None
     moduli_key: Hashable = None
     members_grown: Mapping[str, float] = field(default_factory=dict)
+    water: WaterInPart | None = None
 
     @property
     def n(self) -> int:
         """Number of parameters to differentiate by."""
         return len(self.point.names)
+
+    @property
+    def moment(self) -> str:
+        """The stage, and of one in time the moment, for a message."""
+        name, water = f"stage '{self.state.name}'", self.water
+        if water is None or not water.span[1]:
+            return name
+        text = f"{name}, {water.span[1] / 86400.0:.3g} days after it began,"
+        came = water.loaded[1]
+        return text if came >= 1.0 else f"{text} when {100.0 * came:.3g} % of it had come,"
 
     def moduli_by_material(self) -> dict[str, Moduli]:
         """E of every material that is there, at its points, Pa."""

@@ -240,11 +240,13 @@ class StageEquations:
         stress: (s, m) stress before, of all points.
         forces: (n_dofs,) f.
         solver: factorizes tangents.
-        members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
+        linear: nodal forces (n_dofs,) beside those of stresses at a displacement step: of linings
+            and bolts, and of water; None for none.
         viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
         patches: parts that can be solved by themselves; None for none.
         n_turns: how many of the unknowns, the last ones, are rotations of members that yield.
-        balanced_turns: rotations in equilibrium with displacements (n_dofs,), from a first guess;
+        n_pressures: how many, before these, are pressures of water.
+        balanced_turns: rotations in equilibrium with what comes before them, from a first guess;
             None where nothing turns. They are asked for where there is no potential, whose
             minimum needs no such help.
     """
@@ -256,10 +258,11 @@ class StageEquations:
     stress: Floats
     forces: Floats
     solver: TangentSolver
-    members: Callable[[Floats], Floats] | None = None
+    linear: Callable[[Floats], Floats] | None = None
     viscosity: float = 0.0
     patches: Patches | None = None
     n_turns: int = 0
+    n_pressures: int = 0
     balanced_turns: Callable[[Floats, Floats], Floats] | None = None
 
     @cached_property
@@ -304,11 +307,11 @@ class StageEquations:
         """
         n = self.operators.n_points
         parts = (ground.restrict(patch.points, n) for ground in self.grounds)
-        members: Callable[[Floats], Floats] | None = None
-        if self.members is not None:
-            of_all = self.members
+        linear: Callable[[Floats], Floats] | None = None
+        if self.linear is not None:
+            of_all = self.linear
 
-            def members(own: Floats) -> Floats:
+            def linear(own: Floats) -> Floats:
                 moved = du.copy()
                 moved[patch.dofs] = own
                 return of_all(moved)[patch.dofs]
@@ -321,13 +324,13 @@ class StageEquations:
             stress=np.ascontiguousarray(self.stress[:, patch.points]),
             forces=self.forces[patch.dofs],
             solver=solver,
-            members=members,
+            linear=linear,
         )
 
     def carried_forces(self) -> Floats:
         """(n_dofs,) forces that hold what is carried into the stage."""
         internal = self.operators.forces(self.stress, self.volume)
-        return internal if self.members is None else internal + self.members(0.0 * internal)
+        return internal if self.linear is None else internal + self.linear(0.0 * internal)
 
     @cached_property
     def _at_work(self) -> float:
@@ -359,8 +362,8 @@ class StageEquations:
         except NoReturn as error:
             raise NoEquilibrium(None) from error
         internal = self.operators.forces(stress, self.volume)
-        if self.members is not None:
-            internal = internal + self.members(du)
+        if self.linear is not None:
+            internal = internal + self.linear(du)
         scale = max(np.abs(internal).max(initial=0.0), self._at_work)
         return Iterate(
             du, stress, tuple(responses), (self.forces - internal)[self.dofs], float(scale)
@@ -373,22 +376,23 @@ class StageEquations:
         for ground in self.grounds:
             stress[:, ground.points] = ground.elasticity.stress(strain[:, ground.points])
         forces = self.operators.forces(stress, self.volume)
-        if self.members is not None:
-            forces = forces + self.members(du) - self.members(0.0 * du)
+        if self.linear is not None:
+            forces = forces + self.linear(du) - self.linear(0.0 * du)
         return np.asarray(forces[self.dofs])
 
     def distance(self, iterate: Iterate) -> float:
         """How far displacements are from equilibrium, to compare them: Pi, or else the residual.
 
         Pi counts all stresses, the residual the worst node: of two guesses the one of lower Pi
-        takes fewer steps, by a third near the solution.
+        takes fewer steps, by a third near the solution. With water Pi is known only where the
+        pressures are those that follow from the displacements.
         """
-        if not self.associated:
+        if not self.associated or self.n_pressures:
             return iterate.imbalance
         strain = self.operators.strain(iterate.du)
         Pi = -float(self.forces @ iterate.du)
-        if self.members is not None:
-            ends = self.members(0.0 * iterate.du) + self.members(iterate.du)
+        if self.linear is not None:
+            ends = self.linear(0.0 * iterate.du) + self.linear(iterate.du)
             Pi += 0.5 * float(ends @ iterate.du)
         for ground, response in zip(self.grounds, iterate.responses, strict=True):
             points = ground.points
@@ -463,8 +467,9 @@ class StageEquations:
         return np.asarray(self.elastic_forces(free) + change)
 
     def length(self, free: Floats) -> float:
-        """Of values (n,) at the unknowns: of displacements, not of rotations."""
-        return float(np.linalg.norm(free[: len(free) - self.n_turns]))
+        """Of values (n,) at the unknowns: of displacements, not of pressures and rotations."""
+        others = self.n_pressures + self.n_turns
+        return float(np.linalg.norm(free[: len(free) - others]))
 
     def serves(self, tangent: Tangent, iterate: Iterate) -> bool:
         """Whether a tangent is that at another iterate: on the same pieces of the projection."""

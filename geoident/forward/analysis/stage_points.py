@@ -1,4 +1,4 @@
-"""All that is strained in a stage where something may yield: ground, and members that yield.
+"""All that is unknown in a stage where something may yield: in ground, water, members that yield.
 
 Members that yield are further strain points behind those of the ground, and the rotations of their
 beams further unknowns behind the displacements (`MemberPoints`). So the equations of a stage, their
@@ -9,6 +9,9 @@ rotations; a tangent is condensed,
 
 and takes the place of the condensed elastic stiffness of the beam in K: both couple all of its
 nodes, so the pattern stays.
+
+In a part of a step in time the pressures of the water are unknown as well: they stand between
+displacements and rotations, divided by their size (`water.PoreBlocks`).
 """
 
 from __future__ import annotations
@@ -42,7 +45,10 @@ _FLAT = 0.1
 
 
 class StagePoints:
-    """Strain points of the ground, and of members that yield; displacements, and their rotations.
+    """Strain points of the ground, and of members that yield; what moves them, and the water.
+
+    Motions are displacements (n_dofs), pressures of all nodes by their size (n_pores; none where no
+    water flows) and rotations of members (n_turns), one behind the other.
 
     Args:
         systems: the equations of the stages.
@@ -51,16 +57,27 @@ class StagePoints:
     Attributes:
         members: those that yield, or None.
         volume: (m,) of all points.
-        dofs: (n,) places of the unknowns among displacements and rotations.
+        dofs: (n,) places of the unknowns among the motions.
+        n_pores: number of pressures; those that are given stay zero.
+        n_free: number of them that are free.
     """
 
     def __init__(self, systems: StageSystems, task: StageTask) -> None:
         self._ground, self._structures = systems.discretization.points, systems.structures
         self._task, self.members = task, systems.member_points(task.state)
         self.volume, self.dofs = task.system.volume, task.system.dofs
+        self.n_pores, self.n_free, self._size = 0, 0, 1.0
+        if task.water is not None and task.water.blocks is not None:
+            blocks = task.water.blocks
+            self.n_pores, self.n_free, self._size = (
+                task.water.n_nodes,
+                len(blocks.nodes),
+                blocks.size,
+            )
+            self.dofs = np.concatenate([self.dofs, self.n_dofs + blocks.nodes])
         if self.members is not None:
             self.volume = np.concatenate([self.volume, self.members.weight])
-            turns = self.n_dofs + np.arange(self.members.n_turns)
+            turns = self.n_dofs + self.n_pores + np.arange(self.members.n_turns)
             self.dofs = np.concatenate([self.dofs, turns])
 
     @property
@@ -78,31 +95,97 @@ class StagePoints:
         """Number of displacements."""
         return self._ground.n_dofs
 
+    @property
+    def n_turns(self) -> int:
+        """Number of rotations."""
+        return 0 if self.members is None else self.members.n_turns
+
+    @property
+    def units(self) -> Floats:
+        """(n_motions, 1) of motions: 1 of displacements and rotations, Pa/m of pressures."""
+        units = np.ones((self.n_dofs + self.n_pores + self.n_turns, 1))
+        units[self._pores] = self._size
+        return units
+
+    @property
+    def _pores(self) -> slice:
+        return slice(self.n_dofs, self.n_dofs + self.n_pores)
+
+    @property
+    def _turns(self) -> slice:
+        return slice(self.n_dofs + self.n_pores, None)
+
     def extended(self, forces: Floats) -> Floats:
-        """Forces (n_dofs, ...) with the moments on rotations, which are zero."""
-        if self.members is None:
-            return forces
-        return np.concatenate([forces, np.zeros((self.members.n_turns, *forces.shape[1:]))])
+        """Forces (n_dofs, ...) with what acts on pressures and rotations, which is zero."""
+        rest = self.n_pores + self.n_turns
+        return np.concatenate([forces, np.zeros((rest, *forces.shape[1:]))]) if rest else forces
+
+    def given_forces(self, columns: slice) -> Floats:
+        """What acts on all motions (n_motions, c): forces, and the right sides of the water.
+
+        Args:
+            columns: c columns of what the analysis carries.
+        """
+        task = self._task
+        forces = self.extended(task.forces[:, columns])
+        if task.water is not None and self.n_pores:
+            forces[self._pores] = self._size * task.water.right(task.motion)[:, columns]
+        return forces
+
+    def without_water(self, du: Floats) -> Floats:
+        """Displacements and rotations of motions (n_motions,)."""
+        return np.concatenate([du[: self.n_dofs], du[self._turns]])
+
+    def water_forces(self, du: Floats) -> Floats:
+        """The left sides (n_motions,) of what water does at motions (n_motions,)."""
+        forces = np.zeros_like(du)
+        water = self._task.water
+        if water is not None and self.n_pores:
+            pressures = self._size * du[self._pores]
+            forces[: self.n_dofs], right = water.internal(du[: self.n_dofs], pressures)
+            forces[self._pores] = self._size * right
+        return forces
+
+    def add_water_derivatives(self, du: Floats, forces: Floats) -> None:
+        """Add what derivatives of Q, S and H make of motions to what acts on them.
+
+        Args:
+            du: (n_motions,)
+            forces: (n_motions, n + k), changed in place.
+        """
+        task, water = self._task, self._task.water
+        if water is None:
+            return
+        u, pressures = du[: self.n_dofs], water.jump[:, 0].copy()
+        if task.motion is not None:
+            u = u + task.motion[:, 0]
+        if self.n_pores:
+            pressures += self._size * du[self._pores]
+        right = np.zeros((water.n_nodes, forces.shape[1]))
+        water.slopes(forces[: self.n_dofs], right, u, pressures)
+        if self.n_pores:
+            forces[self._pores] += self._size * right
 
     def strain(self, u: Floats) -> Floats:
-        """Strains (s, m, ...) of displacements and rotations (n_dofs + n_turns, ...)."""
+        """Strains (s, m, ...) of motions (n_motions, ...)."""
         strain = self._ground.strain(u[: self.n_dofs])
         if self.members is None:
             return strain
-        more = self.members.strain(u[: self.n_dofs], u[self.n_dofs :])
+        more = self.members.strain(u[: self.n_dofs], u[self._turns])
         return np.concatenate([strain, more], axis=1)
 
     def forces(self, stress: Floats, volume: Floats) -> Floats:
-        """Forces and moments (n_dofs + n_turns, ...) of stresses (s, m, ...)."""
+        """Forces and moments (n_motions, ...) of stresses (s, m, ...)."""
         n = self.n_ground
-        forces = self._ground.forces(stress[:, :n], volume[:n])
-        if self.members is None:
-            return forces
-        more, moments = self.members.forces(stress[:, n:], volume[n:])
-        return np.concatenate([forces + more, moments])
+        forces = self.extended(self._ground.forces(stress[:, :n], volume[:n]))
+        if self.members is not None:
+            more, moments = self.members.forces(stress[:, n:], volume[n:])
+            forces[: self.n_dofs] += more
+            forces[self._turns] = moments
+        return forces
 
     def elastic_forces(self, forces: Floats) -> Floats:
-        """Forces and moments (n_dofs + n_turns, k) of structures that do not yield.
+        """Forces and moments (n_motions, k) of structures that do not yield.
 
         Args:
             forces: q (n_rows, k) of all structures.
@@ -124,7 +207,7 @@ class StagePoints:
 
         Args:
             stress: at its end.
-            du: (n_dofs + n_turns, c) displacement steps.
+            du: (n_motions, c).
             columns: c columns of what is carried.
         """
         carried = self._task.carried
@@ -141,7 +224,7 @@ class StagePoints:
 
         Args:
             systems: the equations of the stages.
-            du: (n_dofs + n_turns,) displacement step, without what supports impose.
+            du: (n_motions,), without what supports impose.
             stress: dsigma/dp (s, m, n + k), changed in place.
             members: derivatives (n_rows, n + k) of the forces of structures, changed in place.
         """
@@ -150,7 +233,7 @@ class StagePoints:
         task.add_stiffness_derivatives(systems, u, stress[:, :n], members)
         if self.members is None:
             return
-        strain = self.members.strain(u, du[self.n_dofs :])
+        strain = self.members.strain(u, du[self._turns])
         if task.motion is not None:
             imposed = self._structures.strain(task.motion[:, :1])
             strain += self.members.of_rows(imposed)[..., 0]
@@ -256,7 +339,7 @@ class MemberTangents:
         self._elastic = np.zeros((len(members), STRESSES, STRESSES))
         self._elastic[:, range(STRESSES), range(STRESSES)] = (D * members.weight).T
         lower, n_dofs = pattern.lower, members.motion.shape[1]
-        self._n, self._nnz = lower.n, len(lower.indices)
+        self._nnz = len(lower.indices)
         unknown = np.full(n_dofs, -1, dtype=np.int64)
         unknown[pattern.dofs] = np.arange(lower.n)
         self._unknowns = unknown[self._moving]
@@ -295,13 +378,13 @@ class MemberTangents:
         coupling = (self._motion.T @ by_turns).toarray()
         stiffness = (self._motion.T @ by_motion).toarray()
         if not self._members.n_turns:
-            return stiffness, _Turning(self._n, self._unknowns, coupling, None)
+            return stiffness, _Turning(self._unknowns, coupling, None)
         scale = self._turn_scale
         values, modes = np.linalg.eigh((turns.T @ by_turns).toarray() * np.outer(scale, scale))
         modes *= scale[:, None]
         inverse = (modes / np.maximum(values, _STIFF)) @ modes.T
         stiffness -= coupling @ inverse @ coupling.T
-        return stiffness, _Turning(self._n, self._unknowns, coupling, inverse)
+        return stiffness, _Turning(self._unknowns, coupling, inverse)
 
     @cached_property
     def _turn_scale(self) -> Floats:
@@ -314,29 +397,27 @@ class _Turning:
     """How rotations follow displacements in a tangent.
 
     Args:
-        n: number of unknown displacements.
         unknowns: (k,) numbers of the displacements that move members, -1 where fixed.
         coupling: A_ur (k, n_turns).
         inverse: A_rr^-1 (n_turns, n_turns); None where nothing turns.
     """
 
-    def __init__(self, n: int, unknowns: Ints, coupling: Floats, inverse: Floats | None) -> None:
+    def __init__(self, unknowns: Ints, coupling: Floats, inverse: Floats | None) -> None:
         free = unknowns >= 0
-        self._n, self._unknowns = n, unknowns[free]
+        self._unknowns = unknowns[free]
         self._coupling, self._inverse = coupling[free], inverse
 
     def expand(self, factor: Factor) -> Factor:
-        """The factor of the tangent of displacements and rotations, of that of the first alone."""
-        inverse = self._inverse
+        """The factor of a tangent with rotations, of that without them (n unknowns)."""
+        inverse, n = self._inverse, factor.n
         if inverse is None:
             return factor
 
         def solve(rest: Floats) -> Floats:
-            forces, moments = rest[: self._n].copy(), rest[self._n :]
+            forces, moments = rest[:n].copy(), rest[n:]
             forces[self._unknowns] -= self._coupling @ (inverse @ moments)
             u = factor.solve(forces)
             moments = moments - self._coupling.T @ u[self._unknowns]
             return np.concatenate([u, inverse @ moments])
 
-        n = self._n + self._coupling.shape[1]
-        return Factor(n, SolverCounts(), solve, lambda: factor.valid)
+        return Factor(n + self._coupling.shape[1], SolverCounts(), solve, lambda: factor.valid)

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.analysis.creeping import begin_materials, begin_part
 from geoident.forward.analysis.march import InTime, March, StepEquations
+from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
+from geoident.forward.analysis.step_parts import begin_materials, begin_part
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
 from geoident.forward.consolidation.steps import (
@@ -25,7 +26,7 @@ from geoident.forward.consolidation.steps import (
 )
 from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.stages import ConstructionState
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 
 
@@ -53,13 +54,20 @@ class StagesInTime:
         systems: the equations of the stages.
         pores: of the case.
         creep: makes the steps of ground that creeps; None where none does.
+        plastic: solves what yields; None in a case where nothing does.
         finer: how many times as many steps in time are made as usual.
     """
 
     def __init__(
-        self, systems: StageSystems, pores: Pores, creep: CreepSteps | None, finer: int = 1
+        self,
+        systems: StageSystems,
+        pores: Pores,
+        creep: CreepSteps | None,
+        plastic: PlasticSteps | None,
+        finer: int = 1,
     ) -> None:
         self._systems, self._pores, self._creep, self._finer = systems, pores, creep, finer
+        self._plastic = plastic
         self._sequence = systems.on_mesh.sequence
         self._going: dict[int, _Going] = {}
 
@@ -68,7 +76,16 @@ class StagesInTime:
         for going in self._going.values():
             going.march.forget()
 
-    def step(self, task: StageTask, factors: FactorCache) -> Floats | None:
+    def imposes(self, state: ConstructionState) -> bool:
+        """Whether parts of steps impose what supports and temperatures do in a state."""
+        return self._creep is not None or self._yields(state) is not None
+
+    def _yields(self, state: ConstructionState) -> PlasticSteps | None:
+        """What solves the steps of a state; None where nothing yields while water flows."""
+        plastic, flows = self._plastic, self._pores.consolidates(state)
+        return plastic if plastic is not None and flows and plastic.yields(state) else None
+
+    def step(self, task: StageTask, factors: FactorCache) -> tuple[Floats, Bools] | None:
         """Bring a state in which water flows to its moment.
 
         The pressures of the state join what acts on the nodes (`StageTask.forces`).
@@ -78,11 +95,13 @@ class StagesInTime:
             factors: of stages without time.
 
         Returns:
-            (n_dofs, 1 + n) displacement steps beside those that supports impose; None where all
-            flow has come to its end: only forces and pressures are those of the state then.
+            (n_dofs, 1 + n) displacement steps beside those that supports impose, and (n_points,)
+            which strain points yield; None where all flow has come to its end: only forces and
+            pressures are those of the state then.
 
         Raises:
             ModelError: the stiffness is not positive definite.
+            CollapseError: ground that yields cannot carry the loads.
         """
         carried = task.carried
         pores = carried.pores  # None in a case that does not consolidate
@@ -96,10 +115,14 @@ class StagesInTime:
                 pores[:] = self._pores.steady(task.number, given, task.point)
             if pores is not None and given.any():
                 task.forces[:] += self._pores.operators(task.number, task.point).coupling.at(pores)
-            return None if self._creep is None else self._to_the_end(task, self._creep, factors)
+            if self._creep is None:
+                return None
+            still = np.zeros(carried.stress.shape[1], dtype=bool)
+            return self._to_the_end(task, self._creep, factors), still
         going = self._goes_on(task, given, factors)
         moment = moment_of(task.state)
-        reached = self._still_to_come(going, going.march.to(moment), moment, task)
+        reached, yielded = going.march.to(task, moment)
+        reached = self._still_to_come(going, reached, moment, task)
         du = reached.u - going.reached.u
         self._going[task.number] = replace(going, reached=reached)
         if pores is not None:
@@ -110,7 +133,7 @@ class StagesInTime:
             carried.take(reached.carried)
         operators = self._pores.operators(task.number, task.point)
         task.forces[:] += operators.coupling.at(reached.p)
-        return du
+        return du, yielded
 
     def _to_the_end(self, task: StageTask, creep: CreepSteps, factors: FactorCache) -> Floats:
         """Displacement steps (n_dofs, 1 + n) of what a stage does, and of all creep."""
@@ -142,13 +165,20 @@ class StagesInTime:
         system = self._pores[number]
         before = self._before(task)
         operators = self._pores.operators(number, task.point)
-        equations = StepEquations(
-            task, self._systems, system, operators, before, factors, self._creep
-        )
         of_each = self._finer * of_each_length(
             self._systems.on_mesh.case, water=len(system.nodes) > 0
         )
         steps = steps_of(self._sequence.states, number, of_each)
+        equations = StepEquations(
+            task,
+            self._systems,
+            system,
+            operators,
+            before,
+            factors,
+            creep=self._creep,
+            plastic=self._yields(state),
+        )
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
         return _Going(march, nothing, equations.rest, task.motion)
@@ -186,6 +216,14 @@ def of_each_length(case: Case, *, water: bool) -> int:
     if case.time_steps is not None:
         return case.time_steps
     return OF_EACH_LENGTH if water else OF_EACH_WITHOUT_WATER
+
+
+def order_of_steps(case: Case) -> int:
+    """With so many times as many steps in time their error falls by that power of it.
+
+    Stress that returns to a yield surface does so to the first order.
+    """
+    return 1 if case.consolidates and case.yields else 2
 
 
 def steps_of(states: Sequence[ConstructionState], number: int, of_each: int) -> list[TimeStep]:

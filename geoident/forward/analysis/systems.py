@@ -159,6 +159,7 @@ class StageSystems:
         *,
         places: Ints,
         signs: Floats,
+        changing: sp.csr_array | None = None,
     ) -> QuasiDefinite:
         """Quasi-definite matrices A_0 + h A_1, whose unknowns stand at places in the elimination.
 
@@ -167,9 +168,12 @@ class StageSystems:
             growing: A_1 (n, n).
             places: (n,) by which the unknowns are ordered.
             signs: (n,) of the diagonal, 1 or -1.
+            changing: (n, n) where entries may change beside theirs; None for nowhere.
         """
         order = np.argsort(places, kind="stable")
-        return self._solver.quasi_definite(constant, growing, signs=signs, order=order)
+        return self._solver.quasi_definite(
+            constant, growing, signs=signs, order=order, changing=changing
+        )
 
     def definite(self, matrix: sp.csr_array, nodes: Ints) -> QuasiDefinite:
         """A positive definite matrix (n, n) with one unknown at each of some nodes (n,)."""

@@ -14,6 +14,7 @@ from geoident.fem.solvers.splu import general_factor
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.stage_points import MemberTangents, StagePoints
 from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.analysis.water import PoreBlocks
 from geoident.model.arrays import Floats, Ints
 
 
@@ -39,12 +40,19 @@ class StageTangents:
         if points.members is not None:
             rigidities = task.rigidities[:, 0]
             self._members = MemberTangents(points.members, rigidities, task.system.pattern)
-        self._elastic = systems.stiffness_values(task.system, task.state, moduli, task.point.values)
+        self._water = task.water
+        self._blocks = None if task.water is None else task.water.blocks
+        if self._blocks is not None:
+            self._elastic = self._blocks.stiffness
+        else:
+            self._elastic = systems.stiffness_values(
+                task.system, task.state, moduli, task.point.values, task.members_grown
+            )
 
     def factorize(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of K plus changes (q, s, s) of V E at some points (q,).
 
-        With members that yield it is that of displacements and rotations.
+        It is that of displacements, pressures that are free, and rotations of members that yield.
         """
         if self._members is None:
             return self._factor(self._elastic, points, change, symmetric=symmetric)
@@ -55,6 +63,10 @@ class StageTangents:
 
     def _factor(self, values: Floats, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of values (nnz,) plus changes at some points of the ground."""
+        if self._water is not None and self._blocks is not None:
+            return self._with_water(
+                self._blocks, self._water.h, values, points, change, symmetric=symmetric
+            )
         if len(points):
             tangents = self._systems.tangents(self._system)
             below, above = tangents.added(points, change, symmetric=symmetric)
@@ -66,6 +78,24 @@ class StageTangents:
         symbolic = self._systems.symbolic(self._system)
         assert symbolic is not None
         return symbolic.factorize(values)
+
+    def _with_water(
+        self,
+        blocks: PoreBlocks,
+        h: float,
+        values: Floats,
+        points: Ints,
+        change: Floats,
+        *,
+        symmetric: bool,
+    ) -> Factor:
+        """The same of the matrix of displacements and pressures."""
+        below = values - self._elastic
+        if not len(points):
+            return blocks.changed(h, below) if below.any() else blocks.factor(h)
+        tangents = self._systems.tangents(self._system)
+        more, above = tangents.added(points, change, symmetric=symmetric)
+        return blocks.changed(h, below + more, None if symmetric else below + above)
 
     def around(self, unknowns: Ints, most: int) -> Patch | None:
         """The patch around unknowns (w,); None where more than a number of them would move."""

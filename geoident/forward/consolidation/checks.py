@@ -35,7 +35,6 @@ def consolidation_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *_orders(on_mesh),
         *_undrained(on_mesh),
         *_drained_elsewhere(on_mesh),
-        *_yielding(on_mesh),
     ]
 
 
@@ -104,25 +103,6 @@ def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 message=f"'{name}' is drained, and touches no ground with 'hydraulic' at any stage",
                 hint="Correct the name of the group, or give the material there 'hydraulic'.",
             )
-
-
-def _yielding(on_mesh: CaseOnMesh) -> Iterator[Fault]:
-    """The first stage in which ground would yield while water leaves it."""
-    case = on_mesh.case
-    for n, state in enumerate(on_mesh.sequence.states):
-        if state.lasts is None or not _consolidates(case, state):
-            continue
-        names = [m for m in dict.fromkeys(state.materials.values()) if case.materials[m].yields]
-        names += [name for name in sorted(state.structures) if case.structures[name].yields]
-        if names:
-            yield case.source.fault(
-                _stage_key(case, n),
-                code="yields-in-time",
-                message=f"'{names[0]}' yields, and '{case.stages[n - 1].whole}' lasts while water "
-                "leaves the ground; only elastic ground consolidates in time",
-                hint="Remove 'yield' of it, or 'lasts' of the stage: it is then the drained end.",
-            )
-            return
 
 
 def _consolidates(case: Case, state: ConstructionState) -> bool:

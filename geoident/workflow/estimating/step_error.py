@@ -14,7 +14,7 @@ from math import ceil, sqrt
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.analysis.stages_in_time import of_each_length
+from geoident.forward.analysis.stages_in_time import of_each_length, order_of_steps
 from geoident.forward.model import StagedModel
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
@@ -43,12 +43,14 @@ class FittedSteps:
     Args:
         table: by channel and stage, at the parameters of the first search.
         of_each: steps of each length.
+        order: the power of their number by which the error falls.
         counts: whether the errors of the readings have it.
         spent: what it has cost this fit, beside its evaluations.
     """
 
     table: ComputedError
     of_each: int
+    order: int
     counts: bool
     spent: Counts = NO_COST
 
@@ -58,11 +60,11 @@ class FittedSteps:
         if not self.counts:
             return ()
         part = float(np.nanmax(self.table.share))
-        times = max(2, ceil(sqrt(part / ENOUGH)))
+        times = max(2, ceil((part / ENOUGH) ** (1.0 / self.order)))
         sentence = (
             f"{steps_sentence(self.table)} Intervals and bands allow for it. Write 'time_steps: "
             f"{times * self.of_each}' in the case: {times} times as many steps leave about "
-            f"1/{times**2} of it."
+            f"1/{times**self.order} of it."
         )
         return (Finding("step-error", "", sentence, {"part": part}),)
 
@@ -155,7 +157,8 @@ def judged_steps(
     """
     _, shift = used_and_shift(table, problem, pairs, outcome)
     of_each = of_each_length(case, water=case.consolidates)
-    return FittedSteps(table, of_each, shift > SHIFT or counts_alone(table))
+    counts = shift > SHIFT or counts_alone(table)
+    return FittedSteps(table, of_each, order_of_steps(case), counts)
 
 
 def counts_alone(table: ComputedError) -> bool:

@@ -41,6 +41,7 @@ _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the m
 _MAKING_SECONDS = 3e-5  # an unknown of a finer mesh: its model, order and patterns
 _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, their derivatives
 _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
+_NEWTON_STEPS_IN_TIME = 2  # a part of a step in time: it begins with what the last one needed
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PORES = 1.3  # what pressures of water add to the entries and operations of a factor
@@ -128,6 +129,10 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         if water and creeps:
             factors *= 2
             seconds += factors * _ANALYSIS_SECONDS * model.n_dofs[n]
+        if water and model.yields:
+            newton = 2 * len(steps) * _NEWTON_STEPS_IN_TIME
+            factors += newton
+            seconds += newton * (_YIELD_SECONDS * points + _ANALYSIS_SECONDS * model.n_dofs[n])
         flops = factors * pores * cost.flops
         at_points = _POINT_SECONDS + (_CREEP_SECONDS if creeps else 0.0)
         seconds += solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + at_points * points)

@@ -30,7 +30,8 @@ def dug():
         stages=(Stage("wait"), Stage("dig", excavate=("gone",))),
     )
     state = SimpleNamespace(name="dig")
-    return staged, SimpleNamespace(number=2, state=state, system=staged.analysis.systems[2])
+    system = staged.analysis.systems[2]
+    return staged, SimpleNamespace(number=2, moment="stage 'dig'", state=state, system=system)
 
 
 def test_shear_of_an_element_is_the_largest_at_its_points():

@@ -205,7 +205,7 @@ def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
 
 def test_a_collapse_that_is_not_proven_has_another_remedy():
     """A mechanism and a band say more, elsewhere (`test_little_dilation`)."""
-    task = SimpleNamespace(state=SimpleNamespace(name="s"))
+    task = SimpleNamespace(moment="stage 's'", state=SimpleNamespace(name="s"))
     failure = NoEquilibrium(None)
     carried = CarriedPart(0.1234, None, failure)
     error = collapse_error(SimpleNamespace(), task, failure, associated=False, carried=carried)
@@ -221,7 +221,7 @@ def test_a_collapse_that_is_not_proven_has_another_remedy():
 
 def test_newtons_method_that_does_not_end_is_no_proof_of_a_collapse():
     """With associated flow a load is carried, or beyond the limit; its steps may run out before."""
-    task = SimpleNamespace(state=SimpleNamespace(name="open"))
+    task = SimpleNamespace(moment="stage 'open'", state=SimpleNamespace(name="open"))
     failure = NoEquilibrium(None)
     carried = CarriedPart(0.25, None, failure)
     error = collapse_error(SimpleNamespace(), task, failure, associated=True, carried=carried)
