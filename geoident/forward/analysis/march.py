@@ -47,11 +47,9 @@ from geoident.forward.analysis.stage import (
 )
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
-from geoident.forward.consolidation.steps import GAMMA, TimeStep
+from geoident.forward.consolidation.steps import BACK, GAMMA, TimeStep, parabola
 from geoident.forward.creep.steps import CreepSteps
 from geoident.model.arrays import Bools, Floats, Ints
-
-_BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
 
 _MOST_KEPT = 2
 """Factors that are kept of ground that creeps: the parts of a step have different moduli."""
@@ -134,7 +132,7 @@ class March:
             between = _sum((begun, self._now), (1.0 - self._gamma, self._gamma))
         else:
             between = self._after(begun, step.share, 2.0 * begun.p, held, (start, middle))
-            drive = between.p + _BACK * (begun.p + between.p)
+            drive = between.p + BACK * (begun.p + between.p)
             self._now = self._after(between, step.share, drive, held, (middle, end))
         self._parts, self._length = (begun, between, self._now), step.length
         self._time, self._done = end, self._done + 1
@@ -156,16 +154,13 @@ class March:
             span: when it begins and ends, s.
         """
         jump = np.where(held[:, None], self._given - before.p, 0.0)
-        start, end = span
-        comes, self._came = self.came(end) - self._came, self.came(end)
-        du, dp, carried = self._equations.advance(
-            h, drive, jump, held, comes, before.carried, end - start
-        )
+        comes, self._came = self.came(span[1]) - self._came, self.came(span[1])
+        du, dp, carried = self._equations.advance(h, drive, jump, held, comes, before.carried, span)
         return InTime(before.u + du, before.p + dp, carried)
 
     def _within(self, part: float) -> InTime:
         """At a part of the last step."""
-        return _sum(self._parts, [_lagrange(part, k, self._gamma) for k in range(3)])
+        return _sum(self._parts, [parabola(part, k, self._gamma) for k in range(3)])
 
 
 class StepEquations:
@@ -223,7 +218,7 @@ class StepEquations:
         held: Bools,
         comes: float,
         carried: StressState | None,
-        length: float,
+        span: tuple[float, float],
     ) -> tuple[Floats, Floats, StressState | None]:
         """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) in a part of a step.
 
@@ -236,7 +231,7 @@ class StepEquations:
             held: (n_nodes,) where they are given.
             comes: part of what the stage does that comes in it.
             carried: by ground that creeps, at its beginning; None where none does.
-            length: of the part, s.
+            span: when the part begins and ends, s.
 
         Raises:
             ModelError: the matrix is singular.
@@ -244,12 +239,17 @@ class StepEquations:
         Q, S, H = (self._operators.coupling, self._operators.storage, self._operators.flow)
         task = _part_of(self._task, comes)
         forces = Q.value @ jump
+        if self._task.heating is not None:
+            warmed = self._task.heating.until(span[1])
+            task = task.with_thermal(warmed)
+            if self._creep is None:  # what creeps imposes it with its own moduli
+                forces += self._thermal_forces(warmed)
         water = h * H.at(drive) + S.value @ jump + h * (H.value @ jump)
         if comes:
             forces += comes * self.rest
         part = None
         if self._creep is not None and carried is not None:
-            part = begin_part(task, self._systems, self._creep, carried, length)
+            part = begin_part(task, self._systems, self._creep, carried, span[1] - span[0])
             task = part.task
             forces += part.past
         moved = None
@@ -274,6 +274,12 @@ class StepEquations:
             rest = slice(1, None)
             blocks.solve(factor, forces[:, rest], water[:, rest], du[:, rest], dp[:, rest])
         return du, dp, None if part is None else part.end(self._systems, self._factors, du)
+
+    def _thermal_forces(self, strain: Floats) -> Floats:
+        """Forces (n_dofs, 1 + n) by which normal strains (n_points, 1 + n) drive the ground."""
+        stress = np.zeros((self._systems.discretization.points.n_strain, *strain.shape))
+        self._task.add_thermal_stress(strain, stress, 1.0)
+        return self._systems.discretization.points.forces(stress, self._task.system.volume)
 
     def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
         """Forces (n_dofs, n) of dK/dp by displacements (n_dofs,)."""
@@ -393,10 +399,3 @@ def _sum(states: Sequence[InTime], weights: Sequence[float]) -> InTime:
     p = sum(w * one.p for w, one in zip(weights, states, strict=True))
     carried = [one.carried for one in states if one.carried is not None]
     return InTime(np.asarray(u), np.asarray(p), mixed(carried, weights) if carried else None)
-
-
-def _lagrange(x: float, k: int, gamma: float) -> float:
-    """The k-th parabola of those through 0, gamma and 1."""
-    nodes = (0.0, gamma, 1.0)
-    others = [node for n, node in enumerate(nodes) if n != k]
-    return float(np.prod([(x - node) / (nodes[k] - node) for node in others]))

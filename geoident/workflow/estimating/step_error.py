@@ -154,7 +154,7 @@ def judged_steps(
         ModelError: the model has no solution there.
     """
     _, shift = used_and_shift(table, problem, pairs, outcome)
-    of_each = of_each_length(case, water=case.consolidates)
+    of_each = of_each_length(case, water=case.consolidates or case.conducts)
     return FittedSteps(table, of_each, shift > SHIFT or counts_alone(table))
 
 
