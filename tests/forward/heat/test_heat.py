@@ -207,14 +207,20 @@ OF_CONCRETE = {
 }
 
 
-@pytest.mark.parametrize("more", OF_CONCRETE)
+SLOW = "water and creep"
+
+
+@pytest.mark.parametrize(
+    "more",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == SLOW)) for name in OF_CONCRETE],
+)
 def test_derivatives_are_exact(tmp_path, more):
     text = LIFTS.replace("PARAMETERS", parameters_of(PARAMETERS)).replace("MORE", OF_CONCRETE[more])
     if "water" in more:
         text = text.replace("stages:", "drained: {x1: {}}\nstages:")
         text = text.replace("heat_capacity: 2.2 MJ/m3K}",
                             "heat_capacity: 2.2 MJ/m3K, hydraulic: impervious}")  # fmt: skip
-    path = write_lifts(tmp_path, text)
+    path = write_lifts(tmp_path, text.replace("stages:", "time_steps: 1\nstages:"))
     model = model_at(path, {"lift 1": [0.0, 0.6 * DAY], "lift 2": [2 * DAY]})
     p = np.array([parameter.start for parameter in model.case.parameters])
     found = seen(model, p, RunOptions())
