@@ -132,15 +132,16 @@ def parameters_of(names: dict[str, str]) -> str:
     return "{" + ", ".join(lines) + "}"
 
 
-def write_lifts(folder: Path, text: str, *, cells: int = 1) -> Path:
+def write_lifts(folder: Path, text: str, *, cells: int = 1, kind: str = "quad8") -> Path:
     """Rock of 2 m, and two lifts of 1 m on it, 2 m wide.
 
     Args:
         folder: for the files.
         text: of the case.
         cells: in a metre.
+        kind: of the elements, quad8 or tri6.
     """
-    mesh = box("quad8", (2 * cells, 4 * cells), size=(2.0, 4.0))
+    mesh = box(kind, (2 * cells, 4 * cells), size=(2.0, 4.0))
     mesh = regroup(mesh, lift2=lambda x: x[:, 1] > 3.0, lift1=lambda x: x[:, 1] > 2.0)
     mesh = _with_line(mesh, "top1", 3.0)
     write_msh(mesh, folder / "lifts.msh", ["x0", "x1", "y0", "y1", "top1"])
@@ -150,10 +151,13 @@ def write_lifts(folder: Path, text: str, *, cells: int = 1) -> Path:
 
 
 def _with_line(mesh: Mesh, name: str, y: float) -> Mesh:
-    """The same with a group of the edges of its quad8 on a line across it."""
+    """The same with a group of the edges of its elements on a line across it."""
     (block,) = mesh.blocks
-    edges = block.nodes[:, [2, 3, 6]]  # the upper one of each
+    n = 4 if block.kind == "quad8" else 3  # corners, then the middles of the edges
+    sides = [block.nodes[:, [k, (k + 1) % n, n + k]] for k in range(n)]
+    edges = np.vstack(sides)
     edges = edges[np.all(np.isclose(mesh.points[edges][..., 1], y), axis=1)]
+    edges = edges[np.unique(edges[:, 2], return_index=True)[1]]
     line = ElementBlock("line3", edges, np.arange(1, len(edges) + 1))
     first = sum(len(one) for one in mesh.facets)
     groups = {**mesh.facet_groups, name: first + np.arange(len(edges))}
