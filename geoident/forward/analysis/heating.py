@@ -1,4 +1,4 @@
-"""The stages of one analysis that conduct heat, and the strains that this brings (theory 19).
+"""The stages of one analysis that conduct heat, and the strains that this brings (theory 18.6).
 
 Temperatures do not depend on motions, so a stage of heat goes its own steps, and whoever moves the
 ground asks for the strain that comes in a part of a step, or between two moments.
@@ -101,7 +101,7 @@ class Heating:
     ) -> None:
         self._conduction, self._on_mesh, self._point = conduction, on_mesh, point
         self._definite = definite
-        self._going: dict[int, StageHeating] = {}
+        self._going: StageHeating | None = None  # the moments of a stage are in a row
 
     def initial(self) -> Floats:
         """(n_nodes, 1 + n) temperatures before the first stage."""
@@ -121,22 +121,24 @@ class Heating:
             steps: those in time of a stage that begins, by the times at which what is given bends.
             moments: of the stage, s.
         """
-        state = self._on_mesh.sequence.states[number]
-        if state.goes_on:
-            going = self._going.pop(state.base)
-        else:
-            steps_in_time = steps(self._conduction.bends(number))
-            begun, at_points = self._conduction.begin(number, before, self._point)
-            march = HeatMarch(
-                self._conduction, number, self._point, begun, steps_in_time, moments, self._definite
-            )
-            going = StageHeating(
-                self._conduction, self._on_mesh, number, self._point, march, at_points
-            )
-        self._going[number] = going
-        return going
+        if self._going is not None and self._on_mesh.sequence.states[number].goes_on:
+            return self._going
+        begun, at_points = self._conduction.begin(number, before, self._point)
+        march = HeatMarch(
+            self._conduction,
+            number,
+            self._point,
+            begun,
+            steps(self._conduction.bends(number)),
+            moments,
+            self._definite,
+        )
+        self._going = StageHeating(
+            self._conduction, self._on_mesh, number, self._point, march, at_points
+        )
+        return self._going
 
     def forget_factors(self) -> None:
         """Forget factorizations; they are made again where they are needed."""
-        for going in self._going.values():
-            going.forget()
+        if self._going is not None:
+            self._going.forget()

@@ -1,1 +1,1 @@
-"""Heat that the ground conducts in stages that last: temperatures step by step (theory 19)."""
+"""Heat that the ground conducts in stages that last: temperatures step by step (theory 18.6)."""

@@ -1,4 +1,4 @@
-"""Heat of a case on its mesh: its matrices, given temperatures, films and sources (theory 19)."""
+"""Heat of a case on its mesh: its matrices, given temperatures, films and sources (theory 18.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Temperatures of one stage in time, with exact derivatives (theory 19).
+"""Temperatures of one stage in time, with exact derivatives (theory 18.6).
 
 The heat balance M T' + H T = F theta(t) + M A'(t), with films F among H and A the adiabatic rise,
 goes the steps of consolidation (TR-BDF2, `consolidation.steps`). A part of a step from T_0 to T_1:

@@ -228,3 +228,26 @@ def test_derivatives_are_exact(tmp_path, more):
     np.testing.assert_allclose(found[:, 0], seen(model, p, plain)[:, 0], rtol=1e-9, atol=1e-9)
     assert np.all(np.abs(found[:, 1:]).max(axis=0) > 0)
     assert_slopes(lambda q: seen(model, q, plain)[:, 0], p, found[:, 1:], model.names, step=1e-2)
+
+
+@pytest.mark.parametrize("drains", [False, True])
+def test_water_holds_ground_back_that_warms(tmp_path, drains):
+    """Held across, (M + 1/c) strain = 3 K alpha T with water that stays (c p = - strain).
+
+    Without it 1/c drops out. The water itself does not expand.
+    """
+    c, G, K = 2e-10, E / (2 * (1 + NU)), E / (3 * (1 - 2 * NU))
+    permeability = 1e-3 if drains else 1e-19
+    text = SLAB.replace("groups: {all: rock}", "groups: {all: absent}\ndrained: {x0: {}}").replace(
+        "heat: {x0: {temperature: -20 degC}}", "install: {all: rock}"
+    )
+    hydraulic = f"{{permeability: {permeability} m/s, storage: {c} 1/Pa}}"
+    text = text.replace("MJ/m3K}", f"MJ/m3K,\n    hydration: {{rise: 30 K, time: 2 d}},"
+                        f" hydraulic: {hydraulic}}}")  # fmt: skip
+    text += "  p: {kind: piezometer, point: [3 m, 0.5 m], accuracy: 1 kPa}\n"
+    found = read(write_slab(tmp_path, text), {"cool": [2 * DAY]})
+    rises = 30.0 * (1.0 - np.exp(-np.array([1.0, 10.0])))
+    strain = 3 * K * ALPHA * rises / (K + 4 / 3 * G + (0.0 if drains else 1.0 / c))
+    np.testing.assert_allclose(-found[2], THICKNESS * strain, rtol=4e-3)
+    pressure = 0.0 * strain if drains else -strain / c
+    np.testing.assert_allclose(found[4], pressure, rtol=2e-3, atol=100.0)
