@@ -39,7 +39,7 @@ from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.heat import HeatSection
-from geoident.io.case.heat_checks import check_heat
+from geoident.io.case.heat_checks import check_heat, refuse_heat
 from geoident.io.case.hydraulic import DrainedSection
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
@@ -351,7 +351,11 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
         check_staged_creep(
             section.materials, section.groups, section.stages, section.structures, faults
         )
-    check_heat(section, faults)
+    if section.service is None and section.initial_temperature is not None:
+        check_heat(section.materials, section.parameters, section.groups, section.stages, faults)
+    else:
+        keys = {"initial_temperature": section.initial_temperature, "heat": section.heat}
+        refuse_heat(keys, section.stages, faults, served=section.service is not None)
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
             message = "a plain reading is nowhere, so geoident cannot compute it"

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Protocol
+from collections.abc import Mapping, Sequence
 
 from geoident.io.case.ground import MaterialSection
-from geoident.io.case.heat import HeatSection
-from geoident.io.case.in_service.structure import ServiceSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.stages import StageSection
 from geoident.io.schema.section import SectionFaults
@@ -15,38 +12,29 @@ from geoident.io.schema.values import CaseNumber
 from geoident.model.case import KeyPath
 
 
-class HeatKeys(Protocol):
-    """The keys of a case that heat depends on."""
-
-    service: ServiceSection | None
-    initial_temperature: CaseNumber | None
-    heat: dict[str, HeatSection]
-    materials: dict[str, MaterialSection]
-    parameters: dict[str, ParameterSection]
-    groups: dict[str, str]
-    stages: list[StageSection]
-
-
-_CONDUCTS = "Add conductivity: 2.5 W/mK and heat_capacity: 2.2 MJ/m3K."
-
-
-def check_heat(section: HeatKeys, faults: SectionFaults) -> None:
+def check_heat(
+    materials: Mapping[str, MaterialSection],
+    parameters: Mapping[str, ParameterSection],
+    groups: Mapping[str, str],
+    stages: Sequence[StageSection],
+    faults: SectionFaults,
+) -> None:
     """Heat in stages: all ground conducts it, and every stage has a duration.
 
     Args:
-        section: a case with ground.
-        faults: takes what is wrong.
+        materials: of the case, which has an initial temperature and no service.
+        parameters: by name.
+        groups: element group to material.
+        stages: in their order.
+        faults: takes what is wrong, with paths from the case on.
     """
-    if section.service is not None or section.initial_temperature is None:
-        _refuse(section, faults)
-        return
-    used = dict.fromkeys(section.groups.values())
-    for stage in section.stages:
+    used = dict.fromkeys(groups.values())
+    for stage in stages:
         used |= dict.fromkeys([*stage.install.values(), *stage.change.values()])
     for name in used:
-        if name in section.materials:
-            _check_material(name, section.materials[name], section.parameters, faults)
-    for n, stage in enumerate(section.stages):
+        if name in materials:
+            _check_material(name, materials[name], parameters, faults)
+    for n, stage in enumerate(stages):
         if stage.lasts is None:
             message = "heat takes time, and the stage does not say how long it lasts"
             hint = f"Add 'lasts: 12 d' to stage '{stage.name}'; 'lasts: 0 d' if no time passes."
@@ -62,26 +50,34 @@ def check_heat(section: HeatKeys, faults: SectionFaults) -> None:
                 faults.add(("stages", n, "placed_at", group), "not-placed", message, hint)
 
 
-def _refuse(section: HeatKeys, faults: SectionFaults) -> None:
-    """Keys of heat in stages, where they would change nothing."""
-    served = section.service is not None
+def refuse_heat(
+    keys: Mapping[str, object],
+    stages: Sequence[StageSection],
+    faults: SectionFaults,
+    *,
+    served: bool,
+) -> None:
+    """Keys of heat in stages, where they would change nothing.
+
+    Args:
+        keys: those of the case, by name; empty ones were not given.
+        stages: in their order.
+        faults: takes what is wrong, with paths from the case on.
+        served: the case is of a structure in service; else it has no initial temperature.
+    """
     message = "no heat is conducted: the case does not say with which temperature it begins"
     hint = "Add 'initial_temperature: 10 degC' to the case."
     if served:
-        message = "a structure in service takes its temperatures from 'loads'"
-        hint = "Remove it."
-    for path in _keys_of_heat(section):
+        message, hint = "a structure in service takes its temperatures from 'loads'", "Remove it."
+    paths: list[KeyPath] = [(key,) for key, given in keys.items() if given]
+    paths += [
+        ("stages", n, key)
+        for n, stage in enumerate(stages)
+        for key in ("heat", "placed_at")
+        if getattr(stage, key)
+    ]
+    for path in paths:
         faults.add(path, "unused-key" if served else "no-temperature", message, hint)
-
-
-def _keys_of_heat(section: HeatKeys) -> Iterator[KeyPath]:
-    for key in ("initial_temperature", "heat"):
-        if getattr(section, key):
-            yield (key,)
-    for n, stage in enumerate(section.stages):
-        for key in ("heat", "placed_at"):
-            if getattr(stage, key):
-                yield "stages", n, key
 
 
 def _check_material(
@@ -96,7 +92,8 @@ def _check_material(
     if material.conductivity is None or neither:
         missing = "conductivity" if material.conductivity is None else "heat capacity"
         message = f"heat is conducted, and '{name}' has no {missing}"
-        faults.add(path, "missing-key", message, _CONDUCTS)
+        hint = "Add conductivity: 2.5 W/mK and heat_capacity: 2.2 MJ/m3K."
+        faults.add(path, "missing-key", message, hint)
     if both:
         message = f"'{name}' has 'heat_capacity' and 'specific_heat', which say the same"
         faults.add((*path, "specific_heat"), "twice", message, "Keep one of them.")
