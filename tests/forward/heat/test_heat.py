@@ -35,7 +35,7 @@ def cooled_slab(x, t, before=10.0, step=-30.0):
     return before + step * ((-1.0) ** n * images).sum()
 
 
-def test_a_slab_that_is_cooled(tmp_path):
+def test_a_slab_that_is_cooled(tmp_path, verification):
     """erfc series; held across, it bears -E alpha T / (1 - nu) there, and shortens along."""
     found = read(write_slab(tmp_path, SLAB), {"cool": TIMES})
     for state, t in enumerate([*TIMES, 20 * DAY]):
@@ -45,6 +45,10 @@ def test_a_slab_that_is_cooled(tmp_path):
         np.testing.assert_allclose(found[2, state], -ALPHA * (1 + NU) / (1 - NU) * mean, rtol=1e-3)
         stress = -E * ALPHA / (1 - NU) * (cooled_slab(0.5, t) - 10.0)
         np.testing.assert_allclose(found[3, state], stress, atol=2e-3 * E * ALPHA * 30.0)
+    days = [t / DAY for t in (*TIMES, 20 * DAY)]
+    for row, x in enumerate((0.5, 1.5)):
+        exact = [cooled_slab(x, day * DAY) for day in days]
+        verification("cooled-slab", f"{x} m deep", days, exact=exact, found=found[row])
 
 
 def test_steps_converge_with_the_second_order(tmp_path):
@@ -138,7 +142,7 @@ def test_without_exchange_it_warms_by_the_adiabatic_rise(tmp_path, curve):
 
 
 @pytest.mark.parametrize("creep", ["", ", creep: {share: 1.6, time: 4 d}"])
-def test_concrete_that_hardens_while_it_warms(tmp_path, creep):
+def test_concrete_that_hardens_while_it_warms(tmp_path, creep, verification):
     """Held on all sides it bears - int E(t) alpha dT / (1 - 2 nu), less what creep lets go.
 
     With creep s' = E(t) (- alpha T' / (1 - 2 nu) - creep'), and creep' = (share s / E(t) - creep)
@@ -162,6 +166,8 @@ def test_concrete_that_hardens_while_it_warms(tmp_path, creep):
     ends = [*times, 10 * DAY]
     truth = solve_ivp(slope, (0, ends[-1]), [0.0, 0.0], "Radau", ends, rtol=1e-9, atol=[1, 1e-12])
     np.testing.assert_allclose(found, truth.y[0], rtol=5e-3)
+    name, days = "creeping" if creep else "without creep", [t / DAY for t in ends]
+    verification("warming-concrete", name, days, exact=truth.y[0], found=found)
 
 
 def test_what_is_placed_meets_what_is_there(tmp_path):
