@@ -352,7 +352,10 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
             section.materials, section.groups, section.stages, section.structures, faults
         )
     if section.service is None and section.initial_temperature is not None:
-        check_heat(section.materials, section.parameters, section.groups, section.stages, faults)
+        check_heat(
+            section.materials, section.parameters, section.groups, section.heat, section.stages,
+            faults,
+        )  # fmt: skip
     else:
         keys = {"initial_temperature": section.initial_temperature, "heat": section.heat}
         refuse_heat(keys, section.stages, faults, served=section.service is not None)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from geoident.io.case.ground import MaterialSection
+from geoident.io.case.heat import ADIABATIC
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.stages import StageSection
 from geoident.io.schema.section import SectionFaults
@@ -16,6 +17,7 @@ def check_heat(
     materials: Mapping[str, MaterialSection],
     parameters: Mapping[str, ParameterSection],
     groups: Mapping[str, str],
+    heat: Collection[str],
     stages: Sequence[StageSection],
     faults: SectionFaults,
 ) -> None:
@@ -25,6 +27,7 @@ def check_heat(
         materials: of the case, which has an initial temperature and no service.
         parameters: by name.
         groups: element group to material.
+        heat: names of groups that heat flows through from the beginning.
         stages: in their order.
         faults: takes what is wrong, with paths from the case on.
     """
@@ -34,7 +37,14 @@ def check_heat(
     for name in used:
         if name in materials:
             _check_material(name, materials[name], parameters, faults)
+    known = {*heat}
     for n, stage in enumerate(stages):
+        for group, given in stage.heat.items():
+            if given == ADIABATIC and group not in known:
+                message = f"no heat flows at '{group}' before this stage that could end"
+                hint = "Correct the name, or remove it: edges are adiabatic."
+                faults.add(("stages", n, "heat", group), "no-heat", message, hint)
+        known |= {*stage.heat}
         if stage.lasts is None:
             message = "heat takes time, and the stage does not say how long it lasts"
             hint = f"Add 'lasts: 12 d' to stage '{stage.name}'; 'lasts: 0 d' if no time passes."

@@ -257,3 +257,39 @@ def test_water_holds_ground_back_that_warms(tmp_path, drains):
     np.testing.assert_allclose(-found[2], THICKNESS * strain, rtol=4e-3)
     pressure = 0.0 * strain if drains else -strain / c
     np.testing.assert_allclose(found[4], pressure, rtol=2e-3, atol=100.0)
+
+
+def test_concrete_is_young_when_ground_becomes_it(tmp_path):
+    text = BLOCK.replace("PARAMETERS", "{}").replace("{all: absent}", "{all: old}")
+    text = text.replace(
+        "  - {name: cast, install: {all: concrete}, placed_at: {all: 18 degC},",
+        "  - {name: wait, lasts: 3 d}\n  - {name: cast, change: {all: concrete},",
+    )
+    old = "old: {E: 1 GPa, nu: 0.2, conductivity: 2 W/mK, heat_capacity: 2 MJ/m3K,"
+    old += " hydration: {rise: 9 K, time: 1 d}}"
+    text = text.replace("materials:\n", f"materials:\n  {old}\n")
+    found = read(write_block(tmp_path, text), {"cast": [1.5 * DAY]})[0]
+    truth = [10.0, *(10.0 + 40.0 * (1.0 - np.exp(-t / 1.5)) for t in (1.5, 10.0))]
+    np.testing.assert_allclose(found, truth, atol=2e-3)
+
+
+@pytest.mark.parametrize("since", ["lift 1", "lift 2"])
+def test_what_covers_a_cold_face_ends_it_and_a_pipe_stays_cold(tmp_path, since):
+    """The line is the top of lift 1, and inside the ground once lift 2 is on it."""
+    text = LIFTS.replace("MORE", "").replace("PARAMETERS", parameters_of(PARAMETERS))
+    film = "{top1: {temperature: {0 d: 12 degC, 2 d: $air, 3 d: 8 degC}, film: $film}}"
+    cold_top = "{top1: {temperature: -5 degC}}" if since == "lift 1" else "{}"
+    text = text.replace(film, cold_top)
+    if since == "lift 2":
+        text = text.replace("heat: {y1:", "heat: {top1: {temperature: -5 degC}, y1:")
+    model = model_at(write_lifts(tmp_path, text), {"lift 1": [2 * DAY], "lift 2": [2 * DAY]})
+    run = model.at(
+        np.array([p.start for p in model.case.parameters]), RunOptions(derivatives=False)
+    )
+    on_line = np.isclose(model.mesh.points[:, 1], 3.0)
+    cold = {}
+    for end in run.states():
+        temperatures = end.temperatures[on_line, 0]
+        cold[model.case.stage_names[end.number]] = bool(np.allclose(temperatures, -5.0))
+    assert cold["lift 1 + 2 d"] == (since == "lift 1")
+    assert cold["lift 2 + 2 d"] == (since == "lift 2")
