@@ -133,6 +133,8 @@ def _fields(result: Result) -> Iterator[tuple[str, Variable]]:
     yield "stress", (("state", "element", "component"), fields.stress)
     yield "present", (("state", "element"), fields.present)
     yield "yielded", (("state", "element"), fields.yielded)
+    if fields.temperature is not None:
+        yield "temperature", (("state", "node"), fields.temperature)
     if result.mechanism is not None:
         yield "mechanism", (("node", "axis"), result.mechanism.velocity)
         yield "mechanism_shear", (("element",), result.mechanism.shear)

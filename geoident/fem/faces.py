@@ -219,6 +219,21 @@ def load_patches(
     return patches(mesh, table, rows)
 
 
+def free_patches(
+    mesh: Mesh, table: FaceTable, group: str, present: Bools
+) -> tuple[FacetPatch, ...]:
+    """Those faces of a group that are free faces of the present body; none where no face is.
+
+    Args:
+        mesh: the mesh.
+        table: its faces.
+        group: name of the group.
+        present: (n_elements,) which elements are there.
+    """
+    wanted, rows = np.unique(load_faces(mesh, table, group)), table.free(present)
+    return patches(mesh, table, rows[np.isin(table.face[rows], wanted)])
+
+
 def nonconforming(mesh: Mesh, table: FaceTable) -> Floats:
     """Centres (k, dim), m, of quadrilaterals against which other elements have triangles.
 

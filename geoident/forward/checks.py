@@ -40,6 +40,12 @@ from geoident.forward.gauges.placement import zeroed_too_early
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
+from geoident.forward.heat.checks import (
+    heat_faults,
+    heat_group_faults,
+    inadmissible_film,
+    inadmissible_heat,
+)
 from geoident.forward.in_situ.growth import growth_faults
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
@@ -113,6 +119,7 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
     places = (
         mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
         _stress_without_ground, face_faults, lining_faults, consolidation_faults,
+        heat_faults,
     )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
@@ -212,9 +219,10 @@ def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | 
     for material in (case.materials[name] for name in sorted(sequence.materials)):
         fault = inadmissible(material, values) or no_stress_left(case, material, values)
         fault = fault or inadmissible_water(case, material.name, values)
+        fault = fault or inadmissible_heat(case, material.name, values)
         if fault is not None:
             return fault
-    return impossible_structure(case, values)
+    return inadmissible_film(case, values) or impossible_structure(case, values)
 
 
 def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
@@ -228,9 +236,15 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     if lasting and case.in_steps is None:
         notes.append(
             f"{', '.join(map(repr, lasting))} last{'s' * (len(lasting) == 1)}, and nothing in the "
-            "ground takes time: give its material 'hydraulic' (water that takes time to leave), or "
-            "remove 'lasts'"
+            "ground takes time: give its material 'hydraulic' (water that takes time to leave) or "
+            "'creep', the case 'initial_temperature' (heat), or remove 'lasts'"
         )
+    notes += [
+        f"the hydration of {name!r} has no effect: it warms only where heat is conducted, and the "
+        "case has no 'initial_temperature'"
+        for name in on_mesh.sequence.materials
+        if case.materials[name].hydration is not None and not case.conducts
+    ]
     notes += [
         f"no group is of the material {name!r}: its constants, and parameters that only they "
         "follow, have no effect"
@@ -288,6 +302,7 @@ def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *support_faults(on_mesh),
         *load_faults(on_mesh),
         *drained_group_faults(on_mesh),
+        *heat_group_faults(on_mesh),
         *surface_faults(on_mesh),
         *structure_faults(on_mesh),
     ]

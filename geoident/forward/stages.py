@@ -25,6 +25,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
 from geoident.model.cells import CELLS
 from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
+from geoident.model.heat import HeatFace
 from geoident.model.hydraulic import Drained
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
@@ -66,6 +67,9 @@ class ConstructionState:
         at: when in it this state is, s since its beginning; None: at its end.
         goes_on: a later moment of the same stage as the state before.
         drained: group of faces at which water leaves.
+        heat: group of faces or nodes to the heat that flows there.
+        heat_since: index of the state from which on each of them does so.
+        placed_at: group index to its temperature, degC, for those placed at this stage.
     """
 
     name: str
@@ -90,6 +94,9 @@ class ConstructionState:
     at: float | None = None
     goes_on: bool = False
     drained: Mapping[str, Drained] = field(default_factory=dict)
+    heat: Mapping[str, HeatFace] = field(default_factory=dict)
+    heat_since: Mapping[str, int] = field(default_factory=dict)
+    placed_at: Mapping[int, Scalar] = field(default_factory=dict)
 
     @property
     def held(self) -> frozenset[tuple[str, tuple[int, ...]]]:
@@ -392,6 +399,8 @@ def _states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ..
         supports=supports,
         held_since=dict.fromkeys(supports, 0),
         drained=case.drained,
+        heat=case.heat,
+        heat_since=dict.fromkeys(case.heat, 0),
     )
     states = [virgin]
     trunk = 0
@@ -432,6 +441,10 @@ def _state_after(
     drained = {k: v for k, v in before.drained.items() if k not in stage.drained}
     drained |= {name: one for name, one in stage.drained.items() if one is not None}
 
+    heated = {name: one for name, one in stage.heat.items() if one is not None}
+    heat = {name: one for name, one in before.heat.items() if name not in stage.heat}
+    heat_since = {name: before.heat_since[name] for name in heat} | dict.fromkeys(heated, number)
+
     built = frozenset(stage.build)
     structures = (before.structures - set(stage.dismantle)) | built
     bars = ((name, case.structures[name]) for name in stage.build)
@@ -461,6 +474,9 @@ def _state_after(
         at=stage.at,
         goes_on=stage.goes_on,
         drained=drained,
+        heat=heat | heated,
+        heat_since=heat_since,
+        placed_at={index[g]: scalar for g, scalar in stage.placed_at.items() if g in index},
     )
 
 

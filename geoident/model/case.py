@@ -24,6 +24,7 @@ from geoident.model.decision import Decision
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Growth, RandomField, elastic_scalars
+from geoident.model.heat import HeatFace, Hydration
 from geoident.model.hydraulic import Drained, Hydraulic
 from geoident.model.in_service import SeasonalModel, StructureInService, TimeCurve
 from geoident.model.in_situ import InSitu
@@ -114,7 +115,8 @@ def format_path(path: KeyPath) -> str:
 class Material:
     """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given).
 
-    Of heat: conductivity in W/mK, and capacity in J/m3K, or in J/kgK as specific heat.
+    Of heat: conductivity in W/mK, and capacity in J/m3K, or in J/kgK as specific heat; what it sets
+    free as it hardens (hydration).
 
     Its yield surfaces hold together; none: it does not yield. A constant of which there is a field
     varies from place to place; the constant itself is then the mean. One that grows is the number
@@ -137,6 +139,7 @@ class Material:
     conductivity: Scalar | None = None
     heat_capacity: Scalar | None = None
     specific_heat: Scalar | None = None
+    hydration: Hydration | None = None
     creep: tuple[CreepElement, ...] = ()
     ageing: Ageing | None = None
     softening: TimeCurve | None = None
@@ -173,6 +176,7 @@ class Material:
                 for number in (self.conductivity, self.heat_capacity, self.specific_heat)
                 if number is not None
             ),
+            *(() if self.hydration is None else self.hydration.scalars),
             *(() if self.hydraulic is None else self.hydraulic.scalars),
             *(number for surface in self.yields for number in surface.numbers),
             *(number for element in self.creep for number in scalars_of(element).values()),
@@ -235,6 +239,9 @@ class Stage:
             stage and at which it is locked off; overrides that of building.
         water: water in the pores from this stage on; None: as before.
         drained: group of faces at which water leaves from this stage on; None for those that close.
+        heat: group of faces or nodes to the heat that flows there from this stage on; None for
+            those that become adiabatic.
+        placed_at: group to its temperature, degC, of those that it places.
         temperature: group to change of temperature, counted from the initial state or from its
             placing, from this stage on.
         supports: supports that begin to hold at this stage, or move otherwise from it on; None for
@@ -265,6 +272,8 @@ class Stage:
     prestress: Mapping[str, Scalar] = field(default_factory=dict)
     water: Water | None = None
     drained: Mapping[str, Drained | None] = field(default_factory=dict)
+    heat: Mapping[str, HeatFace | None] = field(default_factory=dict)
+    placed_at: Mapping[str, Scalar] = field(default_factory=dict)
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
     supports: Mapping[str, Support | None] = field(default_factory=dict)
     relaxed: tuple[str, ...] = ()
@@ -367,6 +376,9 @@ class Case:
         decisions: what is to be done if a reading is beyond a value.
         service: what acts day by day from the last stage on, or None.
         drained: group of faces at which water leaves from the beginning.
+        initial_temperature: of all ground before the first stage, degC; None for a case whose
+            stages conduct no heat.
+        heat: group of faces or nodes to the heat that flows there from the beginning.
         time_steps: steps in time of each length in stages that last; None for the usual number.
     """
 
@@ -398,6 +410,8 @@ class Case:
     decisions: tuple[Decision, ...] = ()
     service: StructureInService | None = None
     drained: Mapping[str, Drained] = field(default_factory=dict)
+    initial_temperature: Scalar | None = None
+    heat: Mapping[str, HeatFace] = field(default_factory=dict)
     time_steps: int | None = None
 
     @property
@@ -419,6 +433,11 @@ class Case:
         flows = any(one is not None and one.head is not None for one in drained)
         flows = flows or any(stage.lasts is not None for stage in self.stages)
         return flows and any(material.consolidates for material in self.materials.values())
+
+    @property
+    def conducts(self) -> bool:
+        """Whether its ground conducts heat in stages that last."""
+        return self.initial_temperature is not None and self.service is None
 
     @property
     def creeps(self) -> bool:
@@ -446,6 +465,8 @@ class Case:
         """Why its stages take steps in time, a clause; None where each is one equilibrium."""
         if self.creeps:
             return f"{self._in_time[0]}: a stage that lasts has many steps in time"
+        if self.conducts:
+            return "the ground conducts heat, in many steps in time where a stage lasts"
         if not self.consolidates:
             return None
         name = next(one.name for one in self.materials.values() if one.consolidates)

@@ -321,6 +321,7 @@ def _stages(case: Case, model: ObservedModel, readings: ReadingTable) -> tuple[S
             warmed=tuple(stage.temperature),
             water=stage.water is not None,
             drained=tuple(name for name, one in stage.drained.items() if one is not None),
+            heated=tuple(stage.heat),
             closed=tuple(name for name, one in stage.drained.items() if one is None),
             built=stage.build,
             dismantled=stage.dismantle,

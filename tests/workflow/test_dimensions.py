@@ -185,7 +185,7 @@ def test_check_has_the_accuracy_in_the_unit_of_each_gauge():
 
 
 def test_readings_may_have_the_dimensions_of_all_kinds_of_gauges():
-    assert set(READ) == {"length", "angle", "pressure", "strain", *FORCES}
+    assert set(READ) == {"length", "angle", "pressure", "strain", "temperature", *FORCES}
 
 
 def test_a_reading_in_the_case_must_be_of_the_quantity_of_its_channel(tmp_path, monkeypatch):

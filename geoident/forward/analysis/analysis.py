@@ -47,6 +47,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
+from geoident.forward.analysis.heating import Heating
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
@@ -58,11 +59,18 @@ from geoident.forward.analysis.stage import (
     UnitForces,
     elastic_step,
 )
-from geoident.forward.analysis.stages_in_time import StagesInTime
+from geoident.forward.analysis.stages_in_time import (
+    StagesInTime,
+    moment_of,
+    moments_of,
+    of_each_length,
+    steps_of,
+)
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
 from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.ground.elasticity import ModuliAt
+from geoident.forward.heat.conduction import Conduction
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
@@ -151,6 +159,7 @@ class StagedAnalysis:
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
         self.pores = Pores(on_mesh, systems.definite)
+        self.conduction = Conduction(on_mesh)
         self.warm = warm or WarmStart()
 
     def forget(self) -> None:
@@ -244,6 +253,10 @@ class AnalysisRun:
             self._in_time = StagesInTime(
                 systems, analysis.pores, self._creep, self._plastic, options.finer
             )
+        self._heating: Heating | None = None
+        if analysis.case.conducts:
+            definite = systems.definite_growing
+            self._heating = Heating(analysis.conduction, analysis.on_mesh, self.point, definite)
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._virgin_stress: Floats | None = None  # where a stage goes back to it
         self._imbalance = 0.0
@@ -298,8 +311,9 @@ class AnalysisRun:
                 )  # fmt: skip
             else:
                 yield StageEnd(
-                    n, u, carried.stress, carried.members, yielded, forces, pores=carried.pores
-                )
+                    n, u, carried.stress, carried.members, yielded, forces,
+                    pores=carried.pores, temperatures=carried.temperatures,
+                )  # fmt: skip
                 if last_use.get(n, -1) > n + 1:
                     kept[n] = u.copy(), carried.copy()
         if not self._options.traced:
@@ -310,6 +324,8 @@ class AnalysisRun:
         self.factors.forget()
         if self._in_time is not None:
             self._in_time.forget_factors()
+        if self._heating is not None:
+            self._heating.forget_factors()
 
     def _at_rest(self) -> tuple[Floats, StressState]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
@@ -320,6 +336,8 @@ class AnalysisRun:
         carried = StressState(stress, np.zeros((self._structures.n_rows, columns)))
         if self._analysis.case.consolidates:
             carried.pores = np.zeros((self._analysis.on_mesh.mesh.n_nodes, columns))
+        if self._heating is not None:
+            carried.temperatures = self._heating.initial()
         return u, carried
 
     def _add_actions(self, number: int, forces: Floats) -> Floats:
@@ -393,7 +411,7 @@ class AnalysisRun:
                 carried.stress[:, at] = 0.0 if group in placed else self._virgin_stress[:, at]
         self._structures.begin(state, carried.members, point)
         u[~system.touched] = 0.0
-        task = self._task(number, carried, forces)
+        task = self._with_heat(self._task(number, carried, forces))
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
         flowed = None
         if self._in_time is None or not self._in_time.imposes(state):
@@ -410,6 +428,8 @@ class AnalysisRun:
             u_known = None if known_displacements is None else known_displacements(number)
             du_known = None if u_known is None else u_known[:, : u.shape[1]] - u
             du = elastic_step(task, systems, self.factors, du_known)
+        if task.heating is not None:
+            carried.temperatures = task.heating.temperatures(moment_of(state))
         if task.motion is not None:
             du[:, : point.n_columns] += task.motion
         if self._options.traced:
@@ -417,6 +437,27 @@ class AnalysisRun:
             self.traces.append(ElasticTrace(task, du[:, 0], slopes, values))
         u += du
         return yielded
+
+    def _with_heat(self, task: StageTask) -> StageTask:
+        """A state with the temperatures of its stage.
+
+        What they strain comes at once, unless the stage takes steps in time, which ask for it.
+        """
+        before, state, number = task.carried.temperatures, task.state, task.number
+        if self._heating is None or before is None:
+            return task
+        states, case = self._analysis.sequence.states, self._analysis.case
+        of_each = self._options.finer * of_each_length(case, water=True)
+        heating = self._heating.stage(
+            number,
+            before,
+            lambda bends: steps_of(states, number, of_each, bends),
+            moments_of(states, number),
+        )
+        task = replace(task, heating=heating)
+        if self._in_time is not None and self._in_time.marches(state):
+            return task
+        return task.with_thermal(heating.until_moment(moment_of(state)))
 
     def _task(self, number: int, carried: StressState, forces: Floats) -> StageTask:
         """A state to be brought to equilibrium, with what is imposed after the virgin state."""

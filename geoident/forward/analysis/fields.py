@@ -69,6 +69,7 @@ class FieldRecorder:
         self._displacement: list[Floats] = []
         self._stress: list[Floats] = []
         self._yielded: list[Bools] = []
+        self._temperature: list[Floats] = []
         self._last: dict[int, _Shown] = {}
 
     def add(self, end: StageEnd) -> None:
@@ -77,6 +78,8 @@ class FieldRecorder:
         self._displacement.append(shown.displacement)
         self._stress.append(shown.stress)
         self._yielded.append(shown.yielded)
+        if end.temperatures is not None:
+            self._temperature.append(end.temperatures[:, 0].copy())
         if not np.isfinite(shown.displacement).all():
             self._last[end.number] = self._last_found(end)
             shown.yielded[:] = False
@@ -88,6 +91,7 @@ class FieldRecorder:
         return FieldSeries(
             self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
             np.stack(self._yielded), self._last_states(),
+            np.stack(self._temperature) if self._temperature else None,
         )  # fmt: skip
 
     def _shown(self, state: int, u: Floats, stress: Floats, yielded: Bools) -> _Shown:

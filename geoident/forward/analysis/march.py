@@ -49,11 +49,9 @@ from geoident.forward.analysis.step_parts import begin_part, mixed
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.water import PoreBlocks, WaterInPart
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
-from geoident.forward.consolidation.steps import GAMMA, TimeStep
+from geoident.forward.consolidation.steps import BACK, GAMMA, TimeStep, parabola
 from geoident.forward.creep.steps import CreepSteps
 from geoident.model.arrays import Bools, Floats
-
-_BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
 
 _MOST_KEPT = 2
 """Matrices that are kept, each with a factor: the parts of a step of ground that creeps have
@@ -170,7 +168,7 @@ class March:
             between = _sum((begun, self._now), (1.0 - self._gamma, self._gamma))
         else:
             between = self._after(begun, step.share, 2.0 * begun.p, held, (start, middle))
-            drive = between.p + _BACK * (begun.p + between.p)
+            drive = between.p + BACK * (begun.p + between.p)
             self._now = self._after(between, step.share, drive, held, (middle, end))
         self._parts, self._length = (begun, between, self._now), step.length
         self._time, self._done = end, self._done + 1
@@ -198,7 +196,7 @@ class March:
 
     def _within(self, part: float) -> InTime:
         """At a part of the last step."""
-        return _sum(self._parts, [_lagrange(part, k, self._gamma) for k in range(3)])
+        return _sum(self._parts, [parabola(part, k, self._gamma) for k in range(3)])
 
 
 class StepEquations:
@@ -274,7 +272,10 @@ class StepEquations:
             CollapseError: ground that yields cannot carry the loads.
         """
         comes = part.loaded[1] - part.loaded[0]
-        task, begun = _part_of(self._task, comes), None
+        task, begun, warmed = _part_of(self._task, comes), None, None
+        if self._task.heating is not None:
+            warmed = self._task.heating.until(part.span[1])
+            task = task.with_thermal(warmed)
         if before.carried is not None:
             length = part.span[1] - part.span[0]
             begun = begin_part(task, self._systems, self._creep, before.carried, length)
@@ -286,7 +287,11 @@ class StepEquations:
         if self._plastic is not None and begun is not None:
             du, dp = self._yielding(self._plastic, replace(task, water=water), before)
             return InTime(before.u + du, before.p + dp, begun.crept())
-        forces = comes * self.rest if begun is None else comes * self.rest + begun.past
+        forces = comes * self.rest
+        if begun is not None:
+            forces += begun.past
+        elif warmed is not None:  # what is carried from part to part has it in its past
+            forces += self._thermal_forces(warmed)
         du, dp = self._elastic(task, water, forces)
         carried = None if begun is None else begun.end(self._systems, self._factors, du)
         return InTime(before.u + du, before.p + dp, carried)
@@ -365,6 +370,12 @@ class StepEquations:
             dp += motions[n : n + water.n_nodes]
         return motions[:n], dp
 
+    def _thermal_forces(self, strain: Floats) -> Floats:
+        """Forces (n_dofs, 1 + n) by which normal strains (n_points, 1 + n) drive the ground."""
+        stress = np.zeros((self._systems.discretization.points.n_strain, *strain.shape))
+        self._task.add_thermal_stress(strain, stress, 1.0)
+        return self._systems.discretization.points.forces(stress, self._task.system.volume)
+
     def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
         """Forces (n_dofs, n) of dK/dp by displacements (n_dofs,)."""
         points, structures = self._systems.discretization.points, self._systems.structures
@@ -418,10 +429,3 @@ def _sum(states: Sequence[InTime], weights: Sequence[float]) -> InTime:
     p = sum(w * one.p for w, one in zip(weights, states, strict=True))
     carried = [one.carried for one in states if one.carried is not None]
     return InTime(np.asarray(u), np.asarray(p), mixed(carried, weights) if carried else None)
-
-
-def _lagrange(x: float, k: int, gamma: float) -> float:
-    """The k-th parabola of those through 0, gamma and 1."""
-    nodes = (0.0, gamma, 1.0)
-    others = [node for n, node in enumerate(nodes) if n != k]
-    return float(np.prod([(x - node) / (nodes[k] - node) for node in others]))

@@ -6,7 +6,7 @@ There one factorization serves all columns; for stages with yielding see `plasti
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,6 +15,7 @@ from geoident.errors import ModelError
 from geoident.fem.elasticity import Moduli
 from geoident.fem.kinematics import NORMAL_COMPONENTS
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
+from geoident.forward.analysis.heating import StageHeating
 from geoident.forward.analysis.systems import StageSystem, StageSystems
 from geoident.forward.analysis.water import WaterInPart
 from geoident.forward.creep.steps import CreepStrains, StepModuli
@@ -85,6 +86,7 @@ class StageEnd:
             was.
         pores: (n_nodes, 1 + n + k) pressure of water in excess of that at rest, Pa, at the corners
             of ground that consolidates; None in a case in which none does.
+        temperatures: (n_nodes, 1 + n) degC; None in a case that conducts no heat.
     """
 
     number: int
@@ -95,6 +97,7 @@ class StageEnd:
     forces: Floats | None = None
     last: LastEquilibrium | None = None
     pores: Floats | None = None
+    temperatures: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,7 @@ class StressState:
         pores: (n_nodes, k) pressure of water in excess of that at rest, Pa; None where all ground
             drains at once.
         creep: strains of ground that creeps, and the times of its placing; None where none does.
+        temperatures: (n_nodes, 1 + n) degC; None in a case that conducts no heat.
     """
 
     stress: Floats
@@ -131,6 +135,7 @@ class StressState:
     hardened: dict[str, Floats] = field(default_factory=dict)
     pores: Floats | None = None
     creep: CreepStrains | None = None
+    temperatures: Floats | None = None
 
     def clear(self, points: Bools | Ints | slice) -> None:
         """Points (n_points,), or (k,) by number, that are gone or placed anew carry nothing.
@@ -179,7 +184,8 @@ class StressState:
         hardened = {name: values.copy() for name, values in self.hardened.items()}
         pores = None if self.pores is None else self.pores.copy()
         creep = None if self.creep is None else self.creep.copy()
-        return StressState(self.stress.copy(), self.members.copy(), hardened, pores, creep)
+        heat = None if self.temperatures is None else self.temperatures.copy()
+        return StressState(self.stress.copy(), self.members.copy(), hardened, pores, creep, heat)
 
 
 @dataclass(frozen=True)
@@ -202,6 +208,8 @@ class StageTask:
         moduli_key: what the moduli depend on beside ground and parameters: the step in time.
         members_grown: structure to what there is of its stiffness, where it ages.
         water: of a part of a step in time in which ground yields; None where none flows.
+        heating: the temperatures of the stage, where it conducts heat; their strain is in
+            ``thermal`` only as far as it is imposed with the rest.
     """
 
     number: int
@@ -217,6 +225,7 @@ class StageTask:
     moduli_key: Hashable = None
     members_grown: Mapping[str, float] = field(default_factory=dict)
     water: WaterInPart | None = None
+    heating: StageHeating | None = None
 
     @property
     def n(self) -> int:
@@ -251,11 +260,26 @@ class StageTask:
         if self.motion is not None:
             self.add_stress(systems, self.motion, slice(0, 1 + self.n))
         if self.thermal is not None:
-            moduli, stress = self.moduli_by_material(), self.carried.stress
-            for material, points in self.system.points_of.items():
-                strain = np.zeros((stress.shape[0], *self.thermal[points].shape))
-                strain[:NORMAL_COMPONENTS] = self.thermal[points]
-                stress[:, points, : 1 + self.n] -= moduli[material].stress(strain)
+            self.add_thermal_stress(self.thermal, self.carried.stress, -1.0)
+
+    def add_thermal_stress(self, thermal: Floats, stress: Floats, sign: float) -> None:
+        """Add E eps_0, with a sign, of normal strains (n_points, 1 + n) to stress (s, n_points, k).
+
+        Args:
+            thermal: eps_0 with derivatives.
+            stress: Pa, changed in place.
+            sign: 1 or -1.
+        """
+        moduli = self.moduli_by_material()
+        for material, points in self.system.points_of.items():
+            strain = np.zeros((stress.shape[0], *thermal[points].shape))
+            strain[:NORMAL_COMPONENTS] = thermal[points]
+            stress[:, points, : 1 + self.n] += sign * moduli[material].stress(strain)
+
+    def with_thermal(self, strain: Floats) -> StageTask:
+        """The same with further normal strains (n_points, 1 + n) of temperatures."""
+        thermal = strain if self.thermal is None else self.thermal + strain
+        return replace(self, thermal=thermal)
 
     def add_stress(self, systems: StageSystems, du: Floats, columns: slice) -> None:
         """Add E C du to what is carried, and the forces of structures likewise.

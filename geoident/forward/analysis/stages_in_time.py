@@ -22,6 +22,7 @@ from geoident.forward.consolidation.steps import (
     OF_EACH_LENGTH,
     OF_EACH_WITHOUT_WATER,
     TimeStep,
+    divided,
     stage_steps,
 )
 from geoident.forward.creep.steps import CreepSteps
@@ -85,6 +86,11 @@ class StagesInTime:
         plastic, flows = self._plastic, self._pores.consolidates(state)
         return plastic if plastic is not None and flows and plastic.yields(state) else None
 
+    def marches(self, state: ConstructionState) -> bool:
+        """Whether a state is reached in steps in time."""
+        creeps = self._creep is not None and state.lasts is not None
+        return creeps or self._pores.consolidates(state)
+
     def step(self, task: StageTask, factors: FactorCache) -> tuple[Floats, Bools] | None:
         """Bring a state in which water flows to its moment.
 
@@ -109,8 +115,7 @@ class StagesInTime:
         if self._creep is not None and not task.state.goes_on:
             before = self._sequence.states[task.state.base].materials
             begin_materials(task, self._systems, before)
-        creeps = self._creep is not None and task.state.lasts is not None
-        if not (creeps or self._pores.consolidates(task.state)):
+        if not self.marches(task.state):
             if pores is not None:
                 pores[:] = self._pores.steady(task.number, given, task.point)
             if pores is not None and given.any():
@@ -128,6 +133,10 @@ class StagesInTime:
         if pores is not None:
             pores[:] = reached.p
         if reached.carried is None:
+            if task.heating is not None:
+                warmed = task.heating.until_moment(moment)
+                task.add_thermal_stress(warmed, carried.stress, -1.0)
+                task = task.with_thermal(warmed)
             elastic_step(task, self._systems, factors, du)
         else:
             carried.take(reached.carried)
@@ -168,7 +177,8 @@ class StagesInTime:
         of_each = self._finer * of_each_length(
             self._systems.on_mesh.case, water=len(system.nodes) > 0
         )
-        steps = steps_of(self._sequence.states, number, of_each)
+        bends = () if task.heating is None else task.heating.bends
+        steps = steps_of(self._sequence.states, number, of_each, bends)
         equations = StepEquations(
             task,
             self._systems,
@@ -211,7 +221,7 @@ def of_each_length(case: Case, *, water: bool) -> int:
 
     Args:
         case: the case.
-        water: whether water flows in the stage; else ground creeps alone.
+        water: whether water or heat flows in the stage; else ground creeps alone.
     """
     if case.time_steps is not None:
         return case.time_steps
@@ -226,21 +236,34 @@ def order_of_steps(case: Case) -> int:
     return 1 if case.consolidates and case.yields else 2
 
 
-def steps_of(states: Sequence[ConstructionState], number: int, of_each: int) -> list[TimeStep]:
+def moments_of(states: Sequence[ConstructionState], number: int) -> list[float]:
+    """The moments of the stage that begins with a state, s since its beginning, ascending.
+
+    Args:
+        states: of the case.
+        number: of the state.
+    """
+    moments, at = [moment_of(states[number])], number
+    for later in range(number + 1, len(states)):
+        if states[later].goes_on and states[later].base == at:
+            moments.append(moment_of(states[later]))
+            at = later
+    return moments
+
+
+def steps_of(
+    states: Sequence[ConstructionState], number: int, of_each: int, bends: Sequence[float] = ()
+) -> list[TimeStep]:
     """The steps in time of the stage that begins with a state; none where no time passes.
 
     Args:
         states: of the case.
         number: of the state.
         of_each: steps of each length.
+        bends: times, s, at which something given in it changes its slope, ascending.
     """
     state = states[number]
     if not state.lasts:
         return []
-    moments, at = [moment_of(state)], number
-    for later in range(number + 1, len(states)):
-        if states[later].goes_on and states[later].base == at:
-            moments.append(moment_of(states[later]))
-            at = later
-    first = min(moment for moment in moments if moment > 0.0)
-    return stage_steps(state.lasts, first, state.over, of_each)
+    first = min(moment for moment in moments_of(states, number) if moment > 0.0)
+    return divided(stage_steps(state.lasts, first, state.over, of_each), bends)

@@ -177,8 +177,14 @@ class StageSystems:
 
     def definite(self, matrix: sp.csr_array, nodes: Ints) -> QuasiDefinite:
         """A positive definite matrix (n, n) with one unknown at each of some nodes (n,)."""
-        nothing, signs = sp.csr_array(matrix.shape), np.ones(len(nodes))
-        return self.quasi_definite(matrix, nothing, places=self.rank[nodes], signs=signs)
+        return self.definite_growing(matrix, sp.csr_array(matrix.shape), nodes)
+
+    def definite_growing(
+        self, constant: sp.csr_array, growing: sp.csr_array, nodes: Ints
+    ) -> QuasiDefinite:
+        """Positive definite matrices A_0 + h A_1 (n, n), one unknown at each of some nodes (n,)."""
+        places, signs = self.rank[nodes], np.ones(len(nodes))
+        return self.quasi_definite(constant, growing, places=places, signs=signs)
 
     @property
     def solver_counts(self) -> SolverCounts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,10 @@ from geoident.fem.solvers.quasi_definite import QuasiDefinite
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.summed import Summed, summed
 from geoident.model.actions import WATER, Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import nodes_in
 from geoident.model.parameter import Scalar
 
@@ -34,26 +35,6 @@ class PoreSystem:
     groups: tuple[int, ...]
     nodes: Ints
     given: Bools
-
-
-@dataclass(frozen=True)
-class Summed:
-    """A matrix that depends on parameters.
-
-    Args:
-        value: at the parameters.
-        slopes: its derivatives that are not zero, by their number among the parameters.
-    """
-
-    value: sp.csr_array
-    slopes: Mapping[int, sp.csr_array]
-
-    def at(self, columns: Floats) -> Floats:
-        """The product with a vector and its derivatives, (n, 1 + k), with derivatives."""
-        product = np.asarray(self.value @ columns)
-        for n, slope in self.slopes.items():
-            product[:, 1 + n] += slope @ columns[:, 0]
-        return product
 
 
 @dataclass(frozen=True)
@@ -114,7 +95,7 @@ class Pores:
         n_nodes, n_dofs = self._on_mesh.mesh.n_nodes, self._on_mesh.discretization.n_dofs
         square = (n_nodes, n_nodes)
         return PoreOperators(
-            _summed(coupling, (n_dofs, n_nodes)), _summed(storage, square), _summed(flow, square)
+            summed(coupling, (n_dofs, n_nodes)), summed(storage, square), summed(flow, square)
         )
 
     def given(self, state: int, point: ParameterPoint) -> Floats:
@@ -172,7 +153,7 @@ class Pores:
             return np.zeros((self._on_mesh.discretization.n_dofs, pressures.shape[1]))
         coupling = self._of_group(group).coupling
         part = [(point.number(material.hydraulic.biot), coupling)]
-        return _summed(part, coupling.shape).at(pressures)
+        return summed(part, coupling.shape).at(pressures)
 
     def _of_head(self, head: Scalar, water: Water | None, nodes: Ints) -> _Excess:
         return _Excess(self._on_mesh, head, water, self._on_mesh.mesh.points[nodes])
@@ -229,15 +210,3 @@ class _Excess:
 def unit_weight(water: Water | None) -> Scalar:
     """That of the water of a state, N/m3."""
     return WATER if water is None else water.unit_weight
-
-
-def _summed(parts: list[tuple[Dual, sp.csr_array]], shape: tuple[int, int]) -> Summed:
-    """The sum of some matrices of a shape, each times a number."""
-    value = sp.csr_array(shape)
-    slopes: dict[int, sp.csr_array] = {}
-    for number, matrix in parts:
-        value = value + float(number.value) * matrix
-        for n, by in enumerate(number.columns[1:]):
-            if by:
-                slopes[n] = slopes.get(n, sp.csr_array(matrix.shape)) + float(by) * matrix
-    return Summed(sp.csr_array(value), slopes)

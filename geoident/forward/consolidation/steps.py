@@ -16,16 +16,22 @@ Steps depend on the case alone, never on parameters: an analysis is a smooth fun
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 GAMMA = 2.0 - math.sqrt(2.0)
 BETA = 0.5 * GAMMA
+BACK = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))
+"""Weight of the first part of a step in its second."""
 
 OF_EACH_LENGTH = 6
 """Steps of each length: errors of settlements and pressures are some 1e-4 of the largest."""
 
 OF_EACH_WITHOUT_WATER = 3
 """The same of ground that creeps without water, whose motions do not jump: errors are as small."""
+
+_BENDS = 2
+"""Bends of what acts that make a step too long."""
 
 _BEFORE = 2
 """Lengths of steps that are gone through before the first moment that is looked at."""
@@ -50,6 +56,36 @@ class TimeStep:
     def share(self) -> float:
         """By what flow is multiplied in its matrix, s."""
         return self.length if self.euler else BETA * self.length
+
+
+def divided(steps: Sequence[TimeStep], bends: Sequence[float]) -> list[TimeStep]:
+    """Steps of which each has at most one bend of what acts within it: others are halved.
+
+    Args:
+        steps: in a row.
+        bends: times, s since the beginning of the first, ascending.
+    """
+    whole, start = list[TimeStep](), 0.0
+    for step in steps:
+        end = start + step.length
+        whole += _halved(step, [time for time in bends if start < time < end], start)
+        start = end
+    return whole
+
+
+def _halved(step: TimeStep, bends: Sequence[float], start: float) -> list[TimeStep]:
+    if len(bends) < _BENDS:
+        return [step]
+    half, middle = TimeStep(0.5 * step.length, euler=step.euler), start + 0.5 * step.length
+    first = _halved(half, [time for time in bends if time < middle], start)
+    return first + _halved(half, [time for time in bends if time >= middle], middle)
+
+
+def parabola(x: float, k: int, gamma: float) -> float:
+    """The k-th parabola of those through 0, gamma and 1, at a part x of a step."""
+    nodes = (0.0, gamma, 1.0)
+    others = [node for n, node in enumerate(nodes) if n != k]
+    return math.prod((x - node) / (nodes[k] - node) for node in others)
 
 
 def stage_steps(lasts: float, first: float, over: float, of_each: int) -> list[TimeStep]:

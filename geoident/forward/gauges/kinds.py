@@ -17,6 +17,7 @@ from geoident.forward.gauges.placement import Placed, point_fault
 from geoident.forward.gauges.pore_pressure import pore_pressures
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import stresses
+from geoident.forward.gauges.thermometer import thermometers
 from geoident.forward.gauges.zeros import WEIGHTS
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import Case, format_path
@@ -33,6 +34,7 @@ OBSERVABLES: Mapping[str, Placing] = {
     "stress": stresses,
     "pressure-cell": stresses,
     "piezometer": pore_pressures,
+    "thermometer": thermometers,
     "inclinometer": relative_displacements,
     "target": relative_displacements,
     "tilt": relative_displacements,

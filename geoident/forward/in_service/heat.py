@@ -40,9 +40,9 @@ from geoident.fem.faces import FacetPatch, load_patches
 from geoident.fem.heat import capacity_and_conduction, film
 from geoident.fem.solvers import Solver
 from geoident.fem.solvers.ordered import OrderedFactorization
+from geoident.forward.heat.conduction import heat_capacity
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_service import DAY, YEAR, ReservoirFormula, Series, StructureInService
 from geoident.model.mesh import nodes_in
@@ -326,14 +326,6 @@ class HeatModel:
 
 def _number(scalar: Scalar, point: ParameterPoint) -> Dual:
     return point.number(scalar)
-
-
-def heat_capacity(material: Material, point: ParameterPoint) -> Dual:
-    """Heat per volume and degree of a material that conducts, J/m3K."""
-    if material.heat_capacity is not None:
-        return point.number(material.heat_capacity)
-    assert material.specific_heat is not None
-    return point.number(material.specific_heat) * point.number(material.density)
 
 
 def _elevations(heights: Floats) -> Floats:

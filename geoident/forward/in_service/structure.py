@@ -34,13 +34,14 @@ from geoident.forward.checks import check_on_mesh
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.kinds import place_gauges
 from geoident.forward.gauges.observation import PlacedGauges
+from geoident.forward.heat.conduction import heat_capacity, shapes_at_points
 from geoident.forward.in_service.checks import (
     nonlinear_faults,
     service_faults,
     wetted_heights,
 )
 from geoident.forward.in_service.creep import MOTIONS, curve_fault
-from geoident.forward.in_service.heat import HeatModel, heat_capacity, mean_of_day
+from geoident.forward.in_service.heat import HeatModel, mean_of_day
 from geoident.forward.model import StagedModel, with_fields
 from geoident.forward.observed import Query
 from geoident.forward.stages import CaseOnMesh
@@ -455,8 +456,9 @@ class ServiceModel(StagedModel):
                 stages += relaxed(name)
         if self.heat is not None:
             groups = [self.sequence.groups[g] for g in state.materials]
-            for number, values in enumerate(self._at_points(self._fields[0])):
-                field = PointTemperature(values)
+            at_points = shapes_at_points(self.mesh, self.discretization)
+            for number, values in enumerate((at_points @ self._fields[0]).T):
+                field = PointTemperature(np.ascontiguousarray(values))
                 warmed = dict.fromkeys(groups, field)
                 name = f"temperature field {number + 1}"
                 stages.append(Stage(name, temperature=warmed, base=base, independent=True))
@@ -466,17 +468,6 @@ class ServiceModel(StagedModel):
         if faults:
             raise InputError(faults)
         return StagedModel(on_mesh, gauges, solver=self._solver)
-
-    def _at_points(self, fields: Floats) -> Iterator[Floats]:
-        """Temperatures (n_points,) at the strain points, of those of the nodes (n_nodes, r)."""
-        mesh, geometries = self.mesh, self.discretization.geometries
-        parts = [
-            np.einsum("qa,ear->eqr", geometry.shapes, fields[block.nodes]).reshape(
-                -1, fields.shape[1]
-            )
-            for block, geometry in zip(mesh.blocks, geometries, strict=True)
-        ]
-        yield from np.ascontiguousarray(np.concatenate(parts).T)
 
 
 def _between(days: Floats, table: Floats, times: Floats, rows: Ints) -> Floats:

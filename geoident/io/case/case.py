@@ -38,6 +38,8 @@ from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.value import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
+from geoident.io.case.heat import HeatSection
+from geoident.io.case.heat_checks import check_heat, refuse_heat
 from geoident.io.case.hydraulic import DrainedSection
 from geoident.io.case.in_service.seasonal import IN_SERVICE, SeasonalModelSection
 from geoident.io.case.in_service.series import DIMENSION_OF, SeriesSection
@@ -62,6 +64,7 @@ from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Accelerations,
     CaseNumber,
+    CelsiusTemperature,
     Count,
     FixedAcceleration,
     Name,
@@ -215,6 +218,18 @@ class CaseSection(Section):
         "consolidating ground leaves freely; all other edges are closed.",
         examples=[{"top": {}}, {"well": {"head": "-4 m"}}],
     )
+    initial_temperature: CelsiusTemperature | None = Field(
+        None,
+        description="Of all ground before the first stage. With it the ground conducts heat in its "
+        "stages, which last, and all materials have `conductivity` and `heat_capacity`.",
+        examples=["11 degC", "$T_0"],
+    )
+    heat: dict[Name, HeatSection] = Field(
+        {},
+        description="Group of faces (lines in 2-D, surfaces in a solid) or nodes to its "
+        "temperature, or to what the faces exchange heat with; all other edges are adiabatic.",
+        examples=[{"surface": {"temperature": "8 degC", "film": "12 W/m2K"}}],
+    )
     gravity: Gravity | None = Field(
         None,
         description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",
@@ -336,6 +351,14 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
         check_staged_creep(
             section.materials, section.groups, section.stages, section.structures, faults
         )
+    if section.service is None and section.initial_temperature is not None:
+        check_heat(
+            section.materials, section.parameters, section.groups, section.heat, section.stages,
+            faults,
+        )  # fmt: skip
+    else:
+        keys = {"initial_temperature": section.initial_temperature, "heat": section.heat}
+        refuse_heat(keys, section.stages, faults, served=section.service is not None)
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
             message = "a plain reading is nowhere, so geoident cannot compute it"
@@ -423,8 +446,8 @@ _IN_TIME = ("gauss-newton", "simplex")
 
 
 _OF_THE_GROUND = (
-    "mesh", "materials", "groups", "supports", "in_situ", "water", "drained", "gravity", "loads",
-    "structures", "face", "service", "time_steps",
+    "mesh", "materials", "groups", "supports", "in_situ", "water", "drained", "initial_temperature",
+    "heat", "gravity", "loads", "structures", "face", "service", "time_steps",
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from geoident.io.case.creep import (
     sections_of_creep,
 )
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
+from geoident.io.case.heat import HydrationSection
 from geoident.io.case.hydraulic import HydraulicValue, build_hydraulic
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import ModulusOrVaried, YoungModulus, fields_in, growths_in
@@ -65,7 +66,9 @@ class _MaterialBase(Section):
         None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
     )
     conductivity: Conductivity | None = Field(
-        None, description="Of heat, for a structure in service.", examples=["2.5 W/mK", "$k"]
+        None,
+        description="Of heat, for a structure in service and for stages that conduct it.",
+        examples=["2.5 W/mK", "$k"],
     )
     heat_capacity: HeatCapacity | None = Field(
         None, description="Heat per volume and degree.", examples=["2.2 MJ/m3K"]
@@ -74,6 +77,11 @@ class _MaterialBase(Section):
         None,
         description="Heat per mass and degree, in place of `heat_capacity`: times the density.",
         examples=["900 J/kgK"],
+    )
+    hydration: HydrationSection | None = Field(
+        None,
+        description="Heat that the material sets free as it hardens, in stages that conduct heat.",
+        examples=["{rise: 38 K, time: 1.2 d}"],
     )
     creep: CreepSections | None = Field(
         None,

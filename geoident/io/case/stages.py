@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field
 from geoident.io.case.actions import LoadSection, TemperatureSection, WaterSection
 from geoident.io.case.durations import BY_DATES, DurationOrDates, require_no_negative
 from geoident.io.case.ground import MaterialSection
+from geoident.io.case.heat import StageHeatValue, build_heat
 from geoident.io.case.hydraulic import StageDrainedValue, build_drained
 from geoident.io.case.structures import (
     AnchorSection,
@@ -30,6 +31,7 @@ from geoident.io.case.supports.section import FREE, StageSupportValue, build_sup
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     CaseNumber,
+    CelsiusTemperature,
     Coefficient,
     FixedTime,
     Flag,
@@ -115,6 +117,18 @@ class StageSection(Section):
         "case, and 'closed' for those at which it no longer does.",
         examples=[{"drain": {"head": "2 m"}}, {"top": "closed"}],
     )
+    heat: dict[Name, StageHeatValue] = Field(
+        {},
+        description="Faces and nodes that have a temperature or exchange heat from this stage on, "
+        "as in the `heat` of the case, and 'adiabatic' for those that no longer do.",
+        examples=[{"pipes": {"temperature": "-30 degC"}}, {"top 1": "adiabatic"}],
+    )
+    placed_at: dict[Name, CelsiusTemperature] = Field(
+        {},
+        description="Element group that the stage installs to its temperature then, at which it is "
+        "free of stress; the `initial_temperature` of the case if missing.",
+        examples=[{"lift 1": "18 degC"}],
+    )
     temperature: dict[Name, TemperatureSection] = Field(
         {},
         description="Element group to change of temperature since the initial state (or since it "
@@ -181,7 +195,8 @@ class StageSection(Section):
         """The stage for the model; what cannot be is noted as a fault."""
         supports = build_supports(self.supports, context.at("supports"))
         drained = build_drained(self.drained, context.at("drained"))
-        return self.to_model(Stage, context, supports=supports, drained=drained)
+        heat = build_heat(self.heat, context.at("heat"))
+        return self.to_model(Stage, context, supports=supports, drained=drained, heat=heat)
 
 
 @dataclass(frozen=True)

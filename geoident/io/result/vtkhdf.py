@@ -130,11 +130,15 @@ def write_fields(
     }
     moving, shearing = mechanism_arrays(mechanism, len(fields.present))
     point_data = {"displacement": with_z(fields.displacement), **moving}
+    if fields.temperature is not None:
+        point_data["temperature"] = fields.temperature
     cell_data |= shearing
     _write_data(group, "PointData", point_data)
     _write_data(group, "CellData", cell_data | static)
     group["PointData/displacement"].attrs["unit"] = "m"
     group["CellData/stress"].attrs["unit"] = "Pa"
+    if fields.temperature is not None:
+        group["PointData/temperature"].attrs["unit"] = "degC"
     names = texts(tuple(fields.mesh.groups))
     group["CellData/group"].attrs.create("names", names, dtype=h5py.string_dtype())
     sizes = {f"PointData/{name}": fields.mesh.n_nodes for name in point_data}
@@ -340,12 +344,17 @@ def read_fields(file: h5py.File) -> FieldSeries:
     points, cells = TableReader(group.group, "PointData"), TableReader(group.group, "CellData")
     states, rows = len(steps.array("Values", "f")), mesh.n_elements
     displacement = points.floats("displacement", states * mesh.n_nodes, 3)
+    temperature = None
+    if "temperature" in points.group:
+        temperature = points.floats("temperature", states * mesh.n_nodes)
+        temperature = temperature.reshape(states, mesh.n_nodes)
     shown = FieldSeries(
         mesh=mesh,
         displacement=displacement.reshape(states, mesh.n_nodes, 3)[:, :, : mesh.dim].copy(),
         stress=cells.floats("stress", states * rows, 6).reshape(states, rows, 6),
         present=cells.bools("present", states * rows).reshape(states, rows),
         yielded=cells.bools("yielded", states * rows).reshape(states, rows),
+        temperature=temperature,
     )
     if BALANCED not in cells.group:
         return shown

@@ -53,9 +53,10 @@ def write_vtu(
 ) -> None:
     """Writes what is present at a state.
 
-    Point data: ``displacement`` (m). Cell data: ``stress`` (Pa; xx yy zz xy yz xz, tension
-    positive), its `principal_cells`, ``yielded``, ``group`` (position among the element groups) and
-    ``number``, that of the element in the mesh file.
+    Point data: ``displacement`` (m), ``temperature`` (degC) where heat is conducted. Cell data:
+    ``stress`` (Pa; xx yy zz xy yz xz, tension positive), its `principal_cells`, ``yielded``,
+    ``group`` (position among the element groups) and ``number``, that of the element in the mesh
+    file.
 
     Args:
         fields: all states.
@@ -85,6 +86,8 @@ def write_vtu(
     }
     at_points = {"displacement": with_z(fields.displacement[state, kept])}
     at_points |= {k: v[state, kept] for k, v in moving.items()}
+    if fields.temperature is not None:
+        at_points["temperature"] = fields.temperature[state, kept]
     _write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
 
 

@@ -67,6 +67,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "moment per length": "150 kNm/m",
     "angle": "30 deg",
     "temperature": "10 degC",
+    "temperature rate": "0.1 K/year",
     "expansion": "1e-5 1/K",
     "conductivity": "2.5 W/mK",
     "heat capacity": "2.2 MJ/m3K",
@@ -610,6 +611,21 @@ FixedUnitWeight = Annotated[CaseNumber, QuantityType("unit weight", above=0.0)]
 FixedDuration = Annotated[CaseNumber, QuantityType("time", above=0.0)]
 FixedAcceleration = Annotated[CaseNumber, QuantityType("acceleration")]
 AnyQuantity = Annotated[CaseNumber, QuantityType(None)]
+
+
+def _not_kelvin(given: CaseNumber) -> CaseNumber:
+    """A temperature, not a difference of two.
+
+    Raises:
+        Refusal: it is in kelvin.
+    """
+    if given.unit == "K":
+        message = f"'{given.text}' is in kelvin, in which differences of temperatures are given"
+        raise Refusal("unit", message, "Write a temperature like 12 degC.")
+    return given
+
+
+CelsiusTemperature = Annotated[TemperatureChange, AfterValidator(_not_kelvin)]
 
 
 def _in_order(bounds: list[CaseNumber]) -> list[CaseNumber]:

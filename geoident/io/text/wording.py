@@ -94,6 +94,7 @@ OTHER_WORDS = {
     "tape-extensometer": "convergence",
     "tensile": "tension",
     "tensile_strength": "tension",
+    "thermocouple": "thermometer",
     "tiltmeter": "tilt",
     "ucs": "sigci",
     "young": "e",

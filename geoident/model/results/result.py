@@ -651,6 +651,7 @@ class FieldSeries:
         present: (n_states, n_elements).
         yielded: (n_states, n_elements); none at states without equilibrium.
         last: what is known of states without equilibrium; None where there are none.
+        temperature: (n_states, n_nodes) degC; None in a case that conducts no heat.
     """
 
     mesh: Mesh
@@ -659,6 +660,7 @@ class FieldSeries:
     present: Bools
     yielded: Bools
     last: LastStates | None = None
+    temperature: Floats | None = None
 
     @cached_property
     def shown(self) -> FieldSeries:

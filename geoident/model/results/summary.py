@@ -50,6 +50,7 @@ class StageSummary:
         warmed: groups whose temperature changes.
         water: whether the water in the pores changes.
         drained: groups of faces at which water begins to leave, or to another head.
+        heated: groups of faces or nodes through which heat flows otherwise from then on.
         closed: groups of faces at which it no longer does.
         built: names of structures that are built.
         dismantled: names of structures that are removed.
@@ -73,6 +74,7 @@ class StageSummary:
     warmed: tuple[str, ...] = ()
     water: bool = False
     drained: tuple[str, ...] = ()
+    heated: tuple[str, ...] = ()
     closed: tuple[str, ...] = ()
     built: tuple[str, ...] = ()
     dismantled: tuple[str, ...] = ()

@@ -15,6 +15,7 @@ from geoident.report.drawing.fields.motion import (
 )
 from geoident.report.drawing.fields.strength import strength_pictures
 from geoident.report.drawing.fields.stress import stress_pictures
+from geoident.report.drawing.fields.temperature import temperature_pictures
 from geoident.report.drawing.forces import structure_pictures
 from geoident.report.drawing.gauges.course import (
     compared_gauge_pictures,
@@ -102,7 +103,10 @@ def album(result: Result, *, prefix: str = "") -> Album:
 
 def _field_pictures(scene: Scene) -> tuple[Picture, ...]:
     """The figures of each sheet, and of the surface of a solid."""
-    kinds = displacement_pictures, stress_pictures, strength_pictures, moved_pictures
+    kinds = (
+        displacement_pictures, temperature_pictures, stress_pictures, strength_pictures,
+        moved_pictures,
+    )  # fmt: skip
     every = (picture for view in scene.views for kind in kinds for picture in kind(view))
     return (*largest_pictures(scene), *every, *solid_pictures(scene))
 

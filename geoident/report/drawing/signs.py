@@ -203,6 +203,9 @@ SIGNS: dict[str, dict[str, Any]] = {
     "piezometer": {"piezometer: pressure": (
         _FORCE, (_box, (-0.12, -0.12), (0.24, 0.24), _STEEL), (_all_sides, 0.7, 0.15),
     )},
+    "thermometer": {"thermometer: temperature": (
+        _FORCE, (_box, (-0.12, -0.6), (0.24, 1.2), _STEEL), (_word, 0.5, 0.4, "T"),
+    )},
     "strain": {"strain: elongation": (
         _FORCE, (_box, (-0.6, -0.2), (1.2, 0.4), _GROUND),
         (_arrow, (0.6, 0.0), (1.1, 0.0)), (_arrow, (-0.6, 0.0), (-1.1, 0.0)),

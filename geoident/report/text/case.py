@@ -129,6 +129,7 @@ _OF_FORCE = {
     "stress": "stress",
     "pressure-cell": "total pressure",
     "piezometer": "pore pressure",
+    "thermometer": "temperature",
     "strain": "strain",
     "load-cell": "force",
 }
@@ -147,7 +148,7 @@ def _force_quantity(entry: Mapping[str, Any], structure: Mapping[str, Any]) -> t
         direction = {"N": counts, "M": "tension inside"}.get(quantity, "")
     elif kind == "stress":
         direction = entry.get("positive", "tension")
-    elif kind != "piezometer":
+    elif kind not in ("piezometer", "thermometer"):
         direction = "elongation" if kind == "strain" else "compression"
     since = "change of " if "zero" in entry and kind != "strain" else ""
     return since + name, str(direction)
@@ -278,6 +279,7 @@ def _events(stage: StageSummary) -> str:
     events += ["water in the pores"] if stage.water else []
     events += [f"drains {name}" for name in stage.drained]
     events += [f"closes {name}" for name in stage.closed]
+    events += [f"heat at {name}" for name in stage.heated]
     events += [f"support {name}" for name in stage.supported]
     events += [f"lets go of {name}" for name in stage.freed]
     return ", ".join(events)

@@ -129,13 +129,14 @@ def reading_steps(
 def _prescribed(case: Case) -> Bools:
     """(n_states, n_channels) what the case gives, so that no model can be wrong there.
 
-    The force to which a jack brings a bar; the pressure of water, which is a table.
+    The force to which a jack brings a bar; the pressure of water, which is a table; temperatures,
+    in which the stiffness of the ground has no part.
     """
     prescribed = np.zeros((len(case.stages) + 1, len(case.channels)), dtype=np.bool_)
     if case.elsewhere is not None:  # all of which is computed
         return prescribed
     for k, channel in enumerate(case.channels):
-        if channel.kind == "piezometer":
+        if channel.kind in ("piezometer", "thermometer"):
             prescribed[:, k] = True
         bars = case.structures.get(channel.structure)
         if channel.kind != "load-cell" or not isinstance(bars, Bars):

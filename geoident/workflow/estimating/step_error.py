@@ -156,7 +156,7 @@ def judged_steps(
         ModelError: the model has no solution there.
     """
     _, shift = used_and_shift(table, problem, pairs, outcome)
-    of_each = of_each_length(case, water=case.consolidates)
+    of_each = of_each_length(case, water=case.consolidates or case.conducts)
     counts = shift > SHIFT or counts_alone(table)
     return FittedSteps(table, of_each, order_of_steps(case), counts)
 

@@ -183,7 +183,9 @@ class SectionErrors:
     def follows(self) -> Bools:
         """(l,) which readings may be off in their course in time: what a model computes."""
         asked = self.stated.kind == "estimate" and self.time is not None
-        computed = [asked and channel.kind != "piezometer" for channel, _ in self.rows]
+        computed = [
+            asked and channel.kind not in ("piezometer", "thermometer") for channel, _ in self.rows
+        ]
         return np.array(computed, dtype=np.bool_)
 
 

@@ -120,6 +120,9 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
     for n, cost in zip(_states(model), costs, strict=True):
         water = model.analysis.pores.consolidates(states[n])
         creeps = model.case.creeps and states[n].lasts is not None
+        if model.case.conducts and states[n].lasts and not states[n].goes_on:
+            heat = _heat(model, n, cost, columns, _FLOPS[by])
+            yield heat._replace(steps=0) if water or creeps else heat  # steps are told once
         if not (water or creeps) or states[n].goes_on:
             continue
         steps = steps_of(states, n, of_each_length(model.case, water=water))
@@ -137,6 +140,25 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         at_points = _POINT_SECONDS + (_CREEP_SECONDS if creeps else 0.0)
         seconds += solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + at_points * points)
         yield _InTime(len(steps), flops, seconds + flops / _FLOPS[by])
+
+
+def _heat(
+    model: StagedModel, n: int, cost: FactorCost, columns: float, per_second: float
+) -> _InTime:
+    """The cost of the temperatures of a stage: one unknown a node, in place of one for each axis.
+
+    Args:
+        model: of the case.
+        n: state that begins the stage.
+        cost: of one equilibrium of it.
+        columns: right-hand sides of one equilibrium.
+        per_second: operations of a factorization.
+    """
+    dim = model.mesh.dim
+    steps = steps_of(model.sequence.states, n, of_each_length(model.case, water=True))
+    flops = len({step.share for step in steps}) * cost.flops / dim**3
+    seconds = 2.0 * len(steps) * columns * 4.0 * cost.entries / dim**2 / _SOLVE_FLOPS
+    return _InTime(len(steps), flops, seconds + flops / per_second)
 
 
 def _memory_beside(model: StagedModel, columns: float) -> float:

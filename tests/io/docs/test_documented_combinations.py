@@ -53,7 +53,7 @@ WORDS = {
     "quantity": "2 mm", "whole number": "48", "flag": "true", "estimate": "estimate",
     "text": "heading", "time": "3 day", "conductivity": "2.5 W/mK", "heat capacity": "2 MJ/m3K",
     "specific heat": "900 J/kgK", "viscosity": "5e14 Pa s", "compressibility": "1e-9 1/Pa",
-    "diffusivity": "2 m2/year",
+    "diffusivity": "2 m2/year", "temperature rate": "0.1 K/month",
 }  # fmt: skip
 """A value of each kind."""
 POINTS: dict[str, Callable[[int], Any]] = {
@@ -80,7 +80,8 @@ PARAMETERS = {
     "specific heat": ("900 J/kgK", "[500, 1500 J/kgK]"),
     "viscosity": ("5e14 Pa s", "[1e14, 9e14 Pa s]"),
     "compressibility": ("1e-9 1/Pa", "[1e-10, 1e-8 1/Pa]"),
-    "diffusivity": ("2 m2/year", "[1, 3 m2/year]"),
+    "diffusivity": ("2 m2/year", "[1, 3 m2/year]"), "temperature": ("10 K", "[0, 20 K]"),
+    "temperature rate": ("0 K/day", "[-1, 1 K/day]"),
 }  # fmt: skip
 """Start and bounds of a parameter of each kind."""
 OF_GAUGES: dict[str, dict[str, str]] = {
@@ -89,6 +90,7 @@ OF_GAUGES: dict[str, dict[str, str]] = {
         for part in ("Stress gauge", "Pressure cell", "Piezometer")
     },
     "Load cell": {"quantity": "2 kN", "Errors.along": "2 kN/sqrt(m)"},
+    "Thermometer": {"temperature": "2 K", "quantity": "2 K", "Errors.along": "2 K/sqrt(m)"},
     "Strain": {"quantity": "5 microstrain", "Errors.along": "2 microstrain/sqrt(m)"},
     "Tilt": {"angle": "0.1 mrad", "quantity": "0.1 mrad", "Errors.along": "1 mrad/sqrt(m)"},
 }
@@ -137,6 +139,7 @@ GIVEN: dict[tuple[str, str], list[Any]] = {
     ("Drain", "at"): [lambda dim: at(dim, 4, 0)],
     ("Support", "axis"): ["z"],
     ("Ageing", "curve"): [{"1 d": "12 GPa", "28 d": "2 $p_pressure"}],
+    ("Hydration", "curve"): [{"1 d": "20 K", "28 d": "2 $p_temperature"}],
     ("Creep", "kelvin"): [{"G": "200 MPa", "viscosity": "2 $p_viscosity"}],
     ("Vertical drains", "spacing"): ["5 m", "9 $p_length"],
     ("Vertical drains", "permeability"): ["1e-9 m/s"],

@@ -78,6 +78,7 @@ TYPICAL: Mapping[str, UsualErrors] = {
     "pressure-cell": UsualErrors(1e4, unit="kPa"),
     "stress": UsualErrors(5e5, unit="MPa"),
     "piezometer": UsualErrors(1e3, unit="kPa"),
+    "thermometer": UsualErrors(0.3, unit="degC"),
 }
 """Kind of gauge to what is usual.
 
@@ -92,7 +93,12 @@ like a random walk to 1.24 mm in 30 m of casing (Mikkelsen, FMGM 2003): 0.2 mm/s
 that are not here nobody but the user knows it.
 """
 
-_EXAMPLES = {"angle": "0.05 mrad", "pressure": "10 kPa", "strain": "5 microstrain"}
+_EXAMPLES = {
+    "temperature": "0.3 degC",
+    "angle": "0.05 mrad",
+    "pressure": "10 kPa",
+    "strain": "5 microstrain",
+}
 """Dimension to an accuracy that is usual; a length where it is not here."""
 
 

@@ -1,4 +1,4 @@
-"""Gauges that read forces, stresses and pressures: their sections."""
+"""Gauges that read forces, stresses, pressures and temperatures: their sections."""
 
 from __future__ import annotations
 
@@ -156,6 +156,19 @@ class PiezometerSection(ValueGauge):
         return [self.at_point(name, context.at("point").vector(self.point), None, context)]
 
 
+class ThermometerSection(ValueGauge):
+    """Temperature of the ground at a point, in stages that conduct heat."""
+
+    measures = ("temperature",)
+
+    kind: Literal["thermometer"]
+    point: Coordinates = Field(description="Where it is read.")
+
+    def channels(self, name: str, context: Context) -> list[Channel]:
+        """The one channel."""
+        return [self.at_point(name, context.at("point").vector(self.point), None, context)]
+
+
 class LoadCellSection(ValueGauge):
     """Force of a structure: of one bolt, strut or anchor, or N, M or Q of a beam at a place.
 
@@ -213,5 +226,11 @@ def _refuse_twice(key: str, names: Sequence[str], faults: SectionFaults) -> None
             faults.add((key, n), "duplicate", f"'{name}' is listed twice", "Remove one.")
 
 
-ForceSection = StressGaugeSection | PressureCellSection | PiezometerSection | LoadCellSection
-"""What a gauge of forces, stresses or pressures may be."""
+ForceSection = (
+    StressGaugeSection
+    | PressureCellSection
+    | PiezometerSection
+    | ThermometerSection
+    | LoadCellSection
+)
+"""What a gauge of forces, stresses, pressures or temperatures may be."""

@@ -143,7 +143,8 @@ class Calendar:
             if at is not None and at[0] in self.timetable.lasts:
                 read.setdefault(at[0], []).append(at[1])
         moments, water = {}, _has(section, _WATER)
-        takes_time = water or _has(section, *_CREEP)
+        conducts = section.initial_temperature is not None
+        takes_time = water or conducts or _has(section, *_CREEP)
         for stage in section.stages:
             lasts = self.timetable.lasts.get(stage.name)
             if lasts is None:

@@ -40,6 +40,7 @@ _GAUGE_MARKS: dict[str, dict[str, Any]] = {
     "stress": {"marker": "P", "ms": 5.0},
     "pressure-cell": {"marker": "D", "ms": 4.0},
     "piezometer": {"marker": "v", "ms": 5.0},
+    "thermometer": {"marker": "^", "ms": 5.0},
     "load-cell": {"marker": "s", "ms": 4.0},
     "strain": {"marker": ".", "ms": 4.0},
 }

@@ -31,6 +31,8 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         "stressed": lambda s: _pairs(entries(s, "prestress"), numbers),
         "water": lambda s: numbers.text(s["water"]) if s.get("water") else "",
         "drained": lambda s: drained_text(entries(s, "drained"), numbers),
+        "heat": lambda s: heat_text(entries(s, "heat"), numbers),
+        "placed at": lambda s: _pairs(entries(s, "placed_at"), numbers),
         "comes over": lambda s: numbers.text(s["over"]) if s.get("over") else "",
         "temperature": lambda s: _pairs(entries(s, "temperature"), numbers),
         "supports": lambda s: _supports(s, numbers, solid=solid),
@@ -41,7 +43,7 @@ def construction_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
         return TextTable((), ())  # nothing is built
     stages = [stage for stage in case.get("stages", ()) if isinstance(stage, Mapping)]
     dates = entries(case, "dates")
-    first: CaseTexts = {key: case.get(key) for key in ("loads", "water", "drained")}
+    first: CaseTexts = {key: case.get(key) for key in ("loads", "water", "drained", "heat")}
     rows = [["0", INITIAL, str(dates.get("virgin", "")), *(of(first) for of in columns.values())]]
     for number, stage in enumerate(stages, start=1):
         name = str(stage.get("name", ""))
@@ -80,6 +82,18 @@ def drained_text(faces: CaseTexts, numbers: ShownNumbers) -> str:
         closed = " closed" if isinstance(how, str) else ""
         words.append(f"{name}{closed}" if head is None else f"{name} at {numbers.text(head)}")
     return ", ".join(words)
+
+
+def heat_text(faces: CaseTexts, numbers: ShownNumbers) -> str:
+    """Faces and nodes with their temperature, or what they exchange heat with."""
+    words = []
+    for name, how in faces.items():
+        if not isinstance(how, Mapping):
+            words.append(f"{name} adiabatic")
+            continue
+        film = f" by {numbers.text(how['film'])}" if how.get("film") else ""
+        words.append(f"{name} {numbers.text(how.get('temperature'))}{film}")
+    return "; ".join(words)
 
 
 def _supports(stage: CaseTexts, numbers: ShownNumbers, *, solid: bool) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from geoident.report.text.inputs.construction import drained_text
+from geoident.report.text.inputs.construction import drained_text, heat_text
 from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed, ranged
 from geoident.report.text.layout import TextTable
 
@@ -106,6 +106,12 @@ def ground_sentences(case: CaseTexts, numbers: ShownNumbers) -> tuple[str, ...]:
         sentences.append(f"Water in the pores: {numbers.text(case['water'])}.")
     if case.get("drained"):
         sentences.append(f"Water leaves at {drained_text(entries(case, 'drained'), numbers)}.")
+    if case.get("initial_temperature"):
+        sentences.append(
+            f"Temperature at the beginning: {numbers.text(case['initial_temperature'])}."
+        )
+    if case.get("heat"):
+        sentences.append(f"Heat flows at {heat_text(entries(case, 'heat'), numbers)}.")
     return tuple(sentences)
 
 
