@@ -236,8 +236,11 @@ def test_derivatives_are_exact(tmp_path, more):
     assert_slopes(lambda q: seen(model, q, plain)[:, 0], p, found[:, 1:], model.names, step=1e-2)
 
 
-@pytest.mark.parametrize("drains", [False, True])
-def test_water_holds_ground_back_that_warms(tmp_path, drains):
+STRONG = ", yield: {type: mohr-coulomb, cohesion: 1 GPa, friction: 30 deg}"
+
+
+@pytest.mark.parametrize(("drains", "strength"), [(False, ""), (True, ""), (False, STRONG)])
+def test_water_holds_ground_back_that_warms(tmp_path, drains, strength):
     """Held across, (M + 1/c) strain = 3 K alpha T with water that stays (c p = - strain).
 
     Without it 1/c drops out. The water itself does not expand.
@@ -249,7 +252,7 @@ def test_water_holds_ground_back_that_warms(tmp_path, drains):
     )
     hydraulic = f"{{permeability: {permeability} m/s, storage: {c} 1/Pa}}"
     text = text.replace("MJ/m3K}", f"MJ/m3K,\n    hydration: {{rise: 30 K, time: 2 d}},"
-                        f" hydraulic: {hydraulic}}}")  # fmt: skip
+                        f" hydraulic: {hydraulic}{strength}}}")  # fmt: skip
     text += "  p: {kind: piezometer, point: [3 m, 0.5 m], accuracy: 1 kPa}\n"
     found = read(write_slab(tmp_path, text), {"cool": [2 * DAY]})
     rises = 30.0 * (1.0 - np.exp(-np.array([1.0, 10.0])))
