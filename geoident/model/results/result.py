@@ -651,6 +651,8 @@ class FieldSeries:
         present: (n_states, n_elements).
         yielded: (n_states, n_elements); none at states without equilibrium.
         last: what is known of states without equilibrium; None where there are none.
+        excess: (n_states, n_nodes) pressure of water in excess of that at rest, Pa; 0 in ground
+            that drains at once. None where no water takes time to leave.
     """
 
     mesh: Mesh
@@ -659,6 +661,7 @@ class FieldSeries:
     present: Bools
     yielded: Bools
     last: LastStates | None = None
+    excess: Floats | None = None
 
     @cached_property
     def shown(self) -> FieldSeries:
