@@ -101,8 +101,6 @@ def test_gauges_are_drawn_over_dates_though_the_end_of_all_flow_has_none(tmp_pat
     assert list(axis.marks) == [1, 2]
     (picture,) = (p for p in album(result).all if p.name == "readings-1")
     assert image(picture, "png")
-    # as for pictures, so for the model error: its time is one of days, not of moments
-    assert result.model_error is None or result.model_error.time_unit in {"", "s"}
 
 
 def test_paraview_gets_the_pressure_at_each_time(tmp_path, result):
