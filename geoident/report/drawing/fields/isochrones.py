@@ -122,7 +122,7 @@ def _states(view: SheetView, excess: Floats) -> list[int]:
     """States with pressures, so many; those that piezometers were read at rather than others."""
     gauges = view.scene.result.gauges
     there = [n for n in view.scene.reached.tolist() if np.any(excess[n])]
-    read = np.isfinite(gauges.measured[_piezometers(view)]).any(axis=0)
+    read = np.asarray(np.isfinite(gauges.measured[_piezometers(view)]).any(axis=0))
     told = [n for n in there if read[n - 1]]
     chosen = told if len(told) > 1 else there
     return [chosen[k] for k in evenly(len(chosen), _MOST_STATES)]
