@@ -107,7 +107,9 @@ def faults(page: Page, run: AnalysisRun) -> list[str]:
             found.append(f"{command.line}: exit code {code}: {output[-2000:]}")
         elif told := difference(command.output, cut(output, command.show)):
             found.append(f"{command.line}: {told}")
-    lost = [p for p in page.pictures if not _made(run, p) and p.stem not in _drawn(run)]
+    all_run = len(commands) == len(page.commands)
+    pictures = page.pictures if all_run else []
+    lost = [p for p in pictures if not _made(run, p) and p.stem not in _drawn(run)]
     return found + [f"no command makes {p.name}" for p in lost]
 
 

@@ -12,6 +12,8 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import Structures
 from geoident.forward.yielding.extent import YieldRecorder
 from geoident.model.arrays import Bools, Floats
+from geoident.model.cells import CELLS
+from geoident.model.mesh import Mesh
 from geoident.model.results.result import FieldSeries, LastStates, SupportReactions
 from geoident.model.results.yielded import YieldedGround
 
@@ -70,6 +72,7 @@ class FieldRecorder:
         self._stress: list[Floats] = []
         self._yielded: list[Bools] = []
         self._temperature: list[Floats] = []
+        self._excess: dict[int, Floats] = {}
         self._last: dict[int, _Shown] = {}
 
     def add(self, end: StageEnd) -> None:
@@ -80,6 +83,8 @@ class FieldRecorder:
         self._yielded.append(shown.yielded)
         if end.temperatures is not None:
             self._temperature.append(end.temperatures[:, 0].copy())
+        if end.pores is not None:
+            self._excess[end.number] = end.pores[:, 0]
         if not np.isfinite(shown.displacement).all():
             self._last[end.number] = self._last_found(end)
             shown.yielded[:] = False
@@ -92,7 +97,17 @@ class FieldRecorder:
             self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
             np.stack(self._yielded), self._last_states(),
             np.stack(self._temperature) if self._temperature else None,
+            self._excess_of(n),
         )  # fmt: skip
+
+    def _excess_of(self, n: int) -> Floats | None:
+        """(n, n_nodes) excess pressures, linear along edges; None where there are none."""
+        if not any(np.any(each) for each in self._excess.values()):
+            return None
+        excess = np.zeros((n, self._mesh.n_nodes))
+        for state, each in self._excess.items():
+            excess[state] = each
+        return _between_corners(self._mesh, excess)
 
     def _shown(self, state: int, u: Floats, stress: Floats, yielded: Bools) -> _Shown:
         """A state of displacements (n_dofs,), stresses (n_strain, n_points) and what yields."""
@@ -151,6 +166,17 @@ class FieldRecorder:
             weighted = np.bincount(element, weights=volume * values, minlength=n)
             mean[:, component] = weighted / total
         return mean
+
+
+def _between_corners(mesh: Mesh, values: Floats) -> Floats:
+    """Values (n, n_nodes) that are known at corners of elements, with their means on the edges."""
+    filled = values.copy()
+    for block in mesh.blocks:
+        kind = CELLS[block.kind]
+        for middle, ends in enumerate(kind.shape.edges if kind.order == 2 else (), kind.n_corners):
+            corners = block.nodes[:, list(ends)]
+            filled[:, block.nodes[:, middle]] = values[:, corners].mean(axis=-1)
+    return filled
 
 
 class ReactionRecorder:

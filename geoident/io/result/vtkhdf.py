@@ -91,6 +91,10 @@ def sidecar_target(path: str | Path) -> str | None:
         return None
 
 
+EXCESS = "excess_pore_pressure"
+"""Point data where water takes time to leave."""
+
+
 def write_fields(
     file: h5py.File,
     fields: FieldSeries,
@@ -132,11 +136,15 @@ def write_fields(
     point_data = {"displacement": with_z(fields.displacement), **moving}
     if fields.temperature is not None:
         point_data["temperature"] = fields.temperature
+    if fields.excess is not None:
+        point_data[EXCESS] = fields.excess
     cell_data |= shearing
     _write_data(group, "PointData", point_data)
     _write_data(group, "CellData", cell_data | static)
     group["PointData/displacement"].attrs["unit"] = "m"
-    group["CellData/stress"].attrs["unit"] = "Pa"
+    for name in ("CellData/stress", f"PointData/{EXCESS}"):
+        if name in group:
+            group[name].attrs["unit"] = "Pa"
     if fields.temperature is not None:
         group["PointData/temperature"].attrs["unit"] = "degC"
     names = texts(tuple(fields.mesh.groups))
@@ -355,6 +363,9 @@ def read_fields(file: h5py.File) -> FieldSeries:
         present=cells.bools("present", states * rows).reshape(states, rows),
         yielded=cells.bools("yielded", states * rows).reshape(states, rows),
         temperature=temperature,
+        excess=points.floats(EXCESS, states * mesh.n_nodes).reshape(states, -1)
+        if EXCESS in points.group
+        else None,
     )
     if BALANCED not in cells.group:
         return shown

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from geoident.io.result.structure_lines import structure_lines
 from geoident.io.result.vtkhdf import (
+    EXCESS,
     LINE,
     balanced_cells,
     element_groups,
@@ -53,10 +54,10 @@ def write_vtu(
 ) -> None:
     """Writes what is present at a state.
 
-    Point data: ``displacement`` (m), ``temperature`` (degC) where heat is conducted. Cell data:
-    ``stress`` (Pa; xx yy zz xy yz xz, tension positive), its `principal_cells`, ``yielded``,
-    ``group`` (position among the element groups) and ``number``, that of the element in the mesh
-    file.
+    Point data: ``displacement`` (m), ``temperature`` (degC) where heat is conducted, and
+    ``excess_pore_pressure`` (Pa) where water takes time to leave. Cell data: ``stress`` (Pa; xx yy
+    zz xy yz xz, tension positive), its `principal_cells`, ``yielded``, ``group`` (position among
+    the element groups) and ``number``, that of the element in the mesh file.
 
     Args:
         fields: all states.
@@ -88,6 +89,8 @@ def write_vtu(
     at_points |= {k: v[state, kept] for k, v in moving.items()}
     if fields.temperature is not None:
         at_points["temperature"] = fields.temperature[state, kept]
+    if fields.excess is not None:
+        at_points[EXCESS] = fields.excess[state, kept]
     _write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
 
 

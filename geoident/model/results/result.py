@@ -652,6 +652,8 @@ class FieldSeries:
         yielded: (n_states, n_elements); none at states without equilibrium.
         last: what is known of states without equilibrium; None where there are none.
         temperature: (n_states, n_nodes) degC; None in a case that conducts no heat.
+        excess: (n_states, n_nodes) pressure of water in excess of that at rest, Pa; 0 in ground
+            that drains at once. None where no water takes time to leave.
     """
 
     mesh: Mesh
@@ -661,6 +663,7 @@ class FieldSeries:
     yielded: Bools
     last: LastStates | None = None
     temperature: Floats | None = None
+    excess: Floats | None = None
 
     @cached_property
     def shown(self) -> FieldSeries:

@@ -57,12 +57,15 @@ class StageTimes:
     def series(self) -> Floats | None:
         """(1 + n_stages,) days of all states, the virgin state first, for a series of pictures.
 
-        They increase, by a little where no time passes. None where they cannot: a time is not
-        known, or a stage begins before the one ahead of it ends.
+        They increase, by a little where no time passes. The end of all flow, which has no time,
+        comes a tenth of the whole later. None where they cannot increase: a stage begins before
+        the one ahead of it ends.
         """
         days = np.concatenate([[0.0], self.elapsed]) / DAY
+        known = int(np.isfinite(days).cumprod().sum())
+        days[known:] = days[known - 1] * (1.0 + 0.1 * np.arange(1, len(days) - known + 1))
         steps = np.diff(days)
-        if not np.isfinite(days).all() or (steps < 0.0).any():
+        if not days[known - 1] or (steps < 0.0).any():
             return None
         least = _APART * max(float(days[-1]), 1e-3)
         return np.concatenate([[0.0], np.cumsum(np.maximum(steps, least))])

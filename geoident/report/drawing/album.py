@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
+from geoident.report.drawing.fields.isochrones import isochrone_pictures
 from geoident.report.drawing.fields.mechanism import mechanism_picture
 from geoident.report.drawing.fields.motion import (
     displacement_pictures,
@@ -76,7 +77,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
     scene = scene_of(result)
     fields = opening_pictures(result)
     if scene is not None:
-        fields = (*varied_pictures(scene), *_field_pictures(scene))
+        fields = (*isochrone_pictures(scene), *varied_pictures(scene), *_field_pictures(scene))
         if result.mechanism is not None:
             fields = (mechanism_picture(result.mechanism, scene.axis_names), *fields)
     parts = (

@@ -19,7 +19,7 @@ from geoident.model.gauges import DAY, Channel, ReadingTable, named_channels
 from geoident.model.results.findings import Finding
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import ENOUGH
-from geoident.workflow.estimating.model_error_covariance import has_dates
+from geoident.workflow.estimating.model_error_covariance import has_dates, stage_clock
 
 SURE = 0.01
 """Chance below which residuals go together."""
@@ -78,11 +78,7 @@ def correlated_findings(
 
 def _in_time(case: Case, known: Sequence[tuple[str, str]]) -> Iterator[_Line]:
     """The readings of each channel from stage to stage."""
-    names = [stage.name for stage in case.stages]
-    ends = np.arange(len(names), dtype=np.float64)
-    if has_dates(case):
-        ends = np.array([case.times[name] for name in names])
-    at = {name: float(end) for name, end in zip(names, ends, strict=True)}
+    at = dict(zip(case.stage_names, stage_clock(case).tolist(), strict=True))
     of_channel: dict[str, list[int]] = {}
     for n, (name, _) in enumerate(known):
         of_channel.setdefault(name, []).append(n)

@@ -53,6 +53,9 @@ NOWHERE = 0.5
 """Correlation of the relative errors of two channels of which the case does not say where they are.
 """
 
+_IN_THE_END = 10.0
+"""When all water has drained, in parts of the time that has dates: it counts by its logarithm."""
+
 TIMES = 3.0
 """How often the correlation time goes into the time of the readings, without other word."""
 
@@ -331,15 +334,22 @@ def correlation_time(
 
 def _elapsed(case: Case, pairs: Sequence[tuple[str, str]]) -> Floats:
     """(g,) time from the zero of each reading to its stage: seconds, or stages without dates."""
-    names = case.stage_names
-    clock = np.arange(len(names), dtype=np.float64)
-    if has_dates(case):
-        clock[1:] = [case.times[name] for name in names[1:]]
-        clock[0] = case.times.get(names[0], clock[1:].min())
+    names, clock = case.stage_names, stage_clock(case)
     zero = {channel.name: clock[case.zero_of(channel)] for channel in case.channels}
     state = dict(zip(names, clock.tolist(), strict=True))
     since = [state[stage] - zero[channel] for channel, stage in pairs]
     return np.maximum(np.array(since, dtype=np.float64), 0.0)
+
+
+def stage_clock(case: Case) -> Floats:
+    """(n_states,) when each state is, s; their numbers where not all of them have dates."""
+    names = case.stage_names
+    if not has_dates(case):
+        return np.arange(len(names), dtype=np.float64)
+    known = [case.times[name] for name in names[1:] if name in case.times]
+    begin = case.times.get(names[0], min(known))
+    end = begin + _IN_THE_END * (max(known) - begin)
+    return np.array([begin, *(case.times.get(name, end) for name in names[1:])])
 
 
 def errs_in_common(case: Case) -> bool:
@@ -353,8 +363,12 @@ def errs_in_common(case: Case) -> bool:
 
 
 def has_dates(case: Case) -> bool:
-    """Whether dates, or durations, say when all stages are."""
-    return all(stage.name in case.times for stage in case.stages)
+    """Whether dates, or durations, say when all stages are.
+
+    A stage without duration beside stages that last is the end of all flow: it has no date.
+    """
+    timed = [stage for stage in case.stages if stage.lasts is not None or not case.lasts]
+    return all(stage.name in case.times for stage in timed)
 
 
 @dataclass

@@ -99,7 +99,10 @@ def _telling(
     """Readings at each stage that comes before: of the gauge itself, and of the best other one."""
     row, stage = _place(condition, gauges)
     unread = np.isfinite(prediction.sd) & np.isnan(gauges.measured)
-    later = np.flatnonzero(~gauges.used.any(axis=0))
+    used = gauges.used.any(axis=0)
+    later = np.flatnonzero(~used)
+    if case.lasts:  # moments between those that were read are past
+        later = later[later > np.flatnonzero(used).max(initial=-1)]
     for before in later[later < stage].tolist():
         rows = np.flatnonzero(unread[:, before])
         parts = np.array_split(rows, 1 + len(rows) // _TOGETHER)

@@ -92,7 +92,7 @@ TIMES = np.array([0.02, 0.05, 0.1, 0.2, 0.5, 1.0])
 
 
 @pytest.mark.parametrize("kind", ["quad8", "tri6", "about quad8", "about tri6", "hex20", "tet10"])
-def test_a_column_is_terzaghis(tmp_path, kind):
+def test_a_column_is_terzaghis(tmp_path, verification, kind):
     closed = Terzaghi(**COMPRESSIBLE, h=10.0, q=1e5)
     times = TIMES * closed.h**2 / closed.c
     path = column(tmp_path, kind, 20, times[-1], **COMPRESSIBLE)
@@ -100,6 +100,35 @@ def test_a_column_is_terzaghis(tmp_path, kind):
     np.testing.assert_allclose(settlement, closed.settlement(TIMES), atol=1e-3 * closed.end)
     np.testing.assert_allclose(foot, closed.pressure(0.0, TIMES), atol=2e-3 * closed.p0)
     np.testing.assert_allclose(middle, closed.pressure(5.0, TIMES), atol=2e-3 * closed.p0)
+    verification("terzaghi", kind, TIMES, exact=closed.pressure(0.0, TIMES), found=foot)
+    settled = closed.settlement(TIMES)
+    verification("terzaghi-settlement", kind, TIMES, exact=settled, found=settlement)
+
+
+@pytest.mark.parametrize(("kind", "cells"), [("quad8", (3, 6, 12, 24)), ("tri6", (3, 6, 12, 24))])
+def test_errors_of_a_column_fall_with_its_elements(tmp_path, verification, kind, cells):
+    """The pressure in the middle, soon after the load."""
+    closed, T = Terzaghi(**COMPRESSIBLE, h=10.0, q=1e5), np.array([0.1])
+    time = T[0] * closed.h**2 / closed.c
+    found = [
+        read(column(tmp_path, kind, n, time, **COMPRESSIBLE), overrides=("time_steps=24",))[2, 0]
+        for n in cells
+    ]
+    exact = closed.pressure(5.0, T)[0]
+    errors = np.abs(np.array(found) / exact - 1.0)
+    assert (errors[:-1] > 3.0 * errors[1:]).all()
+    verification("terzaghi-elements", kind, cells, exact=exact, found=found)
+
+
+def test_errors_of_a_column_fall_with_its_steps(tmp_path, verification):
+    closed, T = Terzaghi(**COMPRESSIBLE, h=10.0, q=1e5), np.array([0.1])
+    time, steps = T[0] * closed.h**2 / closed.c, (1, 2, 3, 6, 12)
+    path = column(tmp_path, "quad8", 40, time, **COMPRESSIBLE)
+    found = [read(path, overrides=(f"time_steps={n}",))[2, 0] for n in steps]
+    exact = closed.pressure(5.0, T)[0]
+    assert abs(found[-1] / exact - 1.0) < 5e-4
+    assert abs(found[0] / exact - 1.0) > 3.0 * abs(found[1] / exact - 1.0)
+    verification("terzaghi-steps", "", steps, exact=exact, found=found)
 
 
 MANDEL = """\
@@ -140,7 +169,7 @@ def mandel(E, nu, k, S, biot, times, q):
     return pressure(0.0), pressure(0.6), out, 0.1 * fall
 
 
-def test_a_plate_is_mandels_and_pressures_rise_first(tmp_path):
+def test_a_plate_is_mandels_and_pressures_rise_first(tmp_path, verification):
     constants = {"E": 1.8e6, "nu": 0.2, "k": 1e-8, "S": 1e-7, "biot": 0.9}
     c = 1e-8 / GAMMA_W / (1e-7 + 0.81 / stiffness(1.8e6, 0.2)[2])
     times = np.array([0.002, 0.01, 0.02, 0.05, 0.1, 0.3, 1.0]) / c
@@ -156,6 +185,8 @@ def test_a_plate_is_mandels_and_pressures_rise_first(tmp_path):
         np.testing.assert_allclose(one, other, atol=3e-3 * np.abs(other).max())
     assert found[0].argmax() == 3
     assert found[0].max() > 1.02 * found[0][0]
+    for n, place in enumerate(("in the middle", "at 0.6 of the half width")):
+        verification("mandel", place, c * times, exact=wanted[n], found=found[n])
 
 
 ROUND = """\
@@ -211,7 +242,7 @@ def roots(function):
     ],
 )
 def test_a_ball_and_a_cylinder_have_the_pressures_of_cryer_and_de_leeuw(
-    tmp_path, analysis, closed, nu, error
+    tmp_path, verification, analysis, closed, nu, error
 ):
     constants = {"E": 1e7, "nu": nu, "k": 1e-8, "S": 1e-12, "biot": 1.0}
     c = 1e-8 / GAMMA_W * stiffness(1e7, nu)[2]
@@ -230,3 +261,6 @@ def test_a_ball_and_a_cylinder_have_the_pressures_of_cryer_and_de_leeuw(
     (found,) = read(path, {"load": T[:-1] / c})
     np.testing.assert_allclose(found / 1e5, closed(nu, T), atol=error * closed(nu, T).max())
     assert found.max() > 1.1e5  # Cryer's rise above the load
+    variant = f"{analysis}, nu {nu}"
+    entry = "cryer" if closed is cryer else "de-leeuw"
+    verification(entry, variant, T, exact=1e5 * closed(nu, T), found=found)

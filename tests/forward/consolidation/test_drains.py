@@ -64,7 +64,7 @@ def rate(grid, k_h):
 
 @pytest.mark.parametrize(("drains", "grid", "k_h"), GRIDS)
 def test_water_that_flows_to_drains_alone_leaves_as_barron_and_hansbo_say(
-    tmp_path, drains, grid, k_h
+    tmp_path, verification, drains, grid, k_h
 ):
     t = np.array([0.1, 0.3, 1.0, 2.0]) / rate(grid, k_h)
     path = column(tmp_path, drains, **{"200 d": f"{t[-1]} s"})
@@ -74,9 +74,11 @@ def test_water_that_flows_to_drains_alone_leaves_as_barron_and_hansbo_say(
     np.testing.assert_allclose(foot, Q * first * left, atol=1e-3 * Q)
     np.testing.assert_allclose(middle, foot, rtol=1e-6)
     np.testing.assert_allclose(settlement, (Q * H / M) * (1.0 - first * left), rtol=1e-3)
+    variant = drains.partition(", permeability")[0].replace("smear_ratio: ", "").replace(": ", " ")
+    verification("barron", variant, t / 86400.0, exact=Q * first * left, found=foot)
 
 
-def test_both_ways_go_together_as_carrillo_says(tmp_path):
+def test_both_ways_go_together_as_carrillo_says(tmp_path, verification):
     drains, grid, k_h = GRIDS[2]
     c_v = 1e-10 / GAMMA_W / (2e-8 + 1.0 / M)
     t = np.array([0.02, 0.05, 0.1, 0.3]) * H**2 / c_v
@@ -91,7 +93,9 @@ def test_both_ways_go_together_as_carrillo_says(tmp_path):
     assert 0.1 < aside[-1] < 0.9
     np.testing.assert_allclose(foot, Q * first * below * aside, atol=2e-3 * Q)
     whole = Q * H / M
-    np.testing.assert_allclose(settlement, whole * (1.0 - first * mean * aside), atol=2e-3 * whole)
+    settled = whole * (1.0 - first * mean * aside)
+    np.testing.assert_allclose(settlement, settled, atol=2e-3 * whole)
+    verification("carrillo", "", t / 86400.0, exact=settled, found=settlement)
 
 
 CELL = """\

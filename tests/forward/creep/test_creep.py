@@ -69,7 +69,7 @@ def burgers_tunnel(days, ks):
     return np.array(u)
 
 
-def test_a_lined_tunnel_in_burgers_rock(tmp_path):
+def test_a_lined_tunnel_in_burgers_rock(tmp_path, verification):
     """The ring takes nothing of what crept before, and its share of all that comes after."""
     path = write_tunnel(tmp_path, TUNNEL.replace("CREEP", BURGERS))
     model = model_at(path, {"dig": [DAY, 5 * DAY], "line": [(d - 10) * DAY for d in DAYS]})
@@ -78,21 +78,25 @@ def test_a_lined_tunnel_in_burgers_rock(tmp_path):
     exact = burgers_tunnel(days, ks)
     found = computed(model)[0, 1:]
     np.testing.assert_allclose(found, exact, rtol=2e-4)
+    verification("burgers-tunnel", "", days, exact=exact, found=found)
     unlined = P * RADIUS / 2 * (1 / GM + DAY / ETA_M - np.expm1(-GK * DAY / ETA_K) / GK)
     assert exact[0] == pytest.approx(unlined, rel=1e-12)
 
 
-def test_steps_in_time_are_of_second_order(tmp_path):
+def test_steps_in_time_are_of_second_order(tmp_path, verification):
     """Error against very many steps, of a tunnel whose ring takes most of what creeps."""
     path = write_tunnel(
         tmp_path, TUNNEL.replace("CREEP", BURGERS).replace("20 GPa", "200 GPa"), cells=8
     )
     model = model_at(path, {"line": [30 * DAY, 365 * DAY]})
     fine = computed(model, finer=8)[0, 3:]
-    errors = [np.abs(computed(model, finer=k)[0, 3:] / fine - 1.0).max() for k in (1, 2, 4)]
+    runs = [computed(model, finer=k)[0, 3:] for k in (1, 2, 4)]
+    errors = [np.abs(run / fine - 1.0).max() for run in runs]
     assert errors[0] < 3e-4
     assert errors[0] / errors[1] > 3.0
     assert errors[1] / errors[2] > 3.0
+    first = [run[0] for run in runs]
+    verification("burgers-steps", "", [3, 6, 12], exact=fine[0], found=first)
 
 
 def bar(tmp_path, creep, moments, **changes):
@@ -110,10 +114,12 @@ ELASTIC = 1e6 * (1 - 0.2**2) / 10e9
 """Strain of the bar in plane strain."""
 
 
-def test_a_kelvin_bar(tmp_path):
+def test_a_kelvin_bar(tmp_path, verification):
     days = np.array([0.1, 3.0, 30.0, 100.0])
     found = bar(tmp_path, "{share: 0.8, time: 20 d}", days[:-1])
-    np.testing.assert_allclose(found[0], ELASTIC * (1 - 0.8 * np.expm1(-days / 20)), rtol=1e-4)
+    exact = ELASTIC * (1 - 0.8 * np.expm1(-days / 20))
+    np.testing.assert_allclose(found[0], exact, rtol=1e-4)
+    verification("kelvin-bar", "", days, exact=exact, found=found[0])
     np.testing.assert_allclose(found[1] / found[0], -0.2 / 0.8, rtol=1e-9)
 
 
@@ -136,7 +142,7 @@ def test_creep_in_shear_and_in_volume(tmp_path, part):
     np.testing.assert_allclose(found, [1e6 / (2 * G) * grown, -1e6 / (2 * G) * grown], rtol=1e-5)
 
 
-def test_a_bar_relaxes(tmp_path):
+def test_a_bar_relaxes(tmp_path, verification):
     """Held at its length, the stress of a Maxwell bar dies away; steps do not swing."""
     held = "supports: {x1: {x: 0.1 mm}}"
     eta = 10e9 / 2.4 * 5 * DAY  # G T
@@ -147,9 +153,10 @@ def test_a_bar_relaxes(tmp_path):
     )  # fmt: skip
     stress = 1e-4 * 10e9 / (1 - 0.2**2) * np.exp(-days / 5)
     np.testing.assert_allclose(found[2], stress, rtol=1e-3, atol=2e-4 * stress[0])
+    verification("relaxation", "", days, exact=stress, found=found[2])
 
 
-def test_logarithmic_creep_under_steps_of_stress(tmp_path):
+def test_logarithmic_creep_under_steps_of_stress(tmp_path, verification):
     """Each step of stress creeps with the logarithm of its own time."""
     text = BAR.replace("CREEP", "{share: 0.3, time: 2 h, law: logarithmic}")
     text += ""
@@ -168,7 +175,9 @@ def test_logarithmic_creep_under_steps_of_stress(tmp_path):
         return ELASTIC * sum(at)
 
     t = [0.01, 1.0, 10.0, 100.0, 100.1, 130.0, 400.0, 400.1, 430.0, 1400.0]
-    np.testing.assert_allclose(found, [strain(x) for x in t], rtol=2e-3)
+    exact = [strain(x) for x in t]
+    np.testing.assert_allclose(found, exact, rtol=2e-3)
+    verification("logarithmic-creep", "", t, exact=exact, found=found)
 
 
 def test_a_stage_without_duration_is_the_end_of_creep(tmp_path):
@@ -343,13 +352,14 @@ def test_young_concrete_strains_by_its_modulus_when_it_is_loaded(tmp_path, agein
 
 
 @pytest.mark.parametrize("ageing", LAWS)
-def test_strain_that_comes_evenly_meets_the_modulus_of_each_day(tmp_path, ageing):
+def test_strain_that_comes_evenly_meets_the_modulus_of_each_day(tmp_path, verification, ageing):
     found = cast(tmp_path, ageing, "supports: {x1: {x: 0.1 mm}}, over: 50 d")[2, [1, 2]]
     days = np.linspace(7.0, 57.0, 20001)
     E = LAWS[ageing](days)
     part = np.concatenate([[0.0], np.cumsum(0.5 * (E[1:] + E[:-1]) * np.diff(days) / 50.0)])
     exact = 1e-4 * 10e9 / (1 - 0.2**2) * np.interp([37.0, 57.0], days, part)
     np.testing.assert_allclose(found, exact, rtol=1e-3)
+    verification("ageing", ageing[1:-1], [37.0, 57.0], exact=exact, found=found)
 
 
 BEAM_RING = TUNNEL.replace("install: {shell: ring}", "build: [ring]").replace(
@@ -366,7 +376,7 @@ gauges:""",
 )  # fmt: skip
 
 
-def test_a_lining_that_hardens_as_it_is_squeezed(tmp_path):
+def test_a_lining_that_hardens_as_it_is_squeezed(tmp_path, verification):
     """Kelvin rock on a thin ring, p' = E(t) h / R^2 u': against another integration in time."""
     path = write_tunnel(tmp_path, BEAM_RING.replace("CREEP", "{share: 2, time: $tau, in: shear}"))
     model = model_at(path, {"line": [DAY, 5 * DAY, 30 * DAY]})
@@ -385,7 +395,9 @@ def test_a_lining_that_hardens_as_it_is_squeezed(tmp_path):
     begin, end = [begun, 0.0], 3640 * DAY
     solution = solve_ivp(rate, (0, end), begin, "Radau", days * DAY, rtol=1e-8, atol=1e-9)
     strain, pressure = solution.y
-    np.testing.assert_allclose(found[0], half * ((P - pressure) / GM + strain), rtol=1e-3)
+    exact = half * ((P - pressure) / GM + strain)
+    np.testing.assert_allclose(found[0], exact, rtol=1e-3)
+    verification("hardening-lining", "", days, exact=exact, found=found[0])
     assert pressure[-1] > 0.2 * P
     coarse = write_tunnel(tmp_path, path.read_text(), cells=3)
     assert_exact(model_at(coarse, {"line": [DAY, 30 * DAY]}), 2)

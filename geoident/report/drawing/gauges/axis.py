@@ -109,7 +109,8 @@ def stage_axis(result: Result) -> StageAxis:
     """Dates of the stages, from the case or else from their readings; numbers if any has none.
 
     Where stages last: the logarithm of the time since its beginning if there is but one, else
-    dates, or days since the case began.
+    dates, or days since the case began. One without duration, the end of all flow, has no date
+    then and is not shown.
     """
     stages = result.gauges.stages
     times, dates = result.gauges.times, stage_dates(result)
@@ -118,13 +119,15 @@ def stage_axis(result: Result) -> StageAxis:
         alone = _of_one_stage(stages, times, dates)
         if alone is not None:
             return alone
-    in_order = len(dates) > 1 and np.isfinite(dates).all() and bool((np.diff(dates) >= 0.0).all())
-    if in_order and np.ptp(dates) > 0.0:
+    known = np.isfinite(dates)
+    if times is None and not known.all():
+        known[:] = False
+    if known.sum() > 1 and (np.diff(dates[known]) >= 0.0).all() and np.ptp(dates[known]) > 0.0:
         every = np.r_[dates, result.gauges.readings.time] / _DAY
         span = float(np.nanmin(every)), float(np.nanmax(every))
         at = dates / _DAY
-        named = list(stages) != [date_text(date) for date in dates.tolist()]
-        marks = {number: float(at[n]) for number, n in enumerate(ends, 1) if named}
+        named = not known.all() or list(stages) != [date_text(date) for date in dates.tolist()]
+        marks = {number: float(at[n]) for number, n in enumerate(ends, 1) if named and known[n]}
         return StageAxis(stages, at, dated=True, ends=span, marks=marks)
     if times is not None and times.series is not None:
         at = times.elapsed / _DAY
