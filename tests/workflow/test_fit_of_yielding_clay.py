@@ -81,7 +81,7 @@ def test_strength_modulus_and_permeability_are_found_and_later_readings_predicte
     assert "converged" in said.stderr
     found = read_result(str(tmp_path / "case.fit.h5")).parameters
     for name, right in (("c", 7e3), ("E", 3e6), ("k", 1e-9)):
-        # steps of one each length and elements twice as large make c 8 % lower
+        # one step of each length, and larger elements, make c 8 % lower
         assert found[name].value == pytest.approx(right, rel=0.2)
     said = run_command("predict", str(tmp_path / "case.fit.h5"))
     later = read_result(str(tmp_path / "case.predict.h5")).predictions
