@@ -218,7 +218,7 @@ class StepEquations:
         carried: by ground that creeps or yields, at the beginning of the stage.
         gamma: where the parts of a step meet.
         yielded: (n_points,) which strain points yielded since it was last set.
-        n_parts: of all steps of the stage.
+        n_parts: number of the parts of all steps of the stage, about.
     """
 
     def __init__(

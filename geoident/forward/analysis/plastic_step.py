@@ -176,7 +176,7 @@ class WarmStart:
         origin = values if searched or nearest is None else nearest.searched
         slopes = du[:, 1 : 1 + task.n].copy()
         each = task.forces.shape[0] * (1 + task.n + len(flow)) or 1
-        fewest, shared = (_FEWEST, 1) if task.water is None else (1, task.water.shared)
+        fewest, shared = (_FEWEST, 1) if task.water is None else (1, task.water.n_parts)
         most = max(fewest, _KEPT // (shared * each))
         kept = self._known.setdefault(_key(task), deque())
         while len(kept) >= most:

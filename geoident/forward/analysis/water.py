@@ -140,7 +140,7 @@ class WaterInPart:
         blocks: the matrices; None where no pressure is free.
         span: when the part begins and ends, s since the beginning of the stage.
         loaded: parts of what the stage does that have come when it begins and ends.
-        shared: parts of steps that the stage has in all.
+        n_parts: number of the parts of all steps of the stage, about.
     """
 
     operators: PoreOperators
@@ -150,7 +150,7 @@ class WaterInPart:
     blocks: PoreBlocks | None
     span: tuple[float, float]
     loaded: tuple[float, float]
-    shared: int = 1
+    n_parts: int = 1
 
     @property
     def n_nodes(self) -> int:
