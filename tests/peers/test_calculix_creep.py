@@ -44,17 +44,18 @@ gauges:
 
 def cylinder():
     """A quarter: first axis the radius, second the angle; grouped into the ring and the rock."""
-    mesh = box("hex20", (5, 3, 1))
+    mesh = box("hex20", (5, 2, 1))
     r = np.interp(mesh.points[:, 0], [0.0, 0.2, 1.0], [INNER, MIDDLE, OUTER])
     angle = 0.5 * np.pi * mesh.points[:, 1]
     points = np.column_stack([r * np.cos(angle), r * np.sin(angle), mesh.points[:, 2]])
-    return replace(
-        regroup(mesh, ring=lambda x: x[:, 0] < 0.2, rock=lambda x: x[:, 0] > 0.2), points=points
-    )
+    return replace(regroup(mesh, ring=lambda x: x[:, 0] < 0.2), points=points)
 
 
 @pytest.mark.skipif(calculix.PROGRAM is None, reason=calculix.REMEDY)
-@pytest.mark.parametrize("law", list(CREEP))
+@pytest.mark.parametrize(
+    "law",
+    ["Maxwell", *(pytest.param(law, marks=pytest.mark.slow) for law in ("Kelvin", "Burgers"))],
+)
 def test_a_cylinder_that_creeps_equals_calculix(law, tmp_path, verification):
     """The ring takes over what the rock around it gives up, so stress moves while it creeps."""
     mesh = cylinder()
@@ -80,13 +81,14 @@ def test_a_cylinder_that_creeps_equals_calculix(law, tmp_path, verification):
         # each has its part of K as of G: nu is theirs all
         "rock": [(2 * g * (1 + NU), NU, eta) for g, eta in chains],
     }
-    peer = np.array([run(model, parts, tmp_path, steps, nodes) for steps in (12, 24)])
-    extrapolated = 2.0 * peer[1] - peer[0]
-    np.testing.assert_allclose(ours, extrapolated, rtol=5e-3)
-    print(law, np.abs(ours / extrapolated - 1).max(), np.abs(peer[0] / peer[1] - 1).max())
-    verification(
-        "calculix-creep", law, [f"{d:g}" for d in (0.0, *DAYS)], exact=extrapolated[0], found=ours[0]
-    )
+    few, many = (run(model, parts, tmp_path, steps, nodes) for steps in (6, 12))
+    exact = 2.0 * many - few
+    np.testing.assert_allclose(ours, exact, rtol=5e-4)
+    # backward Euler comes nearer to what is ours as its steps do
+    gap = [np.abs(peer - ours)[:, 1:].max() for peer in (few, many)]
+    assert 1.7 < gap[0] / gap[1] < 2.3
+    days = [f"{day:g}" for day in (0.0, *DAYS)]
+    verification("calculix-creep", law, days, exact=exact[0], found=ours[0])
 
 
 def run(model, parts, folder, steps, nodes):

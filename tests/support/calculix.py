@@ -223,17 +223,17 @@ def write_creep(
                     words = [str(number), *(str(n + 1) for n in block.nodes[e])]
                     out.write(",".join(words[:12]) + ",\n" + ",".join(words[12:]) + "\n")
                 first += len(staged.mesh.groups[group])
-                out.write(f"*MATERIAL, NAME={name}\n*ELASTIC\n{E!r},{nu!r}\n")
+                out.write(f"*MATERIAL, NAME={name}\n*ELASTIC\n{E:.12e},{nu!r}\n")
                 if np.isfinite(viscosity):  # the rate is A q^1 t^0, and s = 2 eta e'
-                    out.write(f"*CREEP\n{1.0 / (3.0 * viscosity)!r},1.,0.\n")
+                    out.write(f"*CREEP\n{1.0 / (3.0 * viscosity):.12e},1.,0.\n")
                 out.write(f"*SOLID SECTION, ELSET={name}, MATERIAL={name}\n")
         out.write("*BOUNDARY\n")
         for dof in np.flatnonzero(fixed_dofs(staged.on_mesh)):
             out.write(f"{dof // 3 + 1},{dof % 3 + 1},{dof % 3 + 1}\n")
         _write_step(staged, 1, {}, "", False, out)
         for span in np.diff([0.0, *days]).tolist():
-            out.write("*STEP, INC=100000\n*VISCO, DIRECT\n")
-            out.write(f"{span / steps!r},{span!r}\n")
+            out.write("*STEP, INC=100000\n*VISCO, DIRECT, CETOL=1.\n")
+            out.write(f"{span / steps:.12e},{span:.12e}\n")
             out.write(f"*NODE PRINT, NSET=ALL, FREQUENCY={steps}\nU\n*END STEP\n")
 
 
@@ -257,4 +257,5 @@ def side_by_side(
     other = poles[::-1]
     # the relaxation is G (eta_K s + G_K) s / (eta_K (s - one) (s - other))
     springs = G * (eta_K * poles + G_K) / (eta_K * (poles - other))
-    return [(float(g), float(-g / pole) if pole else np.inf) for g, pole in zip(springs, poles)]
+    pairs = zip(springs, poles, strict=True)
+    return [(float(g), float(-g / pole) if pole else np.inf) for g, pole in pairs]
