@@ -121,34 +121,50 @@ class CreepStep:
             strains: q (k, s, q, c).
         """
         parts = self.chain.parts.astype(float)
-        faded, n = self.faded.columns, self.faded.columns.shape[1]
         weights = self.flow.columns + parts.T @ (self.faded * self.chain.shares).columns
         z = scaled(weights, driving)
-        z -= np.tensordot(faded[:, 0], strains, axes=1)
-        z[..., 1:n] -= np.moveaxis(np.tensordot(faded[:, 1:].T, strains[..., 0], axes=1), 0, -1)
+        fades = column_matrices(self.faded.columns, driving.shape[-1])
+        for one, fade in zip(strains, fades, strict=True):
+            z -= one @ fade
         return z
 
-    def advance(self, strains: Floats, driving: Floats, change: Floats) -> None:
-        """Bring strains q (k, s, q, c) to the end of the step, in place.
+    def advanced(self, strains: Floats, driving: Floats, change: Floats) -> Floats:
+        """Strains q (k, s, q, c) at the end of the step.
 
         Args:
             strains: at its beginning.
             driving: d (s, q, c) there.
             change: of the stress (s, q, c) in the step.
         """
-        to_come = (self.faded * self.chain.shares).columns
-        strains -= times(_of_elements(self.faded.columns), strains)
-        for part in np.unique(self.chain.parts, axis=0):
-            own = np.all(self.chain.parts == part, axis=1)
-            of_part = np.stack([part.astype(float), np.zeros(2)], axis=1)  # without derivatives
-            begun, grew = (scaled(of_part, values)[None] for values in (driving, change))
-            strains[own] += times(_of_elements(to_come[own]), begun)
-            strains[own] += times(_of_elements(self.taken.columns[own]), grew)
+        c = driving.shape[-1]
+        stays = column_matrices((self.faded * -1.0 + 1.0).columns, c)
+        by_driving = column_matrices((self.faded * self.chain.shares).columns, c)
+        by_change = column_matrices(self.taken.columns, c)
+        weights = np.concatenate([by_driving, by_change], axis=1)
+        both = {  # driving and its change, in the part of the stress that makes elements creep
+            part: np.concatenate(
+                [scaled(np.array(part)[:, None], values) for values in (driving, change)], axis=-1
+            )
+            for part in {(float(shear), float(volume)) for shear, volume in self.chain.parts}
+        }
+        end = np.empty_like(strains)
+        for n, (shear, volume) in enumerate(self.chain.parts):
+            np.matmul(strains[n], stays[n], out=end[n])
+            end[n] += both[float(shear), float(volume)] @ weights[n]
+        return end
 
 
-def _of_elements(numbers: Floats) -> Floats:
-    """Numbers (k, 1 + n) of elements, to be multiplied with values (k, s, q, c)."""
-    return numbers[:, None, None]
+def column_matrices(numbers: Floats, c: int) -> Floats:
+    """Numbers (k, 1 + n) as matrices (k, c, c) that multiply the columns of values from the right.
+
+    The first column is a value, n are its derivatives; what else there is of c are no derivatives
+    of the numbers: they are multiplied by their values. One product with such a matrix takes the
+    place of several passes over the values of a chain.
+    """
+    k, n = numbers.shape
+    matrices = numbers[:, :1, None] * np.eye(c)
+    matrices[:, 0, 1:n] = numbers[:, 1:]
+    return np.asarray(matrices.reshape(k, c, c))
 
 
 def times(number: Floats, values: Floats) -> Floats:

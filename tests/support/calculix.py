@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -188,3 +188,74 @@ def _write_initial_stress(staged: StagedModel, values, present: np.ndarray, out)
             for q in range(n_points):
                 out.write(f"{first + e + 1},{q + 1},{text}\n")
         first += len(block)
+
+
+def write_creep(
+    staged: StagedModel,
+    path: Path,
+    parts: Mapping[str, Sequence[tuple[float, float, float]]],
+    days: Sequence[float],
+    steps: int,
+) -> None:
+    """Write the first stage of a solid that creeps in shear, in time; displacements at some days.
+
+    CalculiX knows Norton's law alone, with the exponent 1 a dashpot in a row with the elastic
+    spring. Elements of several such materials on the same nodes stand side by side: their stresses
+    add up to that of a chain in a row (see `side_by_side`).
+
+    Args:
+        staged: the model.
+        path: of the input.
+        parts: element group to what stands side by side in it: E, nu, and the viscosity in shear,
+            Pa d; infinite for elastic.
+        days: at which displacements are printed, since the load.
+        steps: of the first span of time; later spans have as many.
+    """
+    (block,) = staged.mesh.blocks
+    with path.open("w") as out:
+        _write_nodes(staged, out)
+        first = 1
+        for group, materials in parts.items():
+            for k, (E, nu, viscosity) in enumerate(materials):
+                name = f"{group}{k}"
+                out.write(f"*ELEMENT, TYPE={TYPES[block.kind]}, ELSET={name}\n")
+                for number, e in enumerate(staged.mesh.groups[group], first):
+                    words = [str(number), *(str(n + 1) for n in block.nodes[e])]
+                    out.write(",".join(words[:12]) + ",\n" + ",".join(words[12:]) + "\n")
+                first += len(staged.mesh.groups[group])
+                out.write(f"*MATERIAL, NAME={name}\n*ELASTIC\n{E:.12e},{nu!r}\n")
+                if np.isfinite(viscosity):  # the rate is A q^1 t^0, and s = 2 eta e'
+                    out.write(f"*CREEP\n{1.0 / (3.0 * viscosity):.12e},1.,0.\n")
+                out.write(f"*SOLID SECTION, ELSET={name}, MATERIAL={name}\n")
+        out.write("*BOUNDARY\n")
+        for dof in np.flatnonzero(fixed_dofs(staged.on_mesh)):
+            out.write(f"{dof // 3 + 1},{dof % 3 + 1},{dof % 3 + 1}\n")
+        _write_step(staged, 1, {}, "", False, out)
+        for span in np.diff([0.0, *days]).tolist():
+            out.write("*STEP, INC=100000\n*VISCO, DIRECT, CETOL=1.\n")
+            out.write(f"{span / steps:.12e},{span:.12e}\n")
+            out.write(f"*NODE PRINT, NSET=ALL, FREQUENCY={steps}\nU\n*END STEP\n")
+
+
+def side_by_side(
+    G: float, kelvin: tuple[float, float], viscosity: float
+) -> list[tuple[float, float]]:
+    """Two springs with dashpots (G, eta) side by side that relax as a chain of Burgers does.
+
+    The chain has the compliance 1 / G + 1 / (eta s) + 1 / (G_K + eta_K s) by s; its reciprocal, by
+    partial fractions, is the sum of G s / (s + G / eta).
+
+    Args:
+        G: of its spring.
+        kelvin: G_K and eta_K.
+        viscosity: eta of its dashpot; infinite for none.
+    """
+    G_K, eta_K = kelvin
+    fluid = 1.0 / viscosity
+    # the compliance by G eta_K s (s + G_K / eta_K), as a polynomial of s
+    poles = np.roots([eta_K, G_K + G + G * eta_K * fluid, G * G_K * fluid])
+    other = poles[::-1]
+    # the relaxation is G (eta_K s + G_K) s / (eta_K (s - one) (s - other))
+    springs = G * (eta_K * poles + G_K) / (eta_K * (poles - other))
+    pairs = zip(springs, poles, strict=True)
+    return [(float(g), float(-g / pole) if pole else np.inf) for g, pole in pairs]

@@ -16,7 +16,7 @@ from geoident.fem.creep import CreepStep, scaled, scaling_matrices
 from geoident.fem.elasticity import Moduli, PointwiseModuli, ScaledModuli, UniformModuli
 from geoident.forward.creep.chain import ChainMaker, grown
 from geoident.forward.ground.elasticity import MaterialModuli, ModeSlopes, ModuliAt
-from geoident.forward.stages import CaseOnMesh, Index, numbers
+from geoident.forward.stages import CaseOnMesh, Index, as_index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.creep import Ageing
 from geoident.model.dual import Dual, ParameterPoint
@@ -151,6 +151,11 @@ def _count(moduli: Moduli) -> int:
     return int(moduli.entries.shape[-1])
 
 
+def _places(every: Ints, some: Ints) -> Index:
+    """Where some points (p,) stand among every point (q,) of a material, both ascending."""
+    return as_index(np.isin(every, some))
+
+
 @dataclass(frozen=True, eq=False)
 class CreepInStep:
     """What creeps in one step, between its beginning and its end.
@@ -168,7 +173,7 @@ class CreepInStep:
     key: Hashable
     h: float
     members: Mapping[str, Dual]
-    before: Mapping[str, tuple[Index, Ints, CreepStep, Floats]]
+    before: Mapping[str, tuple[Index, Index, CreepStep, Floats]]
 
     def end(self, stress: Floats, carried: CreepStrains) -> None:
         """Bring the strains of the elements to the end of the step.
@@ -179,9 +184,8 @@ class CreepInStep:
         """
         for material, (points, places, step, driving) in self.before.items():
             change = stress[:, points] - carried.at_rest[:, points] - driving
-            strains = carried.strains[material][:, :, places]
-            step.advance(strains, driving, change)
-            carried.strains[material][:, :, places] = strains
+            strains = carried.strains[material]
+            strains[:, :, places] = step.advanced(strains[:, :, places], driving, change)
         if np.isfinite(self.h):
             carried.time += self.h
 
@@ -239,7 +243,7 @@ class CreepSteps:
             h: size, s; infinite for all the time that creep takes.
         """
         stiffness: dict[str, Dual] = {}
-        before: dict[str, tuple[Index, Ints, CreepStep, Floats]] = {}
+        before: dict[str, tuple[Index, Index, CreepStep, Floats]] = {}
         key: list[Hashable] = [h]
         for name, points in points_of.items():
             growth = self._growth(name, carried, points, h)
@@ -247,7 +251,7 @@ class CreepSteps:
                 key.append(growth.value.tobytes())
             if name in self._chains:
                 step = self._chains[name].step(h)
-                places = np.searchsorted(carried.points[name], numbers(points, stress.shape[1]))
+                places = _places(carried.points[name], numbers(points, stress.shape[1]))
                 driving = stress[:, points] - carried.at_rest[:, points]
                 past = step.history(driving, carried.strains[name][:, :, places])
                 stiffness[name] = step.stiffness(growth)

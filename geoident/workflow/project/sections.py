@@ -12,6 +12,7 @@ import numpy as np
 
 from geoident.errors import GeoidentError, Interrupted, ModelError
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
+from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel
 from geoident.identify.problem.responses import HasDifferences, HasIncrements
 from geoident.identify.problem.shared_errors import SharedErrors
@@ -40,6 +41,13 @@ from geoident.workflow.estimating.model_error_covariance import (
 )
 from geoident.workflow.estimating.search import SearchState, estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
+from geoident.workflow.estimating.step_error import (
+    counts_alone,
+    step_error,
+    steps_sentence,
+    takes_steps,
+    with_step_error,
+)
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.control import Control
@@ -204,7 +212,7 @@ class PreparedSection:
         alone: (3, n) the same where it determines them, lower and upper ends of 95 %; else NaN.
         status: how its own fit ended; empty where there was none.
         notes: sentences.
-        findings: on the residuals of its own fit.
+        findings: on the residuals of its own fit, and on errors of what is computed.
         mistaken: mistakes in its readings and priors that its own fit shows.
     """
 
@@ -423,6 +431,20 @@ class _OneSection:
             for one in found
         )
 
+    def _computed(self, setup: Setup) -> tuple[Finding, ...]:
+        """Errors by the mesh and the steps in time that its own fit counts: the project does, too.
+
+        Args:
+            setup: at the end of that fit.
+        """
+        name = self._section.name
+        tables = (one for one in (setup.mesh, setup.steps) if one is not None)
+        return tuple(
+            replace(one, subject=name, sentence=f"In the section {name}: {one.sentence}")
+            for table in tables
+            for one in table.findings
+        )
+
     def _steps(self, case: Case, increments: Floats) -> ReadingSteps:
         """What the model error of the readings that are shown is made of.
 
@@ -470,12 +492,14 @@ class _OneSection:
         enough = int(np.count_nonzero(used)) >= n
         nothing = np.full((3, n), np.nan)
         if self._section.predicted or not enough:
+            setup, notes = _with_steps_at(setup, start)
             with log:
                 problem = problem_of(setup, log, control)
             path.unlink(missing_ok=True)
             return PreparedSection(
                 case.parameters, readings.value[used], problem.sd, problem.shared,
-                self._shown_rows(), self._errors(setup), start, nothing, "", self._notes,
+                self._shown_rows(), self._errors(setup), start, nothing, "",
+                (*self._notes, *notes),
             )  # fmt: skip
         require_possible(setup.model, case, case.fit.methods)
         with log:
@@ -489,9 +513,38 @@ class _OneSection:
         return PreparedSection(
             case.parameters, readings.value[used], problem.sd, problem.shared,
             self._shown_rows(), self._errors(state.setup), estimate.outcome.values, alone,
-            estimate.outcome.status, (*self._notes, *setup.model.notes),
-            () if mistaken else self._together(state, estimate), mistaken,
+            estimate.outcome.status, (*self._notes, *setup.model.notes, *_notes_of(state.setup)),
+            (*self._computed(state.setup), *(() if mistaken else self._together(state, estimate))),
+            mistaken,
         )  # fmt: skip
+
+
+def _notes_of(setup: Setup) -> tuple[str, ...]:
+    """How large errors of what is computed are where they do not count."""
+    return () if setup.steps is None else setup.steps.notes
+
+
+def _with_steps_at(setup: Setup, p: Floats) -> tuple[Setup, tuple[str, ...]]:
+    """A section without a fit of its own with the error by the steps in time, where that counts.
+
+    Args:
+        setup: the section.
+        p: (n,) where to look for it, its start values: what a project finds comes later.
+
+    Returns:
+        The section, and what to note.
+    """
+    case, model = setup.case, setup.model
+    if not (isinstance(model, StagedModel) and takes_steps(case)):
+        return setup, ()
+    try:
+        error = step_error(model, p)
+    except ModelError:
+        return setup, ()
+    said = f"{steps_sentence(error)} That is at its start values."
+    if counts_alone(error):
+        setup = replace(setup, case=with_step_error(case, error))
+    return setup, (said,)
 
 
 def _increments_of(response: Response, p: Floats) -> Floats:
