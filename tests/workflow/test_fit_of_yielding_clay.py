@@ -34,7 +34,7 @@ in_situ: {model: geostatic, K0: 0.65}
 water: {table: 6 m}
 drained: {y1: {}}
 stages:
-  - {name: fill, loads: {bank: {on: strip, pressure: 50 kPa}}, lasts: 5 d, over: 5 d}
+  - {name: fill, loads: {bank: {on: strip, pressure: 42 kPa}}, lasts: 5 d, over: 5 d}
   - {name: wait, lasts: 60 d}
   - {name: later, lasts: 300 d}
 gauges:
@@ -81,8 +81,8 @@ def test_strength_modulus_and_permeability_are_found_and_later_readings_predicte
     assert "converged" in said.stderr
     found = read_result(str(tmp_path / "case.fit.h5")).parameters
     for name, right in (("c", 7e3), ("E", 3e6), ("k", 1e-9)):
-        # one step of each length, and larger elements, make c 8 % lower
-        assert found[name].value == pytest.approx(right, rel=0.2)
+        one = found[name]
+        assert one.lower95 < right < one.upper95, (name, one)
     said = run_command("predict", str(tmp_path / "case.fit.h5"))
     later = read_result(str(tmp_path / "case.predict.h5")).predictions
     rows = {row[0]: row for row in later.rows if row[1] == "later"}
