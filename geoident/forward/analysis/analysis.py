@@ -296,8 +296,9 @@ class AnalysisRun:
                 )  # fmt: skip
             else:
                 yield StageEnd(
-                    n, u, carried.stress, carried.members, yielded, forces, pores=carried.pores
-                )
+                    n, u, carried.stress, carried.members, yielded, forces,
+                    pores=carried.pores, hardened=carried.hardened,
+                )  # fmt: skip
                 if last_use.get(n, -1) > n + 1:
                     kept[n] = u.copy(), carried.copy()
         if not self._options.traced:

@@ -84,6 +84,7 @@ class StageEnd:
             was.
         pores: (n_nodes, 1 + n + k) pressure of water in excess of that at rest, Pa, at the corners
             of ground that consolidates; None in a case in which none does.
+        hardened: of `StressState`.
     """
 
     number: int
@@ -94,6 +95,7 @@ class StageEnd:
     forces: Floats | None = None
     last: LastEquilibrium | None = None
     pores: Floats | None = None
+    hardened: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
