@@ -36,10 +36,15 @@ def say_safety(
     control = Control(terminal)
     with terminal.live(asked.path), stop_on_signals(control.stop):
         found = compute(asked, control)
-    code = ExitCode.NOT_CONVERGED if found.poor else ExitCode.DONE
+    code = ExitCode.DONE if found.status == "done" else ExitCode.NOT_CONVERGED
     if options.as_json:
         about = safety_object(
-            found.factors, found.bands, case=asked.path, output=asked.fields, exit_code=int(code)
+            found.factors,
+            found.bands,
+            case=asked.path,
+            output=asked.fields,
+            status=found.status,
+            exit_code=int(code),
         )
         click.echo(dumps(about))
     else:

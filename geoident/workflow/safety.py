@@ -96,6 +96,13 @@ class Safety:
     files_read: tuple[str, ...]
 
     @property
+    def status(self) -> str:
+        """How sure it is: ``done``, ``poor-fit`` or ``not-determined``."""
+        if self.poor:
+            return "poor-fit"
+        return "not-determined" if any(band.left_open for band in self.bands) else "done"
+
+    @property
     def critical(self) -> SafetyFactor:
         """The smallest factor."""
         return min(self.factors, key=lambda one: one.value)

@@ -10,7 +10,6 @@ fitting the surface to other draws of them (bootstrap).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -18,6 +17,11 @@ from geoident.model.arrays import Floats
 
 _PENALTIES = (1e-8, 1e-3, 1e-2, 0.1, 1.0)
 """lambda, by the number of draws: z and the terms have the size of one."""
+
+_CLEARLY = 0.7
+"""Part of what a linear surface leaves up to which a quadratic one is taken: else its curvature is
+noise, which counts far out.
+"""
 
 _AGAIN = 200
 """Fits to draws of the draws."""
@@ -68,10 +72,16 @@ def fitted_surface(z: Floats, y: Floats) -> Surface:
         z: (d, n) coordinates, each of the size of one.
         y: (d,) the number there.
     """
+    linear = min((_fitted(z, y, quadratic=False, penalty=h) for h in _PENALTIES), key=_left)
     n = z.shape[1]
-    shapes = [False, True] if (n + 1) * (n + 2) // 2 <= len(y) // 2 else [False]
-    found = [_fitted(z, y, quadratic=q, penalty=h) for q, h in product(shapes, _PENALTIES)]
-    return min(found, key=lambda one: one.left)
+    if (n + 1) * (n + 2) // 2 > len(y) // 2:
+        return linear
+    curved = min((_fitted(z, y, quadratic=True, penalty=h) for h in _PENALTIES), key=_left)
+    return curved if curved.left < _CLEARLY * linear.left else linear
+
+
+def _left(surface: Surface) -> float:
+    return surface.left
 
 
 def scalar_band(
@@ -95,7 +105,6 @@ def scalar_band(
         other = _fitted(z[rows], y[rows], quadratic=surface.quadratic, penalty=surface.penalty)
         again.append(float((other.at(many) + surface.left * errors < limit).mean()))
     below = float((values < limit).mean())
-    # what 30 draws cannot see: at most one of them more or less, at a probability near 0 or 1
     by_chance = np.sqrt(below * (1.0 - below) / len(many))
     return ScalarBand(
         np.quantile(values, [0.025, 0.5, 0.975]),

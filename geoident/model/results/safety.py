@@ -9,6 +9,9 @@ import numpy as np
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.yielded import Mechanism
 
+FELT = 0.1
+"""Part of the largest influence of a parameter from which on another one counts."""
+
 
 @dataclass(frozen=True)
 class SafetyFactor:
@@ -93,3 +96,10 @@ class SafetyBand:
     influence: Floats
     undetermined: tuple[str, ...]
     counted: int
+
+    @property
+    def left_open(self) -> tuple[str, ...]:
+        """Parameters that the fit does not determine and on which the factor depends."""
+        size = np.abs(self.influence)
+        depends = {n for n, x in zip(self.names, size, strict=True) if x > FELT * size.max()}
+        return tuple(name for name in self.undetermined if name in depends)

@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.results.safety import SafetyBand, SafetyFactor
-
-_SMALL = 0.1
-"""Part of the largest influence below which a parameter is not named."""
+from geoident.model.results.safety import FELT, SafetyBand, SafetyFactor
 
 
 def safety_text(
@@ -79,15 +76,15 @@ def _band_sentences(band: SafetyBand) -> Iterator[str]:
     named = [
         f"{band.names[i]} ({100.0 * band.influence[i]:+.2g} %)"
         for i in np.argsort(-size)
-        if size[i] > _SMALL * size.max(initial=0.0) and size[i] > 0.0
+        if size[i] > FELT * size.max(initial=0.0) and size[i] > 0.0
     ]
     if named:
         yield f"One standard deviation of a parameter changes it by: {', '.join(named[:6])}."
-    if band.undetermined:
-        names = ", ".join(f"'{name}'" for name in band.undetermined)
+    if band.left_open:
+        names = ", ".join(f"'{name}'" for name in band.left_open)
         yield (
-            f"The fit does not determine {names}: the band counts values between the bounds as "
-            "equally likely, and says no more than they do."
+            f"The fit does not determine {names}: the band counts all values between the bounds as "
+            "equally likely, and means no more than these bounds do."
         )
 
 
@@ -100,7 +97,7 @@ def _probability(band: SafetyBand) -> str:
 
 def safety_object(
     factors: Sequence[SafetyFactor], bands: Sequence[SafetyBand], *, case: str,
-    output: str | None, exit_code: int,
+    output: str | None, status: str, exit_code: int,
 ) -> dict[str, Any]:  # fmt: skip
     """The same for programs, SI.
 
@@ -109,6 +106,7 @@ def safety_object(
         bands: of the same; none without a fit.
         case: path of the case or fit.
         output: path of the fields that were written, or None.
+        status: ``done``, ``poor-fit`` or ``not-determined``.
         exit_code: of the command.
     """
     stages = [
@@ -118,7 +116,7 @@ def safety_object(
     return {
         "case": case,
         "kind": "safety",
-        "status": "poor-fit" if exit_code else "done",
+        "status": status,
         "exit_code": exit_code,
         "output": output,
         "stages": stages,
