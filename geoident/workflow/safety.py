@@ -266,7 +266,7 @@ def _band(
         guess = _guess(steps[:k] @ axes, y[:k], steps[k] @ axes, best.value)
         try:
             (found,) = safety_factors(
-                model, point, [state], Search(tolerance=_AT_DRAWS, guess=guess)
+                model, point, [state], Search(tolerance=_AT_DRAWS, guess=guess, in_situ_too=True)
             )
         except ModelError:
             continue

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.errors import CollapseError
+from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding.principal_axes import principal_values
 from geoident.forward.analysis.analysis import AnalysisRun, RunOptions, StagedAnalysis
 from geoident.forward.analysis.collapse_message import describe_mechanism, mechanism_on_mesh
@@ -62,12 +62,15 @@ class Search:
         tolerance: relative width of the bracket at its end.
         most: largest factor that is tried.
         guess: about what the factor is; None where nobody knows.
+        in_situ_too: go on with more strength where the in-situ stress is beyond it, too; else that
+            is an error of the case.
         tell: is told what is going on, a few words.
     """
 
     tolerance: float = TOLERANCE
     most: float = MOST
     guess: float | None = None
+    in_situ_too: bool = False
     tell: Callable[[str], None] = lambda words: None
 
 
@@ -80,7 +83,7 @@ class _Reached:
         carried: stress and forces at its end.
         forces: (n_dofs, 1) that act.
         confined: material to the largest confining stress, Pa.
-        collapse: of the stage at twice the factor; None at 1.
+        collapse: of the stage at twice the factor; None at 1, and where it was not asked there.
     """
 
     factor: float
@@ -119,6 +122,7 @@ def _reached(
 
     Raises:
         CollapseError: the first stands with no factor.
+        ModelError: the in-situ stress is beyond the strength, or there is no solution otherwise.
     """
     factor, collapse = 1.0, None
     options = RunOptions(derivatives=False, last=states[-1], explain=False, partial=True)
@@ -126,14 +130,20 @@ def _reached(
         search.tell(f"strength / {factor:g}")
         run = _run(model, p, factor, options)
         found = dict[int, _Reached]()
-        for end in run.states():
-            if end.number in states and np.isfinite(end.u).all():
-                found[end.number] = _kept(model, end, factor, collapse)
-        if states[0] in found:
-            return found
-        collapse = next(iter(run.findings.collapses))
-        if factor <= LEAST:
-            raise collapse
+        try:
+            for end in run.states():
+                if end.number in states and np.isfinite(end.u).all():
+                    found[end.number] = _kept(model, end, factor, collapse)
+        except ModelError:  # no collapse: these are among the findings
+            if not search.in_situ_too or factor <= LEAST:
+                raise
+            collapse = None
+        else:
+            if states[0] in found:
+                return found
+            collapse = next(iter(run.findings.collapses))
+            if factor <= LEAST:
+                raise collapse
         factor *= 0.5
 
 

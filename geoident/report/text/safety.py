@@ -58,9 +58,8 @@ def _factor_sentences(one: SafetyFactor) -> Iterator[str]:
 
 def _band_sentences(band: SafetyBand) -> Iterator[str]:
     known = np.isfinite(band.factors)
-    least = " (the fit does not see beyond)" if not band.bounded[known].all() else ""
     yield (
-        f"By the fit its 95 % interval is {band.lower95:.3g} to {band.upper95:.3g}{least}, its "
+        f"By the fit its 95 % interval is {band.lower95:.3g} to {band.upper95:.3g}, its "
         f"median {band.median:.3g}."
     )
     yield f"The probability that it is below one is {_probability(band)}."

@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import brentq
 from support.cases import model
 from support.meshes import box
-from support.yielding import NOTHING, hoek, mohr, rock
+from support.yielding import NOTHING, constant, hoek, mohr, rock
 
-from geoident.errors import CollapseError
+from geoident.errors import CollapseError, ModelError
 from geoident.forward.safety.search import Search, safety_factors
 from geoident.forward.safety.strengths import divided_strength
 from geoident.forward.yielding.hoek_brown import RockMassStrength
@@ -155,3 +155,19 @@ def test_guess_does_not_change_the_factor():
     for guess in (0.5 * exact, 0.99 * exact, 1.5 * exact):
         found = factor_of(block(mohr(C, PHI), 200e3, 60e3), guess=guess)
         assert found.value == pytest.approx(exact, rel=0.003)
+
+
+def test_in_situ_stress_beyond_the_strength():
+    """An error of a case; at a draw of a posterior it makes the factor less than one."""
+    staged = model(
+        box("quad8", (1, 1)),
+        materials={"rock": rock(1e9, 0.3, mohr(C, 0.0))},
+        groups={"all": "rock"},
+        supports=(Support("x0", (0,)), Support("y0", (1,))),
+        in_situ=constant(-60e3, -200e3, -100e3, held=True),
+        stages=(Stage("as it is"),),
+    )
+    with pytest.raises(ModelError, match="outside the yield surface"):
+        factor_of(staged)
+    found = factor_of(staged, in_situ_too=True)
+    assert found.value == pytest.approx(2 * C / 140e3, rel=0.003)
