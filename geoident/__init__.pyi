@@ -19,6 +19,7 @@ from geoident.api import ProjectFit as ProjectFit
 from geoident.api import ReducedReadings as ReducedReadings
 from geoident.api import ResultFile as ResultFile
 from geoident.api import ResultTable as ResultTable
+from geoident.api import SafetyResult as SafetyResult
 from geoident.api import SampleResult as SampleResult
 from geoident.api import ScanResult as ScanResult
 from geoident.api import SectionFit as SectionFit
@@ -38,6 +39,7 @@ from geoident.api import predict as predict
 from geoident.api import read_project as read_project
 from geoident.api import read_result as read_result
 from geoident.api import report as report
+from geoident.api import safety as safety
 from geoident.api import sample as sample
 from geoident.api import scan as scan
 from geoident.api import simulate as simulate

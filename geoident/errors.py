@@ -261,6 +261,7 @@ class CollapseError(ModelError):
             None where it is not known. It does not leave its process.
         reached: the last equilibrium that was found on the way to the load
             (`geoident.forward.analysis.stage.LastEquilibrium`), or None; it stays there, too.
+        proven: whether no equilibrium exists; else none was found.
     """
 
     def __init__(
@@ -273,8 +274,10 @@ class CollapseError(ModelError):
         mechanism: npt.NDArray[np.float64] | None = None,
         motion: object = None,
         reached: object = None,
+        proven: bool = False,
     ) -> None:
         self.stage = stage
+        self.proven = proven
         self.fraction = fraction
         self.mechanism = mechanism
         self.motion = motion

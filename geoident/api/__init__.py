@@ -46,6 +46,7 @@ from geoident.api.results import (
     read_result,
 )
 from geoident.api.runs import backtest, fit, plan, predict, sample, scan, update
+from geoident.api.safety import SafetyResult, safety
 from geoident.api.service import control
 from geoident.api.tables import (
     ChannelReadings,
@@ -77,6 +78,7 @@ __all__ = [
     "ReducedReadings",
     "ResultFile",
     "ResultTable",
+    "SafetyResult",
     "SampleResult",
     "ScanResult",
     "SectionFit",
@@ -96,6 +98,7 @@ __all__ = [
     "read_project",
     "read_result",
     "report",
+    "safety",
     "sample",
     "scan",
     "simulate",

@@ -207,6 +207,38 @@ def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[.
     return decorate
 
 
+def asks_safety(function: Callable[..., int]) -> Callable[..., int]:
+    """Give a command ``--safety`` and ``--at``: its argument ``safety`` has the stages, or is None.
+
+    Without a stage they are empty: the last one is meant.
+    """
+
+    @wraps(function)
+    def command(*, safety: bool, at: tuple[str, ...], **given: Any) -> int:
+        if at and not safety:
+            raise click.UsageError("--at needs --safety")
+        stages = tuple(name.strip() for part in at for name in part.split(",") if name.strip())
+        return function(**given, safety=stages if safety else None)
+
+    decorated: Callable[..., int] = command
+    for option in (
+        click.option(
+            "--at",
+            metavar="STAGE",
+            multiple=True,
+            help="Stage of --safety; may be repeated.  [default: the last one]",
+        ),
+        click.option(
+            "--safety",
+            is_flag=True,
+            help="Print the factor of safety by strength reduction, and how the ground then fails; "
+            "of a fit with its 95 % interval and the probability that it is below one.",
+        ),
+    ):
+        decorated = option(decorated)
+    return decorated
+
+
 def _say_next(after: Next, arguments: Arguments, options: Options) -> None:
     """Say on stderr what to do next; not with ``-q``, nor to programs."""
     if options.quiet or options.as_json:

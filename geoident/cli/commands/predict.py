@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from geoident.cli.error_boundary import failures_as_json
-from geoident.cli.options import Arguments, Options, Steps, on_result, result_of, takes
+from geoident.cli.options import Arguments, Options, Steps, asks_safety, on_result, result_of, takes
 
 EPILOG = """\b
 Examples:
   geoident predict case.fit.h5
   geoident predict case.fit.h5 --stages "bench 3,bench 4"
   geoident predict case.fit.h5 --case other-layout.yaml -o other.predict.h5
+  geoident predict case.fit.h5 --safety --at "bench 3"
 """
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
+    if arguments["safety"]:
+        return ()
     return on_result(result_of("predict", arguments["result"], options))
 
 
@@ -31,8 +36,31 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     help="Another case, computed with the parameters of the fit. Its gauges are those of the fit "
     "if it has all readings that the fit has used; if not, it counts as another section.",
 )
+@click.option(
+    "--draws",
+    type=click.IntRange(min=8),
+    default=30,
+    show_default=True,
+    metavar="N",
+    help="Draws of the posterior at which --safety computes the factor.",
+)
+@click.option(
+    "--fields",
+    metavar="FILE.vtkhdf",
+    type=click.Path(),
+    help="With --safety, also write all states and the mechanism, for ParaView.",
+)
 @takes("output", "overrides", "solver", "force", "fresh", "as_json", "trust", after=_next)
-def command(result: str, stages: str | None, case: str | None, options: Options) -> int:
+@asks_safety
+def command(
+    result: str,
+    stages: str | None,
+    case: str | None,
+    safety: tuple[str, ...] | None,
+    draws: int,
+    fields: str | None,
+    options: Options,
+) -> int:
     """Predict readings, with 95 % bands, from a fit.
 
     The case is that of the fit unless --case gives another one; --set applies to the latter. Writes
@@ -41,8 +69,40 @@ def command(result: str, stages: str | None, case: str | None, options: Options)
     from geoident.cli.jobs import request_of, run_prediction
     from geoident.workflow.predict import PredictRequest
 
+    if safety is not None:
+        given: dict[str, Any] = {"--stages": stages, "--case": case, "-o": options.output}
+        given |= {"--set": options.overrides, "--fresh": options.fresh}
+        return _safety(result, safety, draws, fields, given, options)
+    if fields:
+        raise click.UsageError("--fields needs --safety")
     if options.overrides and case is None:
         raise click.UsageError("--set needs --case: the case of a fit is what it was.")
     with failures_as_json(case or result, options):
         chosen = tuple(name.strip() for name in stages.split(",")) if stages else ()
         return run_prediction(PredictRequest(request_of(result, options), chosen, case), options)
+
+
+def _safety(
+    result: str,
+    stages: tuple[str, ...],
+    draws: int,
+    fields: str | None,
+    others: dict[str, Any],
+    options: Options,
+) -> int:
+    """Factors of safety and their bands in place of readings."""
+    from geoident.cli.safety import say_safety
+    from geoident.workflow.safety import SafetyRequest, safety_of_fit
+
+    if named := [name for name, value in others.items() if value]:
+        raise click.UsageError(f"{named[0]} does not go with --safety")
+    with failures_as_json(result, options):
+        asked = SafetyRequest(
+            result,
+            stages,
+            solver=options.solver,
+            fields=fields,
+            force=options.force,
+            draws=draws,
+        )
+        return say_safety(asked, safety_of_fit, options)

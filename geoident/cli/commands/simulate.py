@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from geoident.cli.error_boundary import failures_as_json
-from geoident.cli.options import Arguments, Options, Steps, line, new_name, overrides, takes
+from geoident.cli.options import (
+    Arguments,
+    Options,
+    Steps,
+    asks_safety,
+    line,
+    new_name,
+    overrides,
+    takes,
+)
 from geoident.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,13 +32,14 @@ Examples:
   geoident simulate case.yaml --noise --seed 1 -o simulated.csv
   geoident simulate case.yaml --draw --seed 3
   geoident simulate case.yaml --fields case.vtkhdf > simulated.csv
+  geoident simulate case.yaml --safety --at "bench 3"
   geoident simulate case.yaml --dakota params.in results.out
 """
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
-    if arguments["dakota"]:
+    if arguments["dakota"] or arguments["safety"]:
         return ()
     if file in (None, "-"):
         words = (*overrides(options), *_drawn(arguments, options))
@@ -79,6 +89,7 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     "output", "overrides", "seed", "solver", "reduced", "force", "as_json", "trust",
     after=_next,
 )  # fmt: skip
+@asks_safety
 def command(
     case: str,
     values: str | None,
@@ -86,6 +97,7 @@ def command(
     draw: bool,
     fields: str | None,
     dakota: tuple[str, str] | None,
+    safety: tuple[str, ...] | None,
     options: Options,
 ) -> int:
     """Compute what the gauges would read at the start values of the parameters.
@@ -97,7 +109,15 @@ def command(
     from geoident.workflow.simulate import ComputedBy, Noise, Outputs, simulate
 
     if dakota is not None:
-        return _answer(case, dakota, _refused_with_dakota(values, noise, draw, fields, options))
+        others = {
+            "--noise": noise,
+            "--draw": draw,
+            "--fields": fields,
+            "--safety": safety is not None,
+        }
+        return _answer(case, dakota, _refused_with_dakota(values, others, options))
+    if safety is not None:
+        return _safety(case, safety, values, fields, {"--noise": noise, "--draw": draw}, options)
     file = None if options.output == "-" else options.output
     with failures_as_json(case, options), mechanism_drawn(case, options):
         simulated = simulate(
@@ -117,16 +137,41 @@ def command(
     return 0
 
 
-def _refused_with_dakota(
-    values: str | None, noise: bool, draw: bool, fields: str | None, options: Options
-) -> Options:
+def _refused_with_dakota(values: str | None, others: dict[str, Any], options: Options) -> Options:
     """The options of an answer to Dakota, which takes no others."""
-    others = {"--values": values, "--noise": noise, "--draw": draw, "-o": options.output}
-    others |= {"--fields": fields, "--json": options.as_json}
-    given = [name for name, value in others.items() if value]
-    if given:
-        raise UsageError(f"{given[0]} does not go with --dakota, whose files define these")
+    given = {"--values": values, **others, "-o": options.output, "--json": options.as_json}
+    if named := [name for name, value in given.items() if value]:
+        raise UsageError(f"{named[0]} does not go with --dakota, whose files define these")
     return options
+
+
+def _safety(
+    case: str,
+    stages: tuple[str, ...],
+    values: str | None,
+    fields: str | None,
+    others: dict[str, Any],
+    options: Options,
+) -> int:
+    """Factors of safety in place of readings."""
+    from geoident.cli.collapse import mechanism_drawn
+    from geoident.cli.safety import say_safety
+    from geoident.workflow.safety import SafetyRequest, safety_of_case
+
+    given = {**others, "-o": options.output, "--reduced": options.reduced}
+    if named := [name for name, value in given.items() if value]:
+        raise UsageError(f"{named[0]} does not go with --safety, which computes no readings")
+    with failures_as_json(case, options), mechanism_drawn(case, options):
+        asked = SafetyRequest(
+            case,
+            stages,
+            options.overrides,
+            values,
+            solver=options.solver,
+            fields=fields,
+            force=options.force,
+        )
+        return say_safety(asked, safety_of_case, options)
 
 
 def _answer(case: str, files: tuple[str, str], options: Options) -> int:

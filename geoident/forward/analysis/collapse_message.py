@@ -97,7 +97,7 @@ def collapse_error(
         if members is None or ground:
             msg += describe_mechanism(on_mesh, task.system, mechanism)
         mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
-        motion = _mechanism_on_mesh(on_mesh, task, mechanism, fraction)
+        motion = mechanism_on_mesh(on_mesh, task, mechanism, fraction)
     return CollapseError(
         msg,
         hint,
@@ -106,6 +106,7 @@ def collapse_error(
         mechanism=mechanism,
         motion=motion,
         reached=reached,
+        proven=failure.proven,
     )
 
 
@@ -153,10 +154,17 @@ def describe_mechanism(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> s
     return f"{text}, and strongly between {ends[0]} and {ends[1]}"
 
 
-def _mechanism_on_mesh(
+def mechanism_on_mesh(
     on_mesh: CaseOnMesh, task: StageTask, u: Floats, fraction: float
 ) -> Mechanism:
-    """A mechanism as it is drawn: velocities u (n_dofs,), and the shear rate of each element."""
+    """A mechanism as it is drawn: its velocities, and the shear rate of each element.
+
+    Args:
+        on_mesh: the case on its mesh.
+        task: the stage.
+        u: (n_dofs,) velocities.
+        fraction: part of the change of load that is carried; NaN where not known.
+    """
     mesh = on_mesh.mesh
     shear = np.zeros(mesh.n_elements)
     rate = _shear_rate(on_mesh, task.system, u)

@@ -320,6 +320,21 @@ class PlasticSteps:
             self.warm.keep(task, du, balance, units, searched=searched)
             return du, end.yielded()[: points.n_ground]
 
+    def return_stress(self, task: StageTask) -> None:
+        """Bring the stress of the ground back to yield surfaces that have become smaller.
+
+        Args:
+            task: the stage; what is carried is changed.
+
+        Raises:
+            ModelError: no stress satisfies all yield planes.
+        """
+        with self._faults_named(task):
+            points = StagePoints(self.systems, task)
+            equations = self._equations(task, points)
+            at_rest = equations.at(np.zeros_like(equations.forces))
+            task.carried.stress[..., 0] = at_rest.stress[:, : points.n_ground]
+
     @contextmanager
     def _faults_named(self, task: StageTask) -> Iterator[None]:
         """Say in words what keeps a stage from being solved, whichever part of the step meets it.

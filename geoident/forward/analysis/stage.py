@@ -87,6 +87,7 @@ class StageEnd:
         pores: (n_nodes, 1 + n + k) pressure of water in excess of that at rest, Pa, at the corners
             of ground that consolidates; None in a case in which none does.
         temperatures: (n_nodes, 1 + n) degC; None in a case that conducts no heat.
+        hardened: of `StressState`.
     """
 
     number: int
@@ -98,6 +99,7 @@ class StageEnd:
     last: LastEquilibrium | None = None
     pores: Floats | None = None
     temperatures: Floats | None = None
+    hardened: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

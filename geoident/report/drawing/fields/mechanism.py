@@ -27,18 +27,23 @@ _COLOURS = "YlOrRd"
 _FEWEST_COLOURS = 0.02
 
 
-def mechanism_picture(mechanism: Mechanism, axis_names: tuple[str, ...]) -> Picture:
+def mechanism_picture(
+    mechanism: Mechanism, axis_names: tuple[str, ...], factor: float | None = None
+) -> Picture:
     """The picture of a mechanism.
 
     Args:
         mechanism: the mechanism.
         axis_names: names of the axes.
+        factor: by which strength is divided; None where the ground fails with its own strength.
     """
-    carried = ""
+    carried, what = "", "for the loads of this stage"
+    if factor is not None:
+        what += f" with strength divided by {factor:.3g}"
     if np.isfinite(mechanism.fraction):
         carried = f" {100.0 * mechanism.fraction:.3g} % of its change of load is in equilibrium."
     words = (
-        "No equilibrium was found for the loads of this stage. Arrows: velocities with which the "
+        f"No equilibrium was found {what}. Arrows: velocities with which the "
         "ground moves then, in proportion to each other. Colours: rate of shear in parts of the "
         f"largest; bands of it part what slides from what stays.{carried}"
     )

@@ -1,0 +1,86 @@
+"""Factors of safety by strength reduction, of a case and of a fit."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from geoident.api.calling import AnyPath, spoken
+from geoident.api.cases import CaseFile, origin_of
+from geoident.api.results import FitResult
+from geoident.io.result.file import read_identity
+from geoident.model.results.safety import SafetyBand, SafetyFactor
+from geoident.report.text.safety import safety_text
+from geoident.workflow.running.control import Control
+from geoident.workflow.safety import DRAWS, Safety, SafetyRequest, safety_of_case, safety_of_fit
+
+
+class SafetyResult:
+    """What `safety` found.
+
+    Args:
+        found: by the command.
+
+    Attributes:
+        factors: stage to its factor of safety, with bracket and mechanism.
+        bands: stage to what the fit makes of it; empty for a case.
+        status: ``done``, ``poor-fit`` or ``not-determined``.
+    """
+
+    def __init__(self, found: Safety) -> None:
+        self._found = found
+        self.factors: dict[str, SafetyFactor] = {one.stage: one for one in found.factors}
+        self.bands: dict[str, SafetyBand] = {one.best.stage: one for one in found.bands}
+        self.status = found.status
+
+    def __str__(self) -> str:
+        return safety_text(self._found.factors, self._found.bands, poor=self._found.poor)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{stage!r}: {one.value:.3g}" for stage, one in self.factors.items())
+        return f"SafetyResult({values})"
+
+
+@spoken
+def safety(
+    of: CaseFile | FitResult | AnyPath,
+    *,
+    stages: str | Sequence[str] = (),
+    draws: int = DRAWS,
+    seed: int | None = None,
+    fields: AnyPath | None = None,
+    force: bool = False,
+    solver: str = "auto",
+) -> SafetyResult:
+    """Divide the strength of the ground until no equilibrium is left.
+
+    Args:
+        of: a case, at its start values, or the result of a fit, or the path of either.
+        stages: one or several; the last one if empty.
+        draws: of the posterior of a fit at which the factor is computed.
+        seed: of these; that of the fit if None.
+        fields: file for all states and the mechanism, such as ``case.vtkhdf``.
+        force: replace what stands there.
+        solver: name of the sparse solver, or ``auto``.
+
+    Raises:
+        InputError: the case or the result is wrong, or no ground has strength to divide.
+        UsageError: there is no such stage, or the case has no mesh.
+        ModelError: the model has no solution even with much more strength.
+        OutputError: something stands in the place of the file, or it cannot be written.
+    """
+    chosen = (stages,) if isinstance(stages, str) else tuple(stages)
+    file = None if fields is None else os.fspath(fields)
+    path = of.path if isinstance(of, FitResult | CaseFile) else os.fspath(of)
+    of_fit = not isinstance(of, CaseFile) and read_identity(path) is not None
+    if of_fit or isinstance(of, FitResult):
+        asked = SafetyRequest(
+            path, chosen, solver=solver, fields=file, force=force, draws=draws, seed=seed
+        )
+        return SafetyResult(safety_of_fit(asked, Control()))
+    origin = origin_of(of)
+    asked = SafetyRequest(
+        origin.path, chosen, origin.overrides, text=origin.text, solver=solver, fields=file,
+        force=force,
+    )  # fmt: skip
+    return SafetyResult(safety_of_case(asked, Control()))

@@ -1,0 +1,1 @@
+"""Strength reduction: by what factor the strength of the ground exceeds what equilibrium needs."""

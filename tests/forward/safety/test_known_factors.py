@@ -1,0 +1,92 @@
+"""Factors of safety against limit analysis and published strength reduction."""
+
+from __future__ import annotations
+
+from math import pi, radians
+
+import numpy as np
+import pytest
+from support.cases import model
+from support.meshes import from_grid
+from support.tunnels import walled
+from support.yielding import NOTHING, cylinder, mohr, rock
+
+from geoident.forward.safety.search import Search, safety_factors
+from geoident.model.case import Stage, Support
+
+A, B, C = 1.0, 2.0, 10e6
+LIMIT = 2 * C * np.log(B / A)
+
+
+def factor_of(staged, **search):
+    (found,) = safety_factors(staged, NOTHING, [1], Search(**search))
+    return found
+
+
+@pytest.mark.parametrize("exact", [1.6, pytest.param(0.75, marks=pytest.mark.slow)])
+def test_thick_tresca_cylinder(exact, verification):
+    """Its limit pressure by the pressure that acts; also of one that bursts as it is."""
+    mesh = walled("quad8", n=3, layers=6, radius=A, reach=B)
+    found = factor_of(cylinder(mesh, [LIMIT / exact], mohr(C, 0.0), E=10e9, nu=0.3))
+    assert found.value == pytest.approx(exact, rel=0.01)
+    assert found.proven
+    variant = f"quad8, 18 elements, pressure {1 / exact:.3g} of the limit"
+    verification("safety", variant, ["cylinder"], exact=exact, found=found.value)
+
+
+def slope(n, c: float, phi: float, *, psi: float | None = None, run: float = 2.0, crest=12.0):
+    """A slope of 10 m on a firm base, its soil of 20 kN/m3 placed at once."""
+    grid = np.stack(np.meshgrid(np.linspace(0, 1, n[0] + 1), np.linspace(0, 10, n[1] + 1),
+                                indexing="ij"), -1).reshape(-1, 2)  # fmt: skip
+    grid[:, 0] *= crest + run * (10.0 - grid[:, 1])
+    surface = mohr(c, radians(phi), psi=None if psi is None else radians(psi))
+    return model(
+        from_grid("tri6", grid, n),
+        materials={"soil": rock(1e8, 0.3, surface, name="soil", density=20e3 / 9.81)},
+        groups={"all": None},
+        supports=(Support("x0", (0,)), Support("y0", (0, 1))),
+        gravity=(0.0, -9.81),
+        stages=(Stage("build", install={"all": "soil"}),),
+    )
+
+
+@pytest.mark.slow  # the uniform blocks and the cylinder
+@pytest.mark.parametrize("psi", [None, 0.0])
+def test_slope_of_griffiths_and_lane(psi, verification):
+    """2:1, phi 20 degrees, c / (gamma H) = 0.05: 1.4, and 1.38 by Bishop and Morgenstern (1960)."""
+    found = factor_of(slope((16, 10), 10e3, 20.0, psi=psi))
+    assert found.value == pytest.approx(1.4, rel=0.015)
+    variant = "tri6, 320 elements" + ("" if psi is None else ", dilation 0")
+    verification("safety", variant, ["slope 2:1"], exact=1.4, found=found.value)
+    assert "near" in found.place
+    low, high = found.mechanism.mesh.points.min(axis=0), found.mechanism.mesh.points.max(axis=0)
+    moving = np.linalg.norm(found.mechanism.velocity, axis=1) > 0.3
+    where = found.mechanism.mesh.points[moving]
+    assert where[:, 0].min() > low[0] + 5.0  # the wedge behind the crest stays
+    assert where[:, 0].max() > high[0] - 3.0  # it comes out at the toe
+
+
+@pytest.mark.slow
+def test_vertical_cut_in_tresca_soil(verification):
+    """gamma H / c_u is between 3.76 and 3.78 by bounds of limit analysis.
+
+    Meshes carry more, by twice as much with elements of twice the size.
+    """
+    exact, c = 3.77 / 4, 50e3
+    coarse, fine = (
+        factor_of(slope((n, n), c, 0.0, run=0.0, crest=12.0)).value / exact for n in (10, 20)
+    )
+    assert coarse > fine
+    assert 1.0 < fine < 1.05
+    assert (coarse - 1.0) / (fine - 1.0) == pytest.approx(2.0, abs=0.4)
+    found = fine * exact
+    verification("safety", "tri6, 800 elements", ["vertical cut"], exact=exact, found=found)
+
+
+@pytest.mark.slow
+def test_strip_footing():
+    """Prandtl's (2 + pi) c by what acts; a mesh of 280 triangles carries 1 to 3 % more."""
+    from tests.forward.yielding.test_limit_loads import footing  # noqa: PLC0415
+
+    found = factor_of(footing("tri6", (2 + pi) / 1.5, 0.0, fine=4, coarse=10, rows=10))
+    assert found.value == pytest.approx(1.5, rel=0.03)

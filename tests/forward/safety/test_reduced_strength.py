@@ -1,0 +1,173 @@
+"""Strength reduction of ground in uniform stress, where the factor follows from the criterion."""
+
+from __future__ import annotations
+
+from math import atan, radians, sin, sqrt, tan
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from support.cases import model
+from support.meshes import box
+from support.yielding import NOTHING, constant, hoek, mohr, rock
+
+from geoident.errors import CollapseError, ModelError
+from geoident.forward.safety.search import Search, safety_factors
+from geoident.forward.safety.strengths import divided_strength
+from geoident.forward.yielding.hoek_brown import RockMassStrength
+from geoident.model.actions import Pressure, Traction
+from geoident.model.case import Stage, Support
+from geoident.model.ground import Attitude
+from geoident.model.parameter import Scalar
+from geoident.model.yielding import DruckerPrager, WeakPlane
+
+
+def block(surface, axial: float, lateral: float, *, E: float = 1e9):
+    """A block in plane strain pressed along y and across, in one stage each."""
+    mesh = box("quad8", (1, 1))
+    side, top = (Pressure(name, Scalar(p)) for name, p in (("x1", lateral), ("y1", axial)))
+    return model(
+        mesh,
+        materials={"rock": rock(E, 0.3, surface)},
+        groups={"all": "rock"},
+        supports=(Support("x0", (0,)), Support("y0", (1,))),
+        stages=(Stage("press", loads={"side": side, "top": top}),),
+    )
+
+
+def factor_of(staged, **search):
+    (found,) = safety_factors(staged, NOTHING, [1], Search(tolerance=0.002, **search))
+    return found
+
+
+def coulomb(c: float, phi: float, axial: float, lateral: float) -> float:
+    """The factor with which sigma_1 = N sigma_3 + 2 c sqrt(N)."""
+
+    def excess(F: float) -> float:
+        reduced = atan(tan(phi) / F)
+        N = (1 + sin(reduced)) / (1 - sin(reduced))
+        return N * lateral + 2 * c / F * sqrt(N) - axial
+
+    return brentq(excess, 0.05, 50.0)
+
+
+C, PHI = 50e3, radians(30.0)
+
+
+@pytest.mark.parametrize(
+    ("surface", "c", "phi", "axial"),
+    [
+        *((mohr(C, PHI), C, PHI, axial) for axial in (110e3, 200e3, 560e3)),
+        (mohr(C, PHI, psi=radians(8.0)), C, PHI, 200e3),
+        (mohr(C, PHI, planes=48), C, PHI, 200e3),
+        (mohr(C, 0.0), C, 0.0, 110e3),
+    ],
+)
+def test_factor_of_mohr_and_coulomb(surface, c, phi, axial):
+    lateral = 60e3
+    exact = coulomb(c, phi, axial, lateral)
+    found = factor_of(block(surface, axial, lateral))
+    assert found.lower <= exact * 1.004
+    assert found.value == pytest.approx(exact, rel=0.004)
+    assert found.bounded
+    assert found.upper / found.lower <= 1.002 + 1e-9
+
+
+@pytest.mark.slow  # hundreds of planes; the others of one or two
+def test_factor_of_drucker_and_prager():
+    """In plane strain with associated flow the cone that is matched carries what Coulomb's does."""
+    axial, lateral = 240e3, 60e3
+    cone = DruckerPrager(Scalar(C), Scalar(PHI), planes=600)
+    exact = coulomb(C, PHI, axial, lateral)
+    assert factor_of(block(cone, axial, lateral)).value == pytest.approx(exact, rel=0.01)
+
+
+def test_factor_of_a_weak_plane():
+    """A block in simple shear on planes that lie flat: they slide where tau = (c + p tan(phi)) / F.
+
+    The rock between them is elastic.
+    """
+    p, tau, c, phi = 100e3, 50e3, 30e3, radians(25.0)
+    flat = Attitude(Scalar(0.0), Scalar(radians(90.0)))
+    loads = {
+        face: Traction(face, tuple(map(Scalar, traction)))
+        for face, traction in (("y1", (tau, -p)), ("x1", (-p, tau)), ("x0", (p, -tau)))
+    }
+    staged = model(
+        box("quad8", (1, 1)),
+        materials={"rock": rock(1e9, 0.0, WeakPlane(flat, Scalar(c), Scalar(phi)))},
+        groups={"all": "rock"},
+        supports=(Support("y0", (0, 1)),),
+        stages=(Stage("shear", loads=loads),),
+    )
+    assert factor_of(staged).value == pytest.approx((c + p * tan(phi)) / tau, rel=0.003)
+
+
+def test_factor_of_a_cut_off():
+    found = factor_of(block(mohr(1e6, PHI, tension=90e3), -60e3, 0.0))
+    assert found.value == pytest.approx(1.5, rel=0.003)
+
+
+@pytest.mark.parametrize("constants", [{"mb": 2.0, "s": 0.004, "a": 0.51}, {"mi": 12, "GSI": 45}])
+def test_factor_of_hoek_and_brown(constants):
+    """The shear strength along the curve is divided: within 1.5 % by a curve of the same kind."""
+    axial, lateral = 6e6, 1e6
+    surface = hoek(30e6, **constants)
+    mass = RockMassStrength.of(surface, {})
+    exact = brentq(
+        lambda F: divided_strength(mass, np.array([lateral]), F)[0] - (axial - lateral), 0.2, 20.0
+    )
+    found = factor_of(block(surface, axial, lateral, E=1e10))
+    assert found.value == pytest.approx(exact, rel=0.015)
+
+
+def test_reduced_curve_of_a_straight_criterion():
+    """With a = 1 the curve of Hoek and Brown is Coulomb's line, whose c and phi are divided."""
+    N, c = 3.0, 1e6
+    mass = RockMassStrength(sigci=1.0, mb=N - 1.0, s=2.0 * c * sqrt(N), a=1.0)
+    sigma_3, F = np.array([0.0, 1e6, 5e6]), 1.7
+    reduced = atan((N - 1.0) / (2.0 * sqrt(N)) / F)
+    slope = (1 + sin(reduced)) / (1 - sin(reduced))
+    exact = (slope - 1.0) * sigma_3 + 2.0 * c / F * sqrt(slope)
+    np.testing.assert_allclose(divided_strength(mass, sigma_3, F), exact, rtol=1e-9)
+
+
+def test_factor_below_one_of_a_stage_that_collapses():
+    found = factor_of(block(mohr(C, 0.0), 60e3 + 2 * C / 0.7, 60e3))
+    assert found.value == pytest.approx(0.7, rel=0.003)
+    assert found.proven
+
+
+def test_no_factor_helps_ground_without_cohesion_that_is_pulled():
+    with pytest.raises(CollapseError, match="cannot carry"):
+        factor_of(block(mohr(0.0, PHI), -60e3, 0.0))
+
+
+def test_at_least_the_largest_factor():
+    found = factor_of(block(mohr(C, 0.0), 62e3, 60e3), most=20.0)
+    assert not found.bounded
+    assert found.value == 20.0
+    assert found.mechanism is None
+
+
+def test_guess_does_not_change_the_factor():
+    exact = coulomb(C, PHI, 200e3, 60e3)
+    for guess in (0.5 * exact, 0.99 * exact, 1.5 * exact):
+        found = factor_of(block(mohr(C, PHI), 200e3, 60e3), guess=guess)
+        assert found.value == pytest.approx(exact, rel=0.003)
+
+
+def test_in_situ_stress_beyond_the_strength():
+    """An error of a case; at a draw of a posterior it makes the factor less than one."""
+    staged = model(
+        box("quad8", (1, 1)),
+        materials={"rock": rock(1e9, 0.3, mohr(C, 0.0))},
+        groups={"all": "rock"},
+        supports=(Support("x0", (0,)), Support("y0", (1,))),
+        in_situ=constant(-60e3, -200e3, -100e3, held=True),
+        stages=(Stage("as it is"),),
+    )
+    with pytest.raises(ModelError, match="outside the yield surface"):
+        factor_of(staged)
+    found = factor_of(staged, in_situ_too=True)
+    assert found.value == pytest.approx(2 * C / 140e3, rel=0.003)

@@ -1,0 +1,126 @@
+"""``--safety`` of a case and of a fit, where the posterior of the factor is known."""
+
+from __future__ import annotations
+
+import json
+from math import exp, log
+
+import pytest
+from scipy.stats import norm
+from support.commands import run_command
+from support.in_stages import write_msh
+from support.meshes import box
+
+CASE = """\
+format: geoident-case/1
+title: A block of clay
+analysis: plane-strain
+mesh: {file: block.msh}
+parameters:
+  E: {start: 20 MPa, bounds: [1 MPa, 200 MPa], scale: log}
+  su: SU
+materials:
+  clay: {elastic: isotropic, E: $E, nu: 0.3, YIELD}
+groups: {all: clay}
+supports: {x0: x, y0: y}
+stages:
+  - {name: some, loads: {top: {on: y1, pressure: 20 kPa}}}
+  - {name: all, loads: {top: {on: y1, pressure: 80 kPa}}}
+gauges:
+  S: {kind: settlement, point: [0.5 m, 1 m], accuracy: 0.01 mm}
+  T: {kind: settlement, point: [0.5 m, 0.5 m], accuracy: 0.01 mm}
+readings:
+  - {gauge: S, stage: some, value: 0.9 mm}
+  - {gauge: T, stage: some, value: 0.45 mm}
+fit: {stages: [some], mesh_error: false}
+"""
+PRIOR = (
+    "{start: 50 kPa, bounds: [5 kPa, 500 kPa], scale: log, "
+    "prior: {kind: lognormal, mean: 50 kPa, sd: 7.5 kPa}}"
+)
+TRESCA = "yield: {type: mohr-coulomb, cohesion: $su, friction: 0 deg}"
+
+
+def write_case(folder, su: str = PRIOR, limits: str = TRESCA):
+    write_msh(box("quad4", (1, 1)), folder / "block.msh", ["x0", "y0", "y1"])
+    path = folder / "case.yaml"
+    path.write_text(CASE.replace("SU", su).replace("YIELD", limits))
+    return path
+
+
+def test_factors_of_two_stages(tmp_path):
+    """They are 2 su / q; the critical one has a picture, and its mechanism among the fields."""
+    path = write_case(tmp_path)
+    fields = tmp_path / "a.vtkhdf"
+    words = ("--safety", "--at", "some,all", "--json", "--fields", fields)
+    ended = run_command("simulate", path, *words)
+    assert ended.exit_code == 0, ended.output
+    some, every = json.loads(ended.stdout)["stages"]
+    assert some["factor"] == pytest.approx(5.0, rel=0.01)
+    assert every["factor"] == pytest.approx(1.25, rel=0.01)
+    assert every["proven"]
+    assert fields.exists()
+    assert (tmp_path / "case.safety.png").exists()
+    said = run_command("simulate", path, "--safety", "--set", "parameters.su.start=24 kPa").stdout
+    assert "Stage 'all': factor of safety 0.599" in said
+    assert "does not carry the loads" in said
+
+
+def test_band_of_a_fit_is_the_posterior(tmp_path):
+    """The factor is proportional to su, whose posterior is its prior: lognormal."""
+    path = write_case(tmp_path)
+    assert run_command("fit", path, "-q").exit_code == 0
+    words = ("--safety", "--json", "--draws", "16")
+    ended = run_command("predict", path.with_name("case.fit.h5"), *words)
+    assert ended.exit_code == 0, ended.output
+    (stage,) = json.loads(ended.stdout)["stages"]
+    band, sd = stage["band"], 0.15
+    assert band["median"] == pytest.approx(1.25, rel=0.01)
+    assert band["lower95"] == pytest.approx(1.25 * exp(-1.96 * sd), rel=0.015)
+    assert band["upper95"] == pytest.approx(1.25 * exp(1.96 * sd), rel=0.015)
+    exact = norm.cdf(log(1 / 1.25) / sd)
+    assert band["below_one"] == pytest.approx(exact, abs=0.008)
+    assert abs(band["below_one"] - exact) < 4 * band["below_one_sd"]
+    assert band["influence"]["su"] == pytest.approx(sd, rel=0.05)
+    assert band["undetermined"] == []
+
+
+@pytest.mark.slow  # the band above
+def test_what_a_fit_does_not_determine_is_said(tmp_path):
+    path = write_case(tmp_path, "{start: 50 kPa, bounds: [20 kPa, 120 kPa], scale: log}")
+    run_command("fit", path, "-q")
+    ended = run_command("predict", path.with_name("case.fit.h5"), "--safety", "--draws", "12")
+    words = " ".join(ended.stdout.split())
+    assert ended.exit_code == 4
+    assert "The fit does not determine 'su'" in words
+    assert "The probability that it is below one is" in words
+
+
+@pytest.mark.parametrize(
+    ("limits", "words", "code", "said"),
+    [
+        (TRESCA, ["--safety", "--at", "al"], 2, "no stage 'al'; the stages are: some, all"),
+        (TRESCA, ["--at", "all"], 2, "--at needs --safety"),
+        (TRESCA, ["--safety", "--noise"], 2, "--noise does not go with --safety"),
+        (TRESCA, ["--safety", "-o", "a.csv"], 2, "-o does not go with --safety"),
+        (
+            "yield: {type: planes, planes: [{name: a, normal: [0.6, -0.8, 0], distance: $su}]}",
+            ["--safety"],
+            3,
+            "given planes have no cohesion and friction",
+        ),
+    ],
+)
+def test_faulty_words(tmp_path, limits, words, code, said):
+    ended = run_command("simulate", write_case(tmp_path, limits=limits), *words)
+    assert ended.exit_code == code
+    assert said in " ".join(ended.output.split())
+
+
+def test_nothing_yields(tmp_path):
+    path = write_case(tmp_path, limits="density: $d").with_name("case.yaml")
+    su = "{start: 2000 kg/m3, bounds: [1000 kg/m3, 3000 kg/m3]}"
+    path.write_text(path.read_text().replace("su: " + PRIOR, "d: " + su))
+    ended = run_command("simulate", path, "--safety")
+    assert ended.exit_code == 3
+    assert "no ground has a strength that could be divided" in " ".join(ended.output.split())
