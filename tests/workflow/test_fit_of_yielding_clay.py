@@ -17,7 +17,7 @@ analysis: plane-strain
 mesh: {file: m.msh}
 time_steps: 1
 parameters:
-  c: {start: 11 kPa, bounds: [1 kPa, 40 kPa]}
+  c: {start: 9 kPa, bounds: [1 kPa, 40 kPa]}
   E: {start: 5 MPa, bounds: [0.5 MPa, 50 MPa], scale: log}
   k: {start: 2e-9 m/s, bounds: [1e-11 m/s, 1e-7 m/s], scale: log}
 materials:

@@ -312,7 +312,8 @@ class AnalysisRun:
             else:
                 yield StageEnd(
                     n, u, carried.stress, carried.members, yielded, forces,
-                    pores=carried.pores, temperatures=carried.temperatures, hardened=carried.hardened,
+                    pores=carried.pores, temperatures=carried.temperatures,
+                    hardened=carried.hardened,
                 )  # fmt: skip
                 if last_use.get(n, -1) > n + 1:
                     kept[n] = u.copy(), carried.copy()
