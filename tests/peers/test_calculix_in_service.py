@@ -127,6 +127,7 @@ def marched(mesh, folder, steps):
     return rows[steps - 1 :: steps].T
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(calculix.PROGRAM is None, reason=calculix.REMEDY)
 def test_a_march_through_the_weather_equals_calculix(tmp_path):
     """A film downstream, water and air by the level upstream, which steps.
