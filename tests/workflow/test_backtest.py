@@ -443,6 +443,7 @@ def test_a_result_comes_back_from_its_file(right):
             np.testing.assert_array_equal(*pair)
 
 
+@pytest.mark.slow
 def test_where_ground_yields_a_step_begins_with_what_the_one_before_has_computed(pit, monkeypatch):
     rows = readings_of(pit / "case.yaml", SAME, seed=1)
     write_readings(pit, [row for row in rows if row[1] != "lift 4"])

@@ -211,6 +211,7 @@ def test_a_table_of_runs_tells_of_candidates_that_have_columns(site):
         planned(2, "P at late")
 
 
+@pytest.mark.slow
 def test_fits_of_readings_that_were_drawn_know_the_target_as_well_as_stated(site):
     write(site, [0, 45, 90], TWO, "$E", extra=", stages: half")
     plan = planned(2, "CV at full", draws=0)

@@ -132,6 +132,7 @@ def lost_area(staged_model, floor: float) -> np.ndarray:
     return -np.sum(0.5 * (moved[:, 1:] + moved[:, :-1]) * normals, axis=(1, 2))
 
 
+@pytest.mark.slow
 def test_a_flat_floor_releases_what_another_mesh_asks_for():
     """Sharp corners, K0 2, no dilation: no closed form. Truth: other elements, parts by hand."""
     opening = OpeningCase("horseshoe", "tri6", 0.15, 30.0, 0.0, 0.15, K0=2.0)

@@ -151,7 +151,7 @@ def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
     assert abs(days(row["since"]) - DAY) < 120
 
 
-@pytest.mark.parametrize("name", ["rock", "dam"])
+@pytest.mark.parametrize("name", ["rock", pytest.param("dam", marks=pytest.mark.slow)])
 def test_control_names_the_parameter_that_falls(tmp_path, fitted, name):
     """Of all gauges together, of a truth of another mesh: which, how much, and since when."""
     said, out = controlled(fitted, tmp_path, f"{name}.csv")
@@ -176,6 +176,7 @@ def test_control_names_the_parameter_that_falls(tmp_path, fitted, name):
     assert f"E_{name} fell by" in page.read_text().partition("Gauges and their last readings")[2]
 
 
+@pytest.mark.slow
 def test_what_would_be_seen_of_a_parameter_is_told_before(fitted, tmp_path):
     words = [
         "E_rock falls 10 %",
@@ -359,6 +360,7 @@ def test_a_fit_that_ran_out_of_time_goes_on(tmp_path):
     assert run("fit", path)["status"] == "converged"
 
 
+@pytest.mark.slow
 def test_one_creep_of_the_concrete_explains_all_gauges(tmp_path):
     """Under its weight and the water; the motion of each gauge is told beside that of the level."""
     case = without_temperatures(CASE)
