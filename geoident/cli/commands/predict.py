@@ -39,10 +39,8 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option(
     "--draws",
     type=click.IntRange(min=8),
-    default=30,
-    show_default=True,
     metavar="N",
-    help="Draws of the posterior at which --safety computes the factor.",
+    help="Draws of the posterior at which --safety computes the factor.  [default: 30]",
 )
 @click.option(
     "--fields",
@@ -57,7 +55,7 @@ def command(
     stages: str | None,
     case: str | None,
     safety: tuple[str, ...] | None,
-    draws: int,
+    draws: int | None,
     fields: str | None,
     options: Options,
 ) -> int:
@@ -73,8 +71,8 @@ def command(
         given: dict[str, Any] = {"--stages": stages, "--case": case, "-o": options.output}
         given |= {"--set": options.overrides, "--fresh": options.fresh}
         return _safety(result, safety, draws, fields, given, options)
-    if fields:
-        raise click.UsageError("--fields needs --safety")
+    if fields or draws:
+        raise click.UsageError(f"{'--fields' if fields else '--draws'} needs --safety")
     if options.overrides and case is None:
         raise click.UsageError("--set needs --case: the case of a fit is what it was.")
     with failures_as_json(case or result, options):
@@ -85,14 +83,14 @@ def command(
 def _safety(
     result: str,
     stages: tuple[str, ...],
-    draws: int,
+    draws: int | None,
     fields: str | None,
     others: dict[str, Any],
     options: Options,
 ) -> int:
     """Factors of safety and their bands in place of readings."""
     from geoident.cli.safety import say_safety
-    from geoident.workflow.safety import SafetyRequest, safety_of_fit
+    from geoident.workflow.safety import DRAWS, SafetyRequest, safety_of_fit
 
     if named := [name for name, value in others.items() if value]:
         raise click.UsageError(f"{named[0]} does not go with --safety")
@@ -103,6 +101,6 @@ def _safety(
             solver=options.solver,
             fields=fields,
             force=options.force,
-            draws=draws,
+            draws=draws or DRAWS,
         )
         return say_safety(asked, safety_of_fit, options)
