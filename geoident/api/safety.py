@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from geoident.api.calling import AnyPath, spoken
+from geoident.api.calling import AnyPath, processes, spoken
 from geoident.api.cases import CaseFile, origin_of
 from geoident.api.results import FitResult
 from geoident.io.result.file import read_identity
@@ -50,6 +50,7 @@ def safety(
     seed: int | None = None,
     fields: AnyPath | None = None,
     force: bool = False,
+    jobs: int | None = 1,
     solver: str = "auto",
 ) -> SafetyResult:
     """Divide the strength of the ground until no equilibrium is left.
@@ -61,6 +62,7 @@ def safety(
         seed: of these; that of the fit if None.
         fields: file for all states and the mechanism, such as ``case.vtkhdf``.
         force: replace what stands there.
+        jobs: processes for the draws; None for all cores, where that saves time.
         solver: name of the sparse solver, or ``auto``.
 
     Raises:
@@ -77,7 +79,7 @@ def safety(
         asked = SafetyRequest(
             path, chosen, solver=solver, fields=file, force=force, draws=draws, seed=seed
         )
-        return SafetyResult(safety_of_fit(asked, Control()))
+        return SafetyResult(safety_of_fit(asked, Control(jobs=processes(jobs))))
     origin = origin_of(of)
     asked = SafetyRequest(
         origin.path, chosen, origin.overrides, text=origin.text, solver=solver, fields=file,

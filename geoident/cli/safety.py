@@ -33,7 +33,7 @@ def say_safety(
         The exit code.
     """
     terminal = Terminal(options)
-    control = Control(terminal)
+    control = Control(terminal, jobs=options.jobs)
     with terminal.live(asked.path), stop_on_signals(control.stop):
         found = compute(asked, control)
     code = ExitCode.DONE if found.status == "done" else ExitCode.NOT_CONVERGED

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel
 from geoident.forward.safety.search import Search, safety_factors
 from geoident.forward.safety.strengths import reducible
-from geoident.identify.assessment.scalar_band import fitted_surface, scalar_band
+from geoident.identify.assessment.scalar_band import scalar_band
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.scaling import Scaling
 from geoident.io.bridges.values import read_values
@@ -21,16 +22,18 @@ from geoident.io.result.hdf5 import hdf5_output
 from geoident.io.result.vtkhdf import add_principal_stresses, write_fields
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.wording import nearest
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.result import Result
 from geoident.model.results.safety import SafetyBand, SafetyFactor
 from geoident.model.results.times import StageTimes
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.from_fit import known_by_fit, read_fit, require_same_mesh
+from geoident.workflow.factors_at_draws import factors_at_draws
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, require_stages
 from geoident.workflow.running.result_files import files_of_result
+from geoident.workflow.running.workers import ModelParts
 from geoident.workflow.simulate import values_for, with_starts
 
 DRAWS = 30
@@ -38,12 +41,6 @@ DRAWS = 30
 
 _MANY = 20_000
 """Draws at which the surface through them is asked."""
-
-_AT_DRAWS = 0.02
-"""Relative width of the brackets of factors at draws: their errors are far below the band's."""
-
-_ENOUGH = 8
-"""Draws from which on a surface through them says about what the next factor is."""
 
 
 @dataclass(frozen=True)
@@ -153,10 +150,13 @@ def safety_of_fit(asked: SafetyRequest, control: Control) -> Safety:
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     p = p[order]
     assessment = _assessment(fit, model, case, p)
+    parts = ModelParts.of(model, case, asked.solver)
+    assert parts is not None  # a staged model has them
+    at_draws = partial(factors_at_draws, model, parts, control)
     factors = _factors(model, p, states, control)
     seed = fit.provenance.seed if asked.seed is None else asked.seed
     bands = tuple(
-        _band(model, p, state, best, assessment, asked.draws, seed, control)
+        _band(model, p, state, best, assessment, asked.draws, seed, at_draws)
         for state, best in zip(states, factors, strict=True)
     )
     files = (*files_of_result(fit, asked.path), *inputs.files)
@@ -247,7 +247,7 @@ def _band(
     assessment: Assessment,
     count: int,
     seed: int,
-    control: Control,
+    at_draws: Callable[[Sequence[Floats], Floats, int, float], tuple[Floats, Ints]],
 ) -> SafetyBand:
     """What a posterior makes of the factor of a stage.
 
@@ -259,18 +259,9 @@ def _band(
     many = _drawn(assessment, _MANY, rng)
     axes = _axes(many)
     points = [scaling.away(p, step) for step in steps]
-    y, bounded = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
-    for k, point in enumerate(points):
-        control.stop.check()
-        control.monitor.part(f"factor at draw {k + 1} of {count}", k / count)
-        guess = _guess(steps[:k] @ axes, y[:k], steps[k] @ axes, best.value)
-        try:
-            (found,) = safety_factors(
-                model, point, [state], Search(tolerance=_AT_DRAWS, guess=guess, in_situ_too=True)
-            )
-        except ModelError:
-            continue
-        y[k], bounded[k] = np.log(found.value), found.bounded
+    z = steps @ axes
+    y, bounded = at_draws(points, z, state, best.value)
+    y = np.log(y)
     known = np.isfinite(y)
     if np.count_nonzero(known) < max(3, count // 2):
         raise ModelError(
@@ -278,7 +269,7 @@ def _band(
             f"no answer at stage '{best.stage}'",
             "The fit leaves parameters so open that a band means nothing: see `geoident show`.",
         )
-    band = scalar_band(steps[known] @ axes, y[known], many @ axes, 0.0, rng)
+    band = scalar_band(z[known], y[known], many @ axes, 0.0, rng)
     lower, median, upper = np.exp(band.quantiles)
     return SafetyBand(
         best=best,
@@ -319,15 +310,6 @@ def _axes(steps: Floats) -> Floats:
     axes = np.zeros((steps.shape[1], int(np.count_nonzero(kept))))
     axes[varies] = vectors[:, kept] / np.sqrt(values[kept]) / size[varies, None]
     return axes
-
-
-def _guess(z: Floats, y: Floats, at: Floats, first: float) -> float:
-    """About what the factor is at coordinates (r,), from those at others."""
-    known = np.isfinite(y)
-    if np.count_nonzero(known) < max(_ENOUGH, z.shape[1] + 3):
-        return first
-    surface = fitted_surface(z[known], y[known])
-    return float(np.exp(surface.at(at[None])[0]))
 
 
 def _write_fields(model: StagedModel, p: Floats, found: Safety, asked: SafetyRequest) -> None:

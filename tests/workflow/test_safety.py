@@ -85,6 +85,15 @@ def test_band_of_a_fit_is_the_posterior(tmp_path):
     assert band["undetermined"] == []
 
 
+@pytest.mark.slow  # starts processes
+def test_several_processes_find_the_same_band(tmp_path):
+    path = write_case(tmp_path)
+    assert run_command("fit", path, "-q").exit_code == 0
+    words = ("predict", path.with_name("case.fit.h5"), "--safety", "--draws", "12", "--json")
+    one, three = (json.loads(run_command(*words, "-j", jobs).stdout) for jobs in ("1", "3"))
+    assert one["stages"] == three["stages"]
+
+
 @pytest.mark.slow  # the band above
 def test_what_a_fit_does_not_determine_is_said(tmp_path):
     path = write_case(tmp_path, "{start: 50 kPa, bounds: [20 kPa, 120 kPa], scale: log}")

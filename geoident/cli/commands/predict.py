@@ -48,7 +48,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     type=click.Path(),
     help="With --safety, also write all states and the mechanism, for ParaView.",
 )
-@takes("output", "overrides", "solver", "force", "fresh", "as_json", "trust", after=_next)
+@takes("output", "jobs", "overrides", "solver", "force", "fresh", "as_json", "trust", after=_next)
 @asks_safety
 def command(
     result: str,
@@ -71,8 +71,9 @@ def command(
         given: dict[str, Any] = {"--stages": stages, "--case": case, "-o": options.output}
         given |= {"--set": options.overrides, "--fresh": options.fresh}
         return _safety(result, safety, draws, fields, given, options)
-    if fields or draws:
-        raise click.UsageError(f"{'--fields' if fields else '--draws'} needs --safety")
+    alone = {"--fields": fields, "--draws": draws, "-j": options.jobs}
+    if named := [name for name, value in alone.items() if value]:
+        raise click.UsageError(f"{named[0]} needs --safety")
     if options.overrides and case is None:
         raise click.UsageError("--set needs --case: the case of a fit is what it was.")
     with failures_as_json(case or result, options):
