@@ -25,8 +25,13 @@ class Summed:
     slopes: Mapping[int, sp.csr_array]
 
     def at(self, columns: Floats) -> Floats:
-        """The product with a vector and its derivatives, (n, 1 + k), with derivatives."""
+        """The product with a vector and its derivatives, (n, 1 + k), with derivatives.
+
+        With a vector alone, (n, 1), that of the value.
+        """
         product = np.asarray(self.value @ columns)
+        if columns.shape[1] == 1:
+            return product
         for n, slope in self.slopes.items():
             product[:, 1 + n] += slope @ columns[:, 0]
         return product

@@ -33,21 +33,16 @@ whose stress returns from the beginning of the part to its end (`plastic_step`).
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.forward.analysis.elastic_parts import ElasticParts, InTime, TimePart
 from geoident.forward.analysis.plastic_step import PlasticSteps
-from geoident.forward.analysis.stage import (
-    FactorCache,
-    StageTask,
-    StressState,
-    not_positive_definite,
-)
+from geoident.forward.analysis.stage import FactorCache, StageTask
 from geoident.forward.analysis.step_parts import begin_part, mixed
 from geoident.forward.analysis.systems import StageSystems
-from geoident.forward.analysis.water import PoreBlocks, WaterInPart
+from geoident.forward.analysis.water import PoreBlocks
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
 from geoident.forward.consolidation.steps import BACK, GAMMA, TimeStep, parabola
 from geoident.forward.creep.steps import CreepSteps
@@ -59,42 +54,6 @@ different moduli."""
 
 _ROUNDING = 1e-12
 """Part of a time within which it is reached."""
-
-
-@dataclass(frozen=True)
-class InTime:
-    """Displacements and pressures at a time.
-
-    Args:
-        u: (n_dofs, 1 + n) since the beginning of the stage, m, without what supports impose.
-        p: (n_nodes, 1 + n) Pa.
-        carried: by ground that creeps or yields; None where none does.
-    """
-
-    u: Floats
-    p: Floats
-    carried: StressState | None = None
-
-
-@dataclass(frozen=True)
-class TimePart:
-    """What is given in a part of a step.
-
-    Args:
-        h: by what flow is multiplied, s.
-        drive: w (n_nodes, 1 + n), Pa.
-        jump: (n_nodes, 1 + n) changes of the pressures that are given, Pa.
-        held: (n_nodes,) where they are given.
-        span: when it begins and ends, s since the beginning of the stage.
-        loaded: parts of what the stage does that have come then.
-    """
-
-    h: float
-    drive: Floats
-    jump: Floats
-    held: Bools
-    span: tuple[float, float]
-    loaded: tuple[float, float]
 
 
 class March:
@@ -146,11 +105,13 @@ class March:
         jumps = time == 0.0 or (self._now.carried is not None and not self._over)
         if jumps and not self._done and not self._came:
             free = np.zeros_like(self._equations.pores.given)
-            self._now = self._after(self._now, 0.0, self._now.p, free, (0.0, 0.0))
+            self._now = self._after(self._now, 0.0, (), free, (0.0, 0.0))
+            self._equations.finish()
         if time == 0.0:
             return self._now
         while self._time < time * (1.0 - _ROUNDING):
             self._step()
+        self._equations.finish()
         left = (self._time - time) / self._length
         return self._now if left < _ROUNDING else self._within(1.0 - left)
 
@@ -164,12 +125,13 @@ class March:
         start, end = self._time, self._time + step.length
         middle = start + self._gamma * step.length
         if step.euler:
-            self._now = self._after(begun, step.share, begun.p, held, (start, end))
+            self._now = self._after(begun, step.share, [(1.0, begun)], held, (start, end))
+            self._equations.finish()
             between = _sum((begun, self._now), (1.0 - self._gamma, self._gamma))
         else:
-            between = self._after(begun, step.share, 2.0 * begun.p, held, (start, middle))
-            drive = between.p + BACK * (begun.p + between.p)
-            self._now = self._after(between, step.share, drive, held, (middle, end))
+            between = self._after(begun, step.share, [(2.0, begun)], held, (start, middle))
+            past = [(BACK, begun), (1.0 + BACK, between)]
+            self._now = self._after(between, step.share, past, held, (middle, end))
         self._parts, self._length = (begun, between, self._now), step.length
         self._time, self._done = end, self._done + 1
 
@@ -178,21 +140,26 @@ class March:
         return 1.0 if time >= self._over * (1.0 - _ROUNDING) else time / self._over
 
     def _after(
-        self, before: InTime, h: float, drive: Floats, held: Bools, span: tuple[float, float]
+        self,
+        before: InTime,
+        h: float,
+        past: Sequence[tuple[float, InTime]],
+        held: Bools,
+        span: tuple[float, float],
     ) -> InTime:
         """The end of a part of a step; pressures of some nodes (n_nodes,) are given.
 
         Args:
             before: its beginning.
             h: by what flow is multiplied, s.
-            drive: w (n_nodes, 1 + n), Pa.
+            past: weights and states whose pressures, summed, drive the flow.
             held: (n_nodes,) where pressures are given.
             span: when it begins and ends, s.
         """
-        jump = np.where(held[:, None], self._given - before.p, 0.0)
         loaded = self._came, self.came(span[1])
         self._came = loaded[1]
-        return self._equations.advance(before, TimePart(h, drive, jump, held, span, loaded))
+        part = TimePart(before, h, past, self._given, held, span, loaded)
+        return self._equations.advance(part)
 
     def _within(self, part: float) -> InTime:
         """At a part of the last step."""
@@ -247,7 +214,7 @@ class StepEquations:
         self.n_parts = 1
         self._forces = task.forces.copy()
         self._task, self._creep, self._plastic, self._factors = task, creep, plastic, factors
-        self._stiff = _stiffness_depends(task) or creep is not None
+        self._elastic = ElasticParts(systems, operators, factors)
         self._blocks: dict[Hashable, PoreBlocks] = {}
         self._last: tuple[float, Floats] | None = None  # length and motions of the last part
 
@@ -260,18 +227,17 @@ class StepEquations:
         """What follows is part of a state of the stage: findings and messages name that."""
         self._task = replace(self._task, number=task.number, state=task.state)
 
-    def advance(self, before: InTime, part: TimePart) -> InTime:
-        """The end of a part of a step.
+    def advance(self, part: TimePart) -> InTime:
+        """The end of a part of a step; of elastic ground its derivatives are there by `finish`.
 
         Args:
-            before: its beginning.
             part: what is given in it.
 
         Raises:
             ModelError: the matrix is singular.
             CollapseError: ground that yields cannot carry the loads.
         """
-        comes = part.loaded[1] - part.loaded[0]
+        comes, before = part.loaded[1] - part.loaded[0], part.before
         task, begun, warmed = _part_of(self._task, comes), None, None
         if self._task.heating is not None:
             warmed = self._task.heating.until(part.span[1])
@@ -280,11 +246,9 @@ class StepEquations:
             length = part.span[1] - part.span[0]
             begun = begin_part(task, self._systems, self._creep, before.carried, length)
             task = begun.task
-        water = WaterInPart(
-            self._operators, part.h, part.drive, part.jump, self._blocks_of(part.held, task),
-            part.span, part.loaded, self.n_parts,
-        )  # fmt: skip
+        blocks = self._blocks_of(part.held, task)
         if self._plastic is not None and begun is not None:
+            water = part.water(self._operators, blocks, self.n_parts)
             du, dp = self._yielding(self._plastic, replace(task, water=water), before)
             return InTime(before.u + du, before.p + dp, begun.crept())
         forces = comes * self.rest
@@ -292,61 +256,15 @@ class StepEquations:
             forces += begun.past
         elif warmed is not None:  # what is carried from part to part has it in its past
             forces += self._thermal_forces(warmed)
-        du, dp = self._elastic(task, water, forces)
-        carried = None if begun is None else begun.end(self._systems, self._factors, du)
-        return InTime(before.u + du, before.p + dp, carried)
+        after = self._elastic.advance(task, part, blocks, forces)
+        if begun is None:
+            return after
+        self.finish()
+        return replace(after, carried=begun.end(self._systems, self._factors, after.u - before.u))
 
-    def _elastic(
-        self, task: StageTask, water: WaterInPart, forces: Floats
-    ) -> tuple[Floats, Floats]:
-        """Changes of u (n_dofs, 1 + n) and p (n_nodes, 1 + n) under forces (n_dofs, 1 + n)."""
-        forces, right = forces + water.pushed(), water.right(task.motion)
-        du, dp, state, slopes = (
-            np.zeros_like(forces),
-            water.jump.copy(),
-            slice(0, 1),
-            slice(1, None),
-        )
-        self._solve(task, water, (forces[:, state], right[:, state]), (du[:, state], dp[:, state]))
-        if forces.shape[1] > 1:
-            u = du[:, 0]
-            if self._stiff:
-                forces[:, slopes] -= self._stiffness_slopes(task, u)
-            moved = u if task.motion is None else u + task.motion[:, 0]
-            water.slopes(forces[:, slopes], right[:, slopes], moved, dp[:, 0])
-            self._solve(
-                task, water, (forces[:, slopes], right[:, slopes]), (du[:, slopes], dp[:, slopes])
-            )
-        return du, dp
-
-    def _solve(
-        self,
-        task: StageTask,
-        water: WaterInPart,
-        right: tuple[Floats, Floats],
-        changes: tuple[Floats, Floats],
-    ) -> None:
-        """Add the solution for some columns to changes of displacements and pressures.
-
-        Without a factor nothing is free to move.
-        """
-        (forces, flow), (du, dp), blocks = right, changes, water.blocks
-        dofs = task.system.dofs
-        if blocks is None:
-            factor = self._factors.factor(task, self._systems)
-            if factor is not None:
-                du[dofs] += factor.solve(forces[dofs])
-            return
-        try:
-            factor = blocks.factor(water.h)
-        except NotPositiveDefinite as error:
-            unknown, n = error.unknown, len(dofs)
-            at = unknown if unknown is not None and unknown < n else None
-            place = self._systems.describe_unknown(task.system, at)
-            raise not_positive_definite(task.state.name, place) from error
-        solution = factor.solve(np.concatenate([forces[dofs], blocks.size * flow[blocks.nodes]]))
-        du[dofs] += solution[: len(dofs)]
-        dp[blocks.nodes] += blocks.size * solution[len(dofs) :]
+    def finish(self) -> None:
+        """Solve for derivatives that lag behind."""
+        self._elastic.finish()
 
     def _yielding(
         self, plastic: PlasticSteps, task: StageTask, before: InTime
@@ -376,15 +294,6 @@ class StepEquations:
         self._task.add_thermal_stress(strain, stress, 1.0)
         return self._systems.discretization.points.forces(stress, self._task.system.volume)
 
-    def _stiffness_slopes(self, task: StageTask, du: Floats) -> Floats:
-        """Forces (n_dofs, n) of dK/dp by displacements (n_dofs,)."""
-        points, structures = self._systems.discretization.points, self._systems.structures
-        stress = np.zeros((points.n_strain, points.n_points, task.n))
-        members = np.zeros((structures.n_rows, task.n))
-        task.add_stiffness_derivatives(self._systems, du, stress, members)
-        forces = points.forces(stress, task.system.volume)
-        return forces + structures.nodal_forces(members) if structures.n_rows else forces
-
     def _blocks_of(self, held: Bools, task: StageTask) -> PoreBlocks | None:
         """The matrices where some pressures (n_nodes,) are held; None where all are."""
         nodes = self.pores.nodes[~held[self.pores.nodes]]
@@ -411,16 +320,6 @@ def _part_of(task: StageTask, part: float) -> StageTask:
     motion = None if task.motion is None else part * task.motion
     thermal = None if task.thermal is None else part * task.thermal
     return replace(task, motion=motion, thermal=thermal)
-
-
-def _stiffness_depends(task: StageTask) -> bool:
-    """Whether moduli of the ground or of structures depend on parameters."""
-    names = set(task.point.names)
-    for material, points in task.system.points_of.items():
-        moduli = task.ground_moduli.moduli(material, points)
-        if names & moduli.slopes.keys() or moduli.modes:
-            return True
-    return bool(task.rigidities[:, 1:].any())
 
 
 def _sum(states: Sequence[InTime], weights: Sequence[float]) -> InTime:

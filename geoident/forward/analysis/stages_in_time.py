@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.analysis.march import InTime, March, StepEquations
+from geoident.forward.analysis.elastic_parts import InTime
+from geoident.forward.analysis.march import March, StepEquations
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
 from geoident.forward.analysis.step_parts import begin_materials, begin_part

@@ -159,7 +159,10 @@ class WaterInPart:
 
     def pushed(self) -> Floats:
         """(n_dofs, 1 + n) forces of the jump."""
-        return np.asarray(self.operators.coupling.value @ self.jump)
+        Q = self.operators.coupling.value
+        if not self.jump.any():
+            return np.zeros((Q.shape[0], self.jump.shape[1]))
+        return np.asarray(Q @ self.jump)
 
     def right(self, motion: Floats | None) -> Floats:
         """(n_nodes, 1 + n) right sides of the water; of their slopes those at fixed du and dp.
@@ -168,9 +171,11 @@ class WaterInPart:
             motion: (n_dofs, 1 + n) that supports impose; None for none.
         """
         Q, S, H = self.operators.coupling, self.operators.storage, self.operators.flow
-        right = self.h * H.at(self.drive) + S.value @ self.jump + self.h * (H.value @ self.jump)
+        right = self.h * H.at(self.drive)
+        if self.jump.any():
+            right += S.value @ self.jump + self.h * (H.value @ self.jump)
         if motion is not None:
-            right += Q.value.T @ motion
+            right += Q.value.T @ motion[:, : right.shape[1]]
         return np.asarray(right)
 
     def slopes(self, forces: Floats, right: Floats, u: Floats, p: Floats) -> None:
