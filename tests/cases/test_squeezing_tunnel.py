@@ -61,6 +61,7 @@ def test_a_section_moves_as_the_calculation_that_made_its_readings(made, name):
         assert reading.value == pytest.approx(exact, rel=2e-5)
 
 
+@pytest.mark.slow  # its fit is a slow test, too
 def test_the_project_is_sound():
     run = CliRunner().invoke(geoident, ["check", str(CASE / "project.yaml")])
     assert run.exit_code == 0, run.output

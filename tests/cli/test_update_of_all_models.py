@@ -78,6 +78,7 @@ def test_a_step_of_one_gauge_of_a_seasonal_model_does_not_belong(tmp_path):
     assert found.updates.steps[-1].alarm
 
 
+@pytest.mark.slow  # as `update` and `control` do
 def test_watch_controls_a_structure_in_service(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run_command("fit", write_dam(".", 1001), "-q").exit_code == 0

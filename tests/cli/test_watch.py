@@ -107,6 +107,7 @@ def test_a_file_that_cannot_be_read_is_reported_and_the_result_stays(tunnel):
     assert (tunnel / "case.fit.h5").read_bytes() == before
 
 
+@pytest.mark.slow  # starts many processes
 def test_a_full_disk_leaves_the_last_result_and_is_tried_again(tunnel):
     before = (tunnel / "case.fit.h5").read_bytes()
     write_readings(tunnel, rows("day 1", "day 2", "day 4"))
@@ -123,6 +124,7 @@ def test_a_full_disk_leaves_the_last_result_and_is_tried_again(tunnel):
     assert updates(tunnel) == 1
 
 
+@pytest.mark.slow  # kills again and again
 def test_killed_watchers_leave_a_result_from_which_the_next_goes_on(tunnel):
     write_readings(tunnel, rows("day 1", "day 2", "day 4"))
     for seconds in (0.5, 2.5):
@@ -140,6 +142,7 @@ def test_killed_watchers_leave_a_result_from_which_the_next_goes_on(tunnel):
     assert once().stdout == ""
 
 
+@pytest.mark.slow  # starts many processes
 def test_two_watchers_make_one_update(tunnel):
     write_readings(tunnel, rows("day 1", "day 2", "day 4"))
     both = [

@@ -229,14 +229,19 @@ def write(folder: Path, *, seed: int = 3, case: str = CASE, years: float = 9.0, 
         error += 0.8 * size * rng.standard_normal(len(days)) + lasting(days, 0.6 * size, 25.0, rng)
         read_on.append(days)
         errors.append(error)
+
+    def motions(values):
+        """Of all channels at one parameter vector, which costs one analysis."""
+        return [
+            _motion(model, values, row, start + days * 86400.0) for row, days in enumerate(read_on)
+        ]
+
+    as_built = motions(truth)
     for name, happening in files.items():
+        later = motions({**truth, **happening.becomes}) if happening.becomes else as_built
         for row, channel in enumerate(read.channels):
             days = read_on[row]
-            times = start + days * 86400.0
-            y = _motion(model, truth, row, times) + errors[row]
-            if happening.becomes:
-                after = _motion(model, {**truth, **happening.becomes}, row, times) + errors[row]
-                y = np.where(days > happening.day, after, y)
+            y = np.where(days > happening.day, later[row], as_built[row]) + errors[row]
             if channel.name in happening.changes:
                 y = y + happening.changes[channel.name](days)
             lines[name] += [

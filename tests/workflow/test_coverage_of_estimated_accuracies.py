@@ -318,6 +318,7 @@ def test_intervals_and_bands_hold_what_they_say(n, sizes, prior):
         assert plain.min() < 0.92
 
 
+@pytest.mark.slow  # counts many draws
 def test_few_of_them_do():
     inside, plain = coverage(8, (2.0, 0.5), 12)
     assert inside.mean() > 0.87 > plain.mean()

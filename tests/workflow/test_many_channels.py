@@ -32,6 +32,7 @@ def fitted(case, *more):
     return value, 0.5 * (high - low), *bands, json.loads(done.stdout)
 
 
+@pytest.mark.slow  # two large fits
 def test_what_is_approximated_of_many_readings_moves_no_answer(case, monkeypatch):
     """600 readings with 150 columns of their model error, and with all of them."""
     value, half, mean, sd, _ = fitted(case)

@@ -86,6 +86,7 @@ def has_the_bits_of_a_serial_run(run, case, plan, said, control):
     assert there.counts.evaluations == here.counts.evaluations
 
 
+@pytest.mark.slow  # a fit of the cluster has them, too
 def test_a_scan_has_the_bits_of_a_serial_run(tmp_path, cluster, sent_tasks):
     said = ("fit.scan.points=3", "fit.reduced=false")
     has_the_bits_of_a_serial_run(scan, write_case(tmp_path), plan_scan, said, on(cluster))

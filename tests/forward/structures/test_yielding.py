@@ -52,7 +52,7 @@ def _sag(staged, p=()):
     return -survey.fields.displacement[:, middle, 1], survey
 
 
-@pytest.mark.parametrize("ends", ["fixed", "propped"])
+@pytest.mark.parametrize("ends", [pytest.param("fixed", marks=pytest.mark.slow), "propped"])
 def test_beam_collapses_at_the_load_of_its_mechanism(ends):
     """p = 16 M_p / L^2 of a fixed beam; of a propped cantilever with a hinge at c from its prop
 

@@ -72,6 +72,7 @@ def test_an_opening_ends_with_an_answer(case):
     assert_sound(case)
 
 
+@pytest.mark.slow  # several stages
 def test_stronger_ground_is_carried_too_and_moves_less():
     """Without dilation the stronger of two grounds once failed where the weaker one ran."""
     walls = [

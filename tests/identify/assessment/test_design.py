@@ -96,6 +96,7 @@ def test_nearly_always_it_is_the_best_set():
     assert hits >= 14
 
 
+@pytest.mark.slow  # counts many draws
 def test_what_a_limit_leaves_unsettled_is_the_mean_over_readings(rng):
     """E[p (1 - p)] by drawing what would be read, and p from what is then known."""
     S, own, groups = site(rng)

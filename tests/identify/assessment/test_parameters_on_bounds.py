@@ -111,7 +111,7 @@ PRESSED = (0.0, 0.3, 1.5, 2.0, 0.6, -0.5)
 that a pressure below zero would explain, so that its bound holds it."""
 
 
-@pytest.mark.parametrize("sd", [0.01, 0.03, 0.1, 0.3])
+@pytest.mark.parametrize("sd", [pytest.param(0.01, marks=pytest.mark.slow), 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("off", [NEAR_ZERO, PRESSED], ids=["near-zero", "pressed"])
 @pytest.mark.parametrize("power", [1, 2], ids=["linear", "square"])
 def test_a_pressure_at_zero_has_the_interval_of_the_posterior(make_problem, power, off, sd):
@@ -124,7 +124,7 @@ def test_a_pressure_at_zero_has_the_interval_of_the_posterior(make_problem, powe
         np.testing.assert_allclose(found, expected, atol=0.05 * width)
 
 
-@pytest.mark.parametrize("sd", [0.01, 0.03, 0.1, 0.3])
+@pytest.mark.parametrize("sd", [pytest.param(0.01, marks=pytest.mark.slow), 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("off", [NEAR_ZERO, PRESSED], ids=["near-zero", "pressed"])
 @pytest.mark.parametrize("power", [1, 2], ids=["linear", "square"])
 def test_two_pressures_at_zero_truncate_each_other_once(make_problem, power, off, sd):

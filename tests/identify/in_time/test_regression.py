@@ -31,6 +31,7 @@ def test_coefficients_are_those_of_generalized_least_squares():
     )
 
 
+@pytest.mark.slow  # counts many draws
 def test_noise_and_intervals_are_right_on_the_average():
     """Of 60 records the ellipsoids of 95 % hold the coefficients; the noise is not too small."""
     rng = np.random.default_rng(3)
@@ -47,6 +48,7 @@ def test_noise_and_intervals_are_right_on_the_average():
     assert lasting == pytest.approx(TRUTH.lasting, rel=0.15)
 
 
+@pytest.mark.slow  # counts many draws
 def test_white_noise_is_not_taken_for_one_that_lasts():
     rng = np.random.default_rng(4)
     lasts = []

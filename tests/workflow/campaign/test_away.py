@@ -93,6 +93,7 @@ def computed(executor, **given):
     return compute(plan, AwayRuns(executor, plan), lambda record: None, runs_csv), plan
 
 
+@pytest.mark.slow  # those on this machine are quick
 def test_results_of_a_cluster_are_those_of_the_serial_run_bit_for_bit(here, cluster):
     write(f"command: simulate\n{VARY}")
     plan = plan_campaign("campaign.yaml", output=str(here / "away"))

@@ -245,6 +245,7 @@ def test_parameters_that_fall_come_to_light_as_probably_as_told(tmp_path):
     assert np.mean(alarmed) <= 0.6  # 0.18 in two years, and three standard deviations of 12
 
 
+@pytest.mark.slow  # three fits
 def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path):
     """As in a fit of all of them; the history has the parameters before and after."""
     path = write(tmp_path, seed=4, case=without_temperatures(CASE))

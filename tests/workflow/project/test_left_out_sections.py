@@ -55,6 +55,7 @@ def ratios(rows, ground, *, early):
     ]
 
 
+@pytest.mark.slow  # whole fits
 def test_later_readings_of_new_sections_and_a_section_left_out_lie_within_their_bands(tmp_path):
     """Four sections with two readings each: by themselves they cannot tell how wrong the law is."""
     ground, early = sections(0, COUNT), (2, 5, 8, 11)
