@@ -7,10 +7,12 @@ theory 6 needs: covariance and singular values do not depend on what is read.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.errors import InputError
+from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.problem.problem import Problem
 from geoident.io.text.yaml_reader import parse_yaml
@@ -28,7 +30,7 @@ from geoident.workflow.running.jobs import (
     require_stages,
     start_values,
 )
-from geoident.workflow.running.readings import error_structure
+from geoident.workflow.running.readings import error_structure, select_readings
 
 
 def identifiability(
@@ -37,7 +39,9 @@ def identifiability(
     """Assess the gauges of a case at its start values. Readings need not exist.
 
     Every channel counts as read at every stage of ``fit.stages`` (all stages, if not given) after
-    the one at which it is zeroed, with its stated accuracy.
+    the one at which it is zeroed, with its stated accuracy. Where stages last and the case has a
+    list of readings, it says when which channel is read; its values do not matter, and may be
+    missing.
 
     Args:
         path: of the case; ``-`` for stdin.
@@ -50,18 +54,23 @@ def identifiability(
     """
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
     require_stages(inputs.case)
+    has_readings = _has_readings(inputs)
+    listed = _with_list(inputs, path, overrides) if has_readings and inputs.case.lasts else None
+    inputs = listed or inputs
     model = build_model(inputs, solver=solver)
     case = model.case
     p = start_values(case, model)
     case = with_surface_error(case, model, p)
     survey = model.survey(p, fields=False)
-    rows = planned_readings(case, survey.computed)
-    sd, shared = error_structure(
-        [
-            (case.channels[i], Reading(case.channels[i].name, case.stages[j].name, None))
-            for i, j in rows.tolist()
+    if listed is None:
+        rows = planned_readings(case, survey.computed)
+        readings = [
+            Reading(case.channels[i].name, case.stages[j].name, None) for i, j in rows.tolist()
         ]
-    ).stated
+    else:
+        rows, readings = listed_readings(case, model)
+    pairs = zip(rows[:, 0].tolist(), readings, strict=True)
+    sd, shared = error_structure([(case.channels[i], reading) for i, reading in pairs]).stated
     problem = Problem(
         model.response(()), survey.computed[*rows.T], sd, case.parameters, shared=shared
     )
@@ -72,8 +81,42 @@ def identifiability(
         known.findings,
         known.singular_values,
         len(rows),
-        read=_has_readings(inputs),
+        read=has_readings,
+        listed=listed is not None,
     )
+
+
+def _with_list(planned: Inputs, path: str, overrides: Sequence[str]) -> Inputs | None:
+    """A case with its readings, and states at their dates; None where their file is not there yet.
+
+    Raises:
+        InputError: the readings are faulty.
+    """
+    text = planned.loaded.text if path == "-" else None
+    try:
+        listed = load_inputs(path, overrides=overrides, text=text)
+    except InputError as error:
+        if any(fault.code != "missing-file" for fault in error.faults):
+            raise
+        return None
+    return listed if listed.case.readings else None
+
+
+def listed_readings(case: Case, model: ObservedModel) -> tuple[Ints, list[Reading]]:
+    """The readings of a case that a fit would use if all had values, and their rows (g, 2).
+
+    Raises:
+        InputError: there are none.
+    """
+    filled = [replace(r, value=1.0 if r.value is None else r.value) for r in case.readings]
+    used = select_readings(replace(case, readings=tuple(filled)), model).used
+    readings = [reading for reading, use in zip(case.readings, used, strict=True) if use]
+    if not readings:
+        raise _nothing_to_read(case)
+    channel = {one.name: n for n, one in enumerate(case.channels)}
+    stage = {one.name: n for n, one in enumerate(case.stages)}
+    rows = [(channel[reading.channel], stage[reading.stage]) for reading in readings]
+    return np.array(rows, dtype=np.int64), readings
 
 
 def _has_readings(inputs: Inputs) -> bool:
@@ -97,10 +140,13 @@ def planned_readings(case: Case, computed: Floats) -> Ints:
         and (case.fit.stages is None or stage.name in case.fit.stages)
     ]
     if not rows:
-        message = "no gauge can be read in the stages of the fit"
-        hint = "add gauges, zero them earlier, or extend 'fit.stages'"
-        fault = case.source.fault(
-            ("gauges",), code="no-planned-readings", message=message, hint=hint
-        )
-        raise InputError([fault])
+        raise _nothing_to_read(case)
     return np.array(rows, dtype=np.int64)
+
+
+def _nothing_to_read(case: Case) -> InputError:
+    message = "no gauge can be read in the stages of the fit"
+    hint = "add gauges, zero them earlier, or extend 'fit.stages'"
+    return InputError(
+        [case.source.fault(("gauges",), code="no-planned-readings", message=message, hint=hint)]
+    )

@@ -96,8 +96,10 @@ def command(
     Prints a summary of the case: groups, stages, gauges, and which readings are used. With
     --identifiability it solves the model once, at the start values, and prints the 95 % interval to
     which each parameter could be known if every gauge were read at every stage of the fit, and
-    which parameters the readings could not separate. With --mesh-error it solves the model on the
-    mesh and on one whose edges are halved, at the start values or those of a result CASE.fit.h5.
+    which parameters the readings could not separate. Where stages last, a list of readings says
+    instead which gauge is read when; its values may be missing. With --mesh-error it solves the
+    model on the mesh and on one whose edges are halved, at the start values or those of a result
+    CASE.fit.h5.
 
     A project (several sections of one ground) is checked with the cases of all its sections.
     """

@@ -582,7 +582,10 @@ def build_case(
         dates={},
         service=None,
         fit=replace(
-            section.fit.settings(strengths=_seek_strengths(materials)),
+            section.fit.settings(
+                strengths=_seek_strengths(materials)
+                and all(stage.lasts is None for stage in section.stages)
+            ),
             ladder=build_ladder(
                 section.fit.ladder or (),
                 section.materials,

@@ -126,7 +126,8 @@ class FitBase(Section):
     method: TextOrList[MethodName, Annotated[list[MethodName], Field(min_length=1)]] | None = Field(
         None,
         description=f"A method, or several that follow each other; without it {DEFAULT_METHOD}, "
-        f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters.",
+        f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters and no stage "
+        "lasts: its many trials are of minutes each where ground yields in time.",
     )
     stages: Annotated[list[Name], Field(min_length=1)] | None = Field(
         None, description="Stages whose readings are used (all if missing); others are predicted."
@@ -195,7 +196,7 @@ class FitBase(Section):
         """Names of the methods in their order.
 
         Args:
-            strengths: strengths of yield limits are parameters.
+            strengths: strengths of yield limits are parameters, of a case without time.
         """
         if self.method is None:
             return (DEFAULT_FOR_STRENGTHS if strengths else DEFAULT_METHOD,)
@@ -211,7 +212,7 @@ class FitBase(Section):
         """The same for the model, in SI units.
 
         Args:
-            strengths: strengths of yield limits are parameters.
+            strengths: strengths of yield limits are parameters, of a case without time.
         """
         opening = self._method("closed-form")
         assert isinstance(opening, ClosedFormOptions)

@@ -305,6 +305,7 @@ class Identifiability:
         singular_values: (min(g, n),) of the scaled sensitivities of the readings.
         readings: number g of planned readings: all channels at all stages of the fit.
         read: the case has readings already.
+        listed: the planned readings are those of the list of the case, at their dates.
     """
 
     parameters: ParameterTable
@@ -312,3 +313,4 @@ class Identifiability:
     singular_values: Floats
     readings: int
     read: bool = True
+    listed: bool = False

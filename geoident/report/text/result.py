@@ -188,8 +188,9 @@ _ALONE = (
 
 def plan_text(case: str, plan: Identifiability) -> str:
     """What planned gauges could determine, at the start values."""
+    where = ", those that the case lists, each at its date" if plan.listed else ""
     return sections(
-        f"{case}: {plan.readings} planned readings",
+        f"{case}: {plan.readings} planned readings{where}",
         section("Parameters at their start values, with the intervals to expect",
                 parameters_text(plan.parameters), sentence(_ALONE)),
         section("Findings", bullets(sentences_of(plan.findings))),

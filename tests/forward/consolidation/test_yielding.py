@@ -9,6 +9,8 @@ from support.meshes import box, regroup
 from geoident.errors import CollapseError
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.staged import ResumableRun
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.workflow.running.jobs import load_inputs
 
 DAY = 86400.0
 ELEMENT = """\
@@ -289,3 +291,14 @@ def test_errors_fall_with_the_number_of_steps_and_are_told(tmp_path):
     assert (ratio > 1.4).all()
     told = model.time_step_errors(p)
     np.testing.assert_allclose(told, 2.0 * (usual - coarse), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lasts", "method"),
+    [(", lasts: 5 d", GaussNewtonOptions), ("", ComplementarityOptions)],
+)
+def test_strengths_are_fitted_by_gauss_newton_where_stages_last(tmp_path, lasts, method):
+    """Where the case names no method; the search by complementarity takes too many analyses."""
+    path = element(tmp_path, (", lasts: 0 d", lasts))
+    (options,) = load_inputs(str(path)).case.fit.methods
+    assert isinstance(options, method)

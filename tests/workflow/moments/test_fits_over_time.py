@@ -20,6 +20,7 @@ from support.commands import run_command
 from geoident.api import fit
 from geoident.io.result.file import read_result
 from geoident.report.drawing.gauges.axis import stage_axis
+from geoident.workflow.identifiability import identifiability
 from geoident.workflow.running.jobs import load_inputs
 
 BEGIN = date(2024, 3, 1)
@@ -187,3 +188,52 @@ def test_bands_hold_for_dates_ahead(tmp_path):
         low, high = result.prediction.lower95[0, at], result.prediction.upper95[0, at]
         inside += low < result.gauges.measured[0, at] < high
     assert inside >= 26
+
+
+def judged(folder: Path, *, dates=(), at=()):
+    """What `check --identifiability` says of a list of dates without values."""
+    folder.mkdir()
+    rows = [f"{BEGIN + timedelta(day)}," for day in dates]
+    (folder / "read.csv").write_text("\n".join(["date,S1 (mm)", *rows, ""]))
+    case = write_column(folder, stages=ONE_STAGE.replace("200 d", "400 d"), more=DATED)
+    return identifiability(str(case), overrides=at)
+
+
+def test_early_dates_tell_permeability_over_modulus_alone(tmp_path):
+    """Early settlement is 2 q (k t / (pi gamma E))^(1/2), which tells k / E."""
+    days = np.array([1, 2, 3, 4])
+    early = judged(tmp_path / "early", dates=days.tolist())
+    assert early.listed
+    assert early.readings == 4
+    (finding,) = early.findings
+    assert (finding.kind, finding.subject) == ("not-separated", "E, k")
+    said = re.search(r"k / E is determined: (\S+) \(95 %: (\S+) to (\S+),", finding.sentence)
+    ratio, low, high = map(float, said.groups())
+    assert ratio == pytest.approx(1e-9 / 3e6, rel=1e-3)
+    settled = 2.0 * 100e3 * np.sqrt(ratio * days * DAY / (np.pi * 9810.0))
+    alone = 1.96 * 2.0 * 0.2e-3 / np.sqrt(np.sum(settled**2))
+    # what the water stores makes it a little wider, since E is not known at all
+    assert alone < np.log(high / low) / 2.0 < 2.0 * alone
+    late = judged(tmp_path / "late", dates=(100, 200, 300, 390))
+    assert late.parameters.determined.all()
+
+
+@pytest.mark.slow
+def test_dates_without_values_foretell_the_intervals_of_the_fit(tmp_path):
+    (tmp_path / "fitted").mkdir()
+    write_readings(tmp_path / "fitted")
+    stages = ONE_STAGE.replace("200 d", "400 d")
+    case = write_column(tmp_path / "fitted", stages=stages, more=DATED, fit=", model_error: none")
+    found = fit(case).parameters
+    at = [
+        f"parameters.{name}.start={found[name].value!r} {unit}"
+        for name, unit in (("E", "Pa"), ("k", "m/s"))
+    ]
+    plan = judged(tmp_path / "planned", dates=DAYS, at=at)
+    wanted = [found["E"].sd, found["k"].sd]
+    np.testing.assert_allclose(plan.parameters.sd, wanted, rtol=0.02)
+
+
+def test_a_list_that_is_not_there_yet_leaves_the_moments_of_the_stage(tmp_path):
+    case = write_column(tmp_path, stages=ONE_STAGE, more=DATED)
+    assert not identifiability(str(case)).listed
