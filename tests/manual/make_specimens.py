@@ -1,7 +1,7 @@
 """Make the meshes of tests, which come with geoident: python tests/manual/make_specimens.py
 
-All have unit size: a cylinder of radius and height 1 m, a shear box of 1 m with its cap, a disk around a
-cavity of radius 1 m, a half-space under a plate of radius 1 m.
+All have unit size: a cylinder of radius and height 1 m, a shear box of 1 m with its cap, a disk
+around a cavity of radius 1 m, a half-space under a plate of radius 1 m.
 """
 
 from pathlib import Path
@@ -26,7 +26,9 @@ def write(name, points, cells, groups, lines):
     tag = {key: n for n, key in enumerate(names, 1)}
     kinds = {4: 3, 8: 16}
     rows = [
-        (8 if len(part) == 3 else 1, tag[1, g], part) for g, parts in lines.items() for part in parts
+        (8 if len(part) == 3 else 1, tag[1, g], part)
+        for g, parts in lines.items()
+        for part in parts
     ]
     rows += [(kinds[len(cells[n])], tag[2, g], cells[n]) for g, own in groups.items() for n in own]
     text = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(names))]
