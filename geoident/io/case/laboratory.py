@@ -2,7 +2,7 @@
 
 `with_tests` writes the key `tests` of a case as its mesh, supports, stages, gauges and readings,
 before the case is validated. All that computes, fits and reports a case does so with tests, too.
-The meshes have unit size and come with geoident (theory 2.14). Tests on one mesh begin from the
+The meshes have unit size and come with geoident (theory 2.11). Tests on one mesh begin from the
 same initial state, each on a branch of stages of its own, and take their rows one by one.
 """
 
