@@ -85,7 +85,8 @@ class MeshSection(Section):
     """The finite element mesh."""
 
     file: Text = Field(
-        description="Path of the mesh, relative to the case. Groups go by their physical names."
+        description="Path of the mesh, relative to the case. Groups go by their physical names. "
+        "`geoident:specimen` and others are those on which `tests` are computed."
     )
     order: Annotated[int, Count(most=2)] = Field(
         1,

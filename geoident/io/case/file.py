@@ -53,7 +53,7 @@ from geoident.io.case.timetable import (
     with_moment_names,
 )
 from geoident.io.loaded import LoadedCase
-from geoident.io.mesh.shipped import SHIPPED, shipped_mesh
+from geoident.io.mesh.shipped import SHIPPED, shipped_meshes
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import kind_of, tied_parameter
@@ -216,7 +216,10 @@ def _build(
         section = with_moment_names(section, times, faults)
     mesh_path = None if section.mesh is None else section.mesh.file
     if mesh_path is not None and mesh_path.startswith(SHIPPED):
-        mesh_path = shipped_mesh(mesh_path)
+        shipped = shipped_meshes()
+        if mesh_path not in shipped:
+            faults.add_unknown(("mesh", "file"), "mesh", mesh_path, shipped)
+        mesh_path = shipped.get(mesh_path)
     elif mesh_path is not None and with_mesh:
         mesh_path = _find(folder, mesh_path, ("mesh", "file"), faults=faults)
     check_references(section, faults, wrong)

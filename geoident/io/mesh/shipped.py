@@ -8,10 +8,11 @@ SHIPPED = "geoident:"
 """Begins the name of such a mesh in a case."""
 
 
-def shipped_mesh(name: str) -> str:
-    """Path of a mesh that comes with geoident, which may not be there.
+def shipped_meshes() -> dict[str, str]:
+    """Name of each such mesh in a case, and its path.
 
-    >>> Path(shipped_mesh("geoident:specimen")).is_file()
+    >>> "geoident:specimen" in shipped_meshes()
     True
     """
-    return str(Path(__file__).parent / "shipped_meshes" / f"{name.removeprefix(SHIPPED)}.msh")
+    folder = Path(__file__).parent / "shipped_meshes"
+    return {f"{SHIPPED}{path.stem}": str(path) for path in sorted(folder.glob("*.msh"))}
