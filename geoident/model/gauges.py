@@ -178,6 +178,7 @@ class Channel:
         fibre: distance of the fibre from the axis of its beam, m; None: half of its thickness.
         alarm: names of alarm values to readings, SI; a negative one is reached from above.
         limits: the same of values that readings of either sign reach by their size, all positive.
+        branch: it is read only in stages that build on its zero.
     """
 
     name: str
@@ -211,6 +212,7 @@ class Channel:
     fibre: float | None = None
     alarm: Mapping[str, float] = field(default_factory=dict, hash=False)
     limits: Mapping[str, float] = field(default_factory=dict, hash=False)
+    branch: bool = False
 
     @property
     def is_zeroed(self) -> bool:

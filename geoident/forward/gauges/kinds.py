@@ -78,6 +78,10 @@ def place_gauges(on_mesh: CaseOnMesh) -> tuple[PlacedGauges, list[Fault]]:
         readable[rows] = placed.readable
         for row in rows:
             reasons[row] = placed.unreadable
+            if channels[row].branch:
+                on_branch = on_mesh.sequence.built_on[on_mesh.case.zero_of(channels[row])]
+                reasons[row] = reasons[row] if on_branch.all() else "it does not build on its zero"
+                readable[row] &= on_branch
         faults += placed.faults
         snapped |= set(placed.snapped)
         as_built |= set(placed.as_built)

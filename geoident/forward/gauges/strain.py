@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import NORMAL_COMPONENTS
@@ -18,6 +19,9 @@ from geoident.forward.gauges.placement import Placed, is_placed_after
 from geoident.forward.gauges.stress import component_weights
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.gauges import Channel
+
+VOLUME = "volume"
+"""The quantity of a channel that reads the sum of the normal strains."""
 
 
 def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
@@ -30,8 +34,11 @@ def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     for point in placed.points:
         channel = point.channel
         weights = component_weights(channel, point.signs, on_mesh.kinematics.n_strain)
-        if not channel.quantity:  # n . eps n, with the shear strains gamma = 2 eps
+        if channel.quantity == VOLUME:
+            weights = np.repeat([1.0, 0.0], [NORMAL_COMPONENTS, len(weights) - NORMAL_COMPONENTS])
+        elif not channel.quantity:  # n . eps n, with the shear strains gamma = 2 eps
             weights[NORMAL_COMPONENTS:] /= 2.0
+        weights = -weights if channel.compression else weights
         rows.append(sp.csr_array(weights[None] @ point.recovery().gradients))
         if is_placed_after(on_mesh.sequence, on_mesh.case.zero_of(channel), point.site):
             as_built.append(channel.name)

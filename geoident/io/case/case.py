@@ -50,6 +50,7 @@ from geoident.io.case.in_service.structure import (
     check_service,
 )
 from geoident.io.case.in_situ import InSituSection, build_in_situ
+from geoident.io.case.laboratory import AnyTest
 from geoident.io.case.ladder import build_ladder
 from geoident.io.case.model_error import ModelErrorSection
 from geoident.io.case.parameters import ParameterSection
@@ -84,7 +85,8 @@ class MeshSection(Section):
     """The finite element mesh."""
 
     file: Text = Field(
-        description="Path of the mesh, relative to the case. Groups go by their physical names."
+        description="Path of the mesh, relative to the case. Groups go by their physical names. "
+        "`geoident:specimen` and others are those on which `tests` are computed."
     )
     order: Annotated[int, Count(most=2)] = Field(
         1,
@@ -157,9 +159,9 @@ _GROUND = ("analysis", "materials", "groups")
 
 
 def _says_what_a_model_needs(schema: dict[str, Any]) -> None:
-    """Keys of the ground are required but where the model is external."""
+    """Keys of the ground are required but where the model is external or a test."""
     schema["required"] = ["format"]
-    schema["if"] = {"required": ["model"]}
+    schema["if"] = {"anyOf": [{"required": ["model"]}, {"required": ["tests"]}]}
     schema["else"] = {"required": list(_GROUND)}
 
 
@@ -201,6 +203,12 @@ class CaseSection(Section):
         validate_default=True,
         description="Element group to its material in the initial state (before the first stage), "
         "or 'absent'.",
+    )
+    tests: dict[Name, AnyTest] = Field(
+        {},
+        description="Tests by name, in place of the mesh and all that goes with it: a case of "
+        "`tests` has `parameters` and `materials` beside them, and a project fits it together with "
+        "the case of the site.",
     )
     supports: dict[Name, SupportValue] = Field(
         {},

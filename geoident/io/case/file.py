@@ -38,6 +38,7 @@ from geoident.io.case.in_service.structure import (
     ReservoirSection,
     build_service,
 )
+from geoident.io.case.laboratory import with_tests
 from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import ReadReadings, read_all
 from geoident.io.case.references import check_references
@@ -52,6 +53,7 @@ from geoident.io.case.timetable import (
     with_moment_names,
 )
 from geoident.io.loaded import LoadedCase
+from geoident.io.mesh.shipped import SHIPPED, shipped_meshes
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import kind_of, tied_parameter
@@ -213,7 +215,12 @@ def _build(
     if not times_wrong:
         section = with_moment_names(section, times, faults)
     mesh_path = None if section.mesh is None else section.mesh.file
-    if mesh_path is not None and with_mesh:
+    if mesh_path is not None and mesh_path.startswith(SHIPPED):
+        shipped = shipped_meshes()
+        if mesh_path not in shipped:
+            faults.add_unknown(("mesh", "file"), "mesh", mesh_path, shipped)
+        mesh_path = shipped.get(mesh_path)
+    elif mesh_path is not None and with_mesh:
         mesh_path = _find(folder, mesh_path, ("mesh", "file"), faults=faults)
     check_references(section, faults, wrong)
     if "analysis" in wrong:
@@ -322,7 +329,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
         message = f"found {kind_of(places.data)}; expected a mapping"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
-    places = with_tables(places, folder, faults)
+    places = with_tests(with_tables(places, folder, faults), faults)
     data = places.data
     assert isinstance(data, dict)
     noted = faults.of_keys()  # what pydantic finds there has been said

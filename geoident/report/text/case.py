@@ -150,6 +150,7 @@ def _force_quantity(entry: Mapping[str, Any], structure: Mapping[str, Any]) -> t
         direction = entry.get("positive", "tension")
     elif kind not in ("piezometer", "thermometer"):
         direction = "elongation" if kind == "strain" else "compression"
+        direction = "compression" if entry.get("positive") == "compression" else direction
     since = "change of " if "zero" in entry and kind != "strain" else ""
     return since + name, str(direction)
 

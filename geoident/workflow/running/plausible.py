@@ -79,7 +79,7 @@ def _accuracies(case: Case) -> Iterator[Odd]:
     alike: dict[tuple[str, float], list[str]] = {}
     for channel in case.channels:
         usual = TYPICAL.get(channel.kind)
-        if usual is None or channel.errors is not None:
+        if usual is None or channel.errors is not None or channel.branch:  # branch: of a test
             continue
         if not usual.reading / _OFTEN < channel.accuracy < usual.reading * _OFTEN:
             alike.setdefault((channel.kind, channel.accuracy), []).append(channel.name)

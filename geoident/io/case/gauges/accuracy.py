@@ -36,6 +36,7 @@ from geoident.units import (
     in_unit,
     read_quantity,
     shown_unit,
+    size_in,
     unit_list,
     with_article,
 )
@@ -369,7 +370,7 @@ def unit_shown(given: AnyAccuracy, kind: str, dimension: str) -> str:
     parts = [given] if isinstance(given, CaseNumber) else [given.reading, given.zero, given.epoch]
     units = [part.unit for part in parts if part is not None and part.unit]
     usual = TYPICAL[kind].unit if kind in TYPICAL else ""
-    fitting = [u for u in (*units, usual) if UNITS.get(u, ("",))[0] == dimension]
+    fitting = [u for u in (*units, usual) if size_in(u, dimension) is not None]
     return fitting[0] if fitting else DIMENSIONS[dimension]
 
 

@@ -36,6 +36,7 @@ from geoident.io.schema.section import Alternatives, Context, Section, SectionFa
 from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
+    Flag,
     Multiple,
     Name,
     QuantityType,
@@ -140,6 +141,12 @@ class GaugeBase(Section):
         description="Size of a reading, with either sign, that is not to be reached: the alarm "
         "values of the design, whichever way the gauge moves. One value, or several with their "
         "names.",
+    )
+
+    branch: Flag = Field(
+        False,
+        description="The gauge is read only in stages that build on its zero: on a branch of "
+        "`independent` ones.",
     )
 
     @classmethod

@@ -69,8 +69,10 @@ class StrainSection(ValueGauge):
     kind: Literal["strain"]
     point: Coordinates | None = Field(None, description="Where it is read.")
     direction: DirectionVector | None = Field(None, description="Along which it is read.")
-    component: StressComponent | None = Field(
-        None, description="In place of a direction; of shear strains gamma = 2 eps."
+    component: StressComponent | Literal["volume"] | None = Field(
+        None,
+        description="In place of a direction; of shear strains gamma = 2 eps. `volume`: the sum of "
+        "the three normal strains.",
     )
     between: Line | None = Field(None, description="The two points of a mean strain.")
     along: list[Coordinates] | None = Field(
@@ -98,11 +100,19 @@ class StrainSection(ValueGauge):
         "missing.",
     )
     towards: Coordinates | None = Field(None, description=TOWARDS)
+    positive: Literal["tension", "compression"] = Field(
+        "tension",
+        description="Which strain of the ground at a point has positive readings.",
+    )
 
     def check(self, faults: SectionFaults) -> None:
         """The direction has a length."""
         super().check(faults)
         refuse_no_direction("direction", self.direction, faults)
+        at_point = self.point is not None and self.structure is None
+        if self.positive == "compression" and not at_point:
+            message = "only the strain of the ground at a point counts so"
+            faults.add(("positive",), "wrong-pair", message, "Remove it.")
 
     @property
     def reads(self) -> Reads:
@@ -124,7 +134,11 @@ class StrainSection(ValueGauge):
         direction = unit_direction(self.direction, context.at("direction"))
         if self.component:
             check_component(self.component, context.at("component"))
-        return [self.at_point(name, point, direction, context, quantity=self.component or "")]
+        pushed = self.positive == "compression"
+        quantity = self.component or ""
+        return [
+            self.at_point(name, point, direction, context, quantity=quantity, compression=pushed)
+        ]
 
     def _along(self, name: str, context: Context) -> list[Channel]:
         place = context.at("along")

@@ -1,6 +1,7 @@
 """Tables of points from CSV files, written into the case before it is validated.
 
-Values from tests of a constant that varies, motions of supports, changes of temperature:
+Values from tests of a constant that varies, motions of supports, changes of temperature, and the
+rows of tests, which have no places:
 
     x [m], y [m], E [GPa], accuracy [GPa]       x [m], y [m], ux [mm], uy [mm]
     12.5,  40,    14.2,    1.0                  12.5,  3,     -1.2,    0.3
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.case.laboratory import COLUMNS
 from geoident.io.text.cells import Cell, cells_of, delimiter_of, name_and_unit, written_lines
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.text_file import decode, read_bytes
@@ -43,6 +45,7 @@ def with_tables(places: Places, folder: Path, faults: Faults) -> Places:
     solid = isinstance(data, dict) and data.get("analysis") == "solid"
     axes = ("x", "y", "z") if solid else ("x", "y")
     tables = [*_measured(data, axes), *_motions(data, axes), *_temperatures(data, axes)]
+    tables += _rows_of_tests(data)
     if not tables:
         return places
     data = deepcopy(data)
@@ -95,6 +98,8 @@ class _Table:
 
     def written(self, rows: list[tuple[int, _Row]]) -> dict[str, Node]:
         """The rows as they would be written in the case."""
+        if not self.axes:
+            return {name: [row[name] for _, row in rows] for name in rows[0][1]}
         points: list[Node] = [[row[axis] for axis in self.axes] for _, row in rows]
         if not self.measured:
             written: dict[str, Node] = {**self.given, "points": points}
@@ -244,6 +249,18 @@ def _temperatures(data: Node, axes: tuple[str, ...]) -> Iterator[_Table]:
             at: KeyPath = ("stages", n, "temperature", group)
             columns = {"change": "temperature"}
             yield from _with_points(at, given, axes, columns, "temperatures", header)
+
+
+def _rows_of_tests(data: Node) -> Iterator[_Table]:
+    """Files with the rows of tests."""
+    for name, test in _items(data.get("tests") if isinstance(data, dict) else None):
+        columns = COLUMNS.get(str(test.get("kind"))) if isinstance(test, dict) else None
+        if columns and isinstance(test, dict) and isinstance(file := test.get("readings"), str):
+            at: KeyPath = ("tests", name, "readings")
+            units = {"strain": "%", "pressure": "kPa", "length": "mm"}
+            titles = ", ".join(f"{c} [{units[dimension]}]" for c, dimension in columns.items())
+            header = f"Begin with a line such as '{titles}'."
+            yield _Table(at, at, file, (), columns, "readings", header, {})
 
 
 def _with_points(

@@ -1,0 +1,251 @@
+"""Tests of soil as cases: against their closed forms, and in one fit with a site."""
+
+import json
+from math import log, pi, radians, sin, sqrt
+
+import numpy as np
+import pytest
+import yaml
+
+from geoident import fit_project
+from geoident.workflow.running.jobs import build_model, load_inputs
+from tests.support.derivatives import assert_exact, assert_slopes
+
+E, NU, C, PHI, PSI = 20e6, 0.3, 5e3, radians(25), radians(5)
+PARAMETERS = {
+    "E": {"start": "20 MPa", "bounds": ["1 MPa", "100 MPa"], "scale": "log"},
+    "nu": {"start": 0.3, "bounds": [0.1, 0.45]},
+    "c": {"start": "5 kPa", "bounds": ["0 kPa", "50 kPa"]},
+    "phi": {"start": "25 deg", "bounds": ["10 deg", "45 deg"]},
+    "psi": {"start": "5 deg", "bounds": ["0 deg", "15 deg"]},
+}
+YIELD = {"type": "mohr-coulomb", "cohesion": "$c", "friction": "$phi", "dilation": "$psi"}
+CLAY = {"elastic": "isotropic", "E": "$E", "nu": "$nu", "yield": YIELD}
+ELASTIC = {"elastic": "isotropic", "E": "20 MPa", "nu": 0.3}
+
+
+def _case(folder, tests, material=CLAY, parameters=PARAMETERS):
+    case = {
+        "format": "geoident-case/1",
+        "parameters": parameters,
+        "materials": {"clay": material},
+        "tests": {name: {"material": "clay", **test} for name, test in tests.items()},
+    }
+    path = folder / "tests.yaml"
+    path.write_text(json.dumps(case))
+    return str(path)
+
+
+def _model(path):
+    inputs = load_inputs(path)
+    model = build_model(inputs)
+    return model, np.array([p.start for p in inputs.case.parameters])
+
+
+def _computed(path):
+    """Channel and stage to what is computed at the start values, SI."""
+    model, p = _model(path)
+    table = model.computed(p)
+    return {
+        (channel.name, stage): table[i, k]
+        for i, channel in enumerate(model.case.channels)
+        for k, stage in enumerate(model.case.stage_names[1:])
+        if np.isfinite(table[i, k])
+    }
+
+
+def _triaxial(cell, strains="[0.2, 3, 4, 3.9 %]", **readings):
+    return {
+        "kind": "triaxial",
+        "cell_pressure": f"{cell} kPa",
+        "readings": {"axial_strain": yaml.safe_load(strains), **readings},
+        "accuracy": {"deviator_stress": "2 kPa", "volumetric_strain": "0.02 %"},
+    }
+
+
+OEDOMETER = {
+    "kind": "oedometer",
+    "seating_stress": "10 kPa",
+    "readings": "rows.csv",
+    "accuracy": {"axial_strain": "0.02 %"},
+}
+SHEAR = {
+    "kind": "direct-shear",
+    "readings": {"shear_strain": ["0.1 %", "10 %", "40 %", "100 %"]},
+    "accuracy": {"shear_stress": "2 kPa", "vertical_strain": "0.02 %"},
+}
+PLATE = {
+    "kind": "plate-load",
+    "diameter": "300 mm",
+    "overburden": "0 kPa",
+    "K0": 0.5,
+    "readings": {"pressure": ["100 kPa", "200 kPa"]},
+    "accuracy": {"settlement": "0.05 mm"},
+}
+PRESSUREMETER = {
+    "kind": "pressuremeter",
+    "horizontal_stress": "100 kPa",
+    "vertical_stress": "100 kPa",
+    "readings": {"pressure": ["120 kPa", "200 kPa", "250 kPa"]},
+    "accuracy": {"cavity_strain": "0.01 %"},
+}
+
+
+def test_triaxial_and_oedometer_of_mohr_coulomb(tmp_path, verification):
+    (tmp_path / "rows.csv").write_text("vertical_stress [kPa]\n60\n210\n110\n")
+    cells = (100e3, 200e3, 400e3)
+    tests = {f"TX {p / 1e3:.0f}": _triaxial(p / 1e3) for p in cells}
+    computed = _computed(_case(tmp_path, {**tests, "OED": OEDOMETER}))
+    k = (1 + sin(PHI)) / (1 - sin(PHI))
+    strength = np.array([(k - 1) * p + 2 * C * sqrt(k) for p in cells])
+    names = [f"TX {p / 1e3:.0f}" for p in cells]
+    found = np.array([computed[f"{name} deviator stress", f"{name} at 4 %"] for name in names])
+    np.testing.assert_allclose(found, strength, rtol=1e-9)
+    verification("triaxial", "strength", cells, exact=strength, found=found)
+    volume = "TX 100 volumetric strain"
+    assert computed["TX 100 deviator stress", "TX 100 at 0.2 %"] == pytest.approx(0.002 * E)
+    assert computed[volume, "TX 100 at 0.2 %"] == pytest.approx(0.002 * (1 - 2 * NU))
+    dilates = computed[volume, "TX 100 at 4 %"] - computed[volume, "TX 100 at 3 %"]
+    assert dilates == pytest.approx(-0.01 * 2 * sin(PSI) / (1 - sin(PSI)))
+    unloaded = computed["TX 100 deviator stress", "TX 100 at 3.9 %"]
+    assert unloaded == pytest.approx(strength[0] - 0.001 * E)
+    confined = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
+    loads = np.array([60e3, 210e3, 110e3])
+    strains = [computed["OED axial strain", f"OED at {p / 1e3:.0f} kPa"] for p in loads]
+    np.testing.assert_allclose(strains, (loads - 10e3) / confined, rtol=1e-9)
+    # a test is not read in the stages of another
+    assert all(stage.startswith(channel[:3]) for channel, stage in computed)
+
+
+def test_shear_box_reaches_the_strength_of_simple_shear(tmp_path, verification):
+    """E. H. Davis (1968): tau = sigma sin(phi) cos(psi) / (1 - sin(phi) sin(psi)) without c."""
+    tests = {f"DS {p}": {**SHEAR, "normal_stress": f"{p} kPa"} for p in (50, 100, 200)}
+    material = {**CLAY, "yield": {**YIELD, "cohesion": "0 kPa"}}
+    parameters = {name: one for name, one in PARAMETERS.items() if name != "c"}
+    computed = _computed(_case(tmp_path, tests, material, parameters))
+    normal = np.array([50e3, 100e3, 200e3])
+    exact = normal * sin(PHI) * np.cos(PSI) / (1 - sin(PHI) * sin(PSI))
+    names = [f"DS {p / 1e3:.0f}" for p in normal]
+    found = np.array([computed[f"{name} shear stress.xy", f"{name} at 100 %"] for name in names])
+    np.testing.assert_allclose(found, exact, rtol=2e-3)
+    verification("direct-shear", "strength", normal, exact=exact, found=found)
+    assert computed["DS 100 shear stress.xy", "DS 100 at 0.1 %"] == pytest.approx(
+        0.001 * E / (2 * (1 + NU))
+    )
+
+
+def test_plates_on_elastic_ground(tmp_path, verification):
+    a, q, shear = 0.15, 100e3, E / (2 * (1 + NU))
+    exact = {
+        "flexible": 2 * (1 - NU**2) * q * a / E,
+        # V. I. Mossakovskii (1954), bonded
+        "rigid": q * pi * a * (1 - 2 * NU) / (4 * shear * log(3 - 4 * NU)),
+    }
+    found = {}
+    for plate, settlement in exact.items():
+        path = _case(tmp_path, {"PL": {**PLATE, "plate": plate}}, ELASTIC, {})
+        found[plate] = _computed(path)["PL settlement", "PL at 100 kPa"]
+        assert found[plate] == pytest.approx(settlement, rel=5e-3)
+    numbers = {"exact": list(exact.values()), "found": list(found.values())}
+    verification("plate-load", "settlement", list(exact), **numbers)
+
+
+def test_pressuremeter_in_clay(tmp_path, verification):
+    """R. E. Gibson & W. F. Anderson (1961): p = p0 + s [1 + ln(2 G eps / s)], nu = 0.5."""
+    s, nu, shear = 50e3, 0.495, 20e6 / (2 * 1.495)
+    material = {**ELASTIC, "nu": nu, "yield": {"type": "tresca", "cohesion": "50 kPa"}}
+    computed = _computed(_case(tmp_path, {"PM": PRESSUREMETER}, material, {}))
+    pressures = np.array([120e3, 200e3, 250e3])
+    grown = s / (2 * shear) * np.exp((pressures - 100e3) / s - 1)
+    exact = np.where(pressures < 150e3, (pressures - 100e3) / (2 * shear), grown)
+    found = np.array([computed["PM cavity strain", f"PM at {p / 1e3:.0f} kPa"] for p in pressures])
+    np.testing.assert_allclose(found, exact, rtol=0.02)
+    assert found[0] == pytest.approx(exact[0], rel=1e-3)
+    verification("pressuremeter", "cavity strain", pressures, exact=exact, found=found)
+
+
+def test_derivatives_of_tests(tmp_path):
+    (tmp_path / "rows.csv").write_text("vertical_stress [kPa]\n60\n210\n110\n")
+    tests = {"TX 100": _triaxial(100, strains="[0.2, 3 %]"), "OED": OEDOMETER}
+    model, p = _model(_case(tmp_path, tests))
+    places = model.readable_until(len(model.bases) - 1)
+    pairs = [
+        (model.case.channels[row].name, model.case.stage_names[state])
+        for row, state in zip(places.rows, places.states, strict=True)
+    ]
+    response, accuracy = model.response(pairs), {c.name: c.accuracy for c in model.case.channels}
+    sd = np.array([accuracy[channel] for channel, _ in pairs])  # strains beside stresses
+    jacobian = response.evaluate(p)[1]
+    assert np.all(np.abs(jacobian).max(axis=0) > 0)
+    slopes = jacobian / sd[:, None]
+    assert_slopes(lambda p: response.readings(p) / sd, p, slopes, model.names, step=2e-3)
+
+
+def test_derivative_by_the_stress_in_situ(tmp_path):
+    parameters = {"s": {"start": "100 kPa", "bounds": ["50 kPa", "110 kPa"]}} | PARAMETERS
+    test = {**PRESSUREMETER, "horizontal_stress": "$s"}
+    model, p = _model(_case(tmp_path, {"PM": test}, CLAY, parameters))
+    pairs = [("PM cavity strain", f"PM at {n} kPa") for n in (120, 200, 250)]
+    assert_exact(model.response(pairs), p, model.names, step=5e-4)
+
+
+SITE = """\
+format: geoident-case/1
+analysis: axisymmetric
+mesh: {file: "geoident:specimen"}
+parameters:
+  E: {start: 15 MPa, bounds: [1 MPa, 100 MPa], scale: log}
+  c: {start: 10 kPa, bounds: [0 kPa, 50 kPa]}
+  phi: {start: 28 deg, bounds: [15 deg, 45 deg]}
+materials:
+  clay:
+    elastic: isotropic
+    E: $E
+    nu: 0.3
+    yield: {type: mohr-coulomb, cohesion: $c, friction: $phi, dilation: 5 deg}
+groups: {specimen: clay}
+supports: {bottom: y, side: x}
+in_situ: {model: constant, xx: -50 kPa, yy: -100 kPa, zz: -50 kPa, held: false}
+loads: {fill: {on: top, pressure: 100 kPa}}
+stages:
+  - {name: first lift, loads: {fill: {on: top, pressure: 200 kPa}}}
+  - {name: second lift, loads: {fill: {on: top, pressure: 300 kPa}}}
+gauges:
+  S: {kind: settlement, point: [0.5, 1 m], accuracy: 0.1 mm}
+readings:
+  - {gauge: S, stage: first lift, value: 3.71 mm}
+  - {gauge: S, stage: second lift, value: 7.43 mm}
+"""
+
+
+@pytest.mark.slow
+def test_site_and_laboratory_in_one_fit(tmp_path):
+    """The site tells the modulus, the laboratory the strength, which the site does not reach."""
+    k = (1 + sin(PHI)) / (1 - sin(PHI))
+    tests = {
+        f"TX {p}": {
+            **_triaxial(p, strains="[3, 4 %]", deviator_stress=[f"{q:.2f} kPa"] * 2),
+            "accuracy": {"deviator_stress": "2 kPa"},
+        }
+        for p in (100, 400)
+        for q in ((k - 1) * p + 2 * C / 1e3 * sqrt(k),)
+    }
+    names = ("E", "c", "phi")
+    parameters = yaml.safe_load(SITE)["parameters"]
+    material = {**CLAY, "nu": 0.3, "yield": {**YIELD, "dilation": "5 deg"}}
+    _case(tmp_path, tests, material, parameters)
+    (tmp_path / "site.yaml").write_text(SITE)
+    project = {
+        "format": "geoident-project/1",
+        "sections": [
+            {"name": "site", "case": "site.yaml"},
+            {"name": "tests", "case": "tests.yaml"},
+        ],
+        "shared": list(names),
+    }
+    (tmp_path / "project.yaml").write_text(json.dumps(project))
+    result = fit_project(tmp_path / "project.yaml")
+    found = [result.common[name] for name in names]
+    for one, truth in zip(found, (E, C, PHI), strict=True):
+        assert one.lower95 < truth < one.upper95
+        assert one.value == pytest.approx(truth, rel=0.02)
