@@ -68,10 +68,12 @@ class SplitMesh:
     Args:
         mesh: with further nodes behind those of before; elements keep their numbers.
         joints: group to its faces that have elements on both sides.
+        original: (n_nodes,) which node of before each node is.
     """
 
     mesh: Mesh
     joints: Mapping[str, tuple[JointFaces, ...]]
+    original: Ints
 
 
 def split(mesh: Mesh, groups: Sequence[str]) -> SplitMesh:
@@ -81,7 +83,7 @@ def split(mesh: Mesh, groups: Sequence[str]) -> SplitMesh:
     """
     known = [name for name in groups if name in mesh.facet_groups]
     if not known:
-        return SplitMesh(mesh, {})
+        return SplitMesh(mesh, {}, np.arange(mesh.n_nodes))
     table = face_table(mesh)
     face_of_facet = np.concatenate([table.find(block) for block in mesh.facets])
     sharing = np.bincount(table.face, minlength=table.n_faces)
@@ -106,7 +108,8 @@ def split(mesh: Mesh, groups: Sequence[str]) -> SplitMesh:
     named = {name: copies.with_copies(nodes) for name, nodes in mesh.node_groups.items()}
     whole = replace(mesh, points=points, blocks=blocks, facets=facets, node_groups=named)
     joints = {name: _joints(mesh, table, copies, faces) for name, faces in faces_of.items()}
-    return SplitMesh(whole, joints)
+    original = np.concatenate([np.arange(mesh.n_nodes), copies.original])
+    return SplitMesh(whole, joints, original)
 
 
 class _Copies:

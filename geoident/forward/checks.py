@@ -116,7 +116,13 @@ def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     if not along:
         return whole
     parted = _split_of(upright, along, lambda: split(upright, along))
-    return replace(whole, mesh=parted.mesh, joints=parted.joints, before=whole)
+    return replace(
+        whole,
+        mesh=parted.mesh,
+        joints=parted.joints,
+        before=whole,
+        original=parted.original,
+    )
 
 
 def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:

@@ -221,6 +221,7 @@ class CaseOnMesh:
         growths: constants of its materials that grow with depth or stress.
         joints: group of faces along which the mesh is split to these faces.
         before: the same before the split; None where nothing is split.
+        original: (n_nodes,) which node of before each node is.
     """
 
     case: Case
@@ -230,6 +231,7 @@ class CaseOnMesh:
     growths: tuple[PointGrowth, ...] = ()
     joints: Mapping[str, tuple[JointFaces, ...]] = field(default_factory=dict)
     before: CaseOnMesh | None = None
+    original: Ints | None = None
 
     @property
     def unsplit(self) -> CaseOnMesh:
@@ -252,7 +254,10 @@ class CaseOnMesh:
 
     @cached_property
     def table(self) -> FaceTable:
-        """The faces of the mesh."""
+        """The faces of the mesh; the two sides of an interface are one face."""
+        if self.before is not None:
+            table = self.before.table
+            return replace(table, keys=replace(table.keys, original=self.original))
         return _table_of(self.mesh, None, lambda: face_table(self.mesh))
 
     @cached_property

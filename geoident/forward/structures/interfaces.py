@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.fem.faces import load_faces
 from geoident.fem.interfaces import JointPoints, joint_points
 from geoident.forward.stages import CaseOnMesh, ConstructionState, listed
 from geoident.model.case import Case, KeyPath
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
+from geoident.model.structures import Beam
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +105,14 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
         message = "the pressure of water in an interface is not computed yet"
         hint = "Leave out 'water', and give the ground its effective weight; or the interfaces."
         refuse(("interfaces",), message, hint)
+    along = {given.along for given in case.interfaces.values()}
+    for name, structure in case.structures.items():
+        if isinstance(structure, Beam) and _shares(on_mesh, structure.group, along):
+            message = (
+                f"the structure '{name}' lies on an interface: between which sides is not said"
+            )
+            hint = "Model the wall by elements with an interface on each side, or move one of both."
+            refuse(("structures", name, "on"), message, hint)
     beside = {
         int(group)
         for faces in on_mesh.joints.values()
@@ -117,6 +127,15 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
             hint = "Excavate it whole, without 'release' or 'distance'; or move the interface."
             refuse(("stages", n), message, hint)
     return faults
+
+
+def _shares(on_mesh: CaseOnMesh, group: str, along: set[str]) -> bool:
+    """Whether a group of lines has faces of an interface."""
+    mesh, table = on_mesh.mesh, on_mesh.table
+    if group not in mesh.facet_groups:
+        return False
+    cut = [load_faces(mesh, table, name) for name in sorted(along & mesh.facet_groups.keys())]
+    return bool(np.isin(load_faces(mesh, table, group), np.concatenate(cut)).any())
 
 
 def inadmissible_interface(case: Case, values: Values) -> str | None:
