@@ -104,11 +104,14 @@ class FaceKeys:
         n_nodes: n.
         tails: (k,) the different tails, ascending; empty where they need not be numbered.
         sorted: (n_faces,) key of each different face, ascending.
+        original: (n,) of a mesh that is split along faces, which node of before each node is;
+            None where they are the same.
     """
 
     n_nodes: int
     tails: Ints
     sorted: Ints
+    original: Ints | None = None
 
     @classmethod
     def of(cls, corners: Sequence[Ints], n_nodes: int) -> tuple[Self, Ints]:
@@ -127,6 +130,7 @@ class FaceKeys:
 
     def find(self, corners: Ints) -> Ints:
         """Identity (n,) of faces with corner nodes (n, n_corners), -1 for those not known."""
+        corners = corners if self.original is None else self.original[corners]
         head, tail = _head_and_tail(corners, self.n_nodes)
         wanted = self._joined(head, tail)
         rows = np.minimum(np.searchsorted(self.sorted, wanted), len(self.sorted) - 1)

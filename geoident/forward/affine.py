@@ -97,6 +97,8 @@ def affine_obstacle(analysis: StagedAnalysis) -> str | None:
     case = analysis.case
     if case.in_steps is not None:
         return case.in_steps
+    for name in case.interfaces:
+        return f"the interface '{name}' is no term of these equations"
     for field in analysis.on_mesh.fields:
         return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
     for growth in case.growths:

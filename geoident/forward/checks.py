@@ -10,12 +10,14 @@ to be wrong already. What was prepared is handed on (`CaseOnMesh`): a model need
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from geoident.errors import Fault, InputError, ModelError
+from geoident.fem.interfaces import SplitMesh, split
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import format_point
 from geoident.fem.measure import suspected_unit
@@ -66,6 +68,7 @@ from geoident.forward.structures.checks import (
     structure_notes,
     structure_place_faults,
 )
+from geoident.forward.structures.interfaces import inadmissible_interface, interface_faults
 from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.yielding.checks import (
     locking_notes,
@@ -96,18 +99,30 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
     gauges, faults = _all_faults(on_mesh)
     if faults or gauges is None:
         raise InputError(faults)
-    _refuse_mechanisms(on_mesh)
+    _refuse_mechanisms(on_mesh.unsplit)
     return on_mesh, gauges
 
 
 _upright_of = OfMesh[Mesh]()
+_split_of = OfMesh[SplitMesh]()
 _loose_body_of = OfMesh[LooseBody | None]()
 
 
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     kinematics = kinematics_of(case.analysis)
     upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
-    return CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
+    whole = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
+    along = tuple(one.along for one in case.interfaces.values())
+    if not along:
+        return whole
+    parted = _split_of(upright, along, lambda: split(upright, along))
+    return replace(
+        whole,
+        mesh=parted.mesh,
+        joints=parted.joints,
+        before=whole,
+        original=parted.original,
+    )
 
 
 def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
@@ -117,11 +132,12 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
     """
     structures = structure_place_faults(on_mesh)
     places = (
-        mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
+        motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
         _stress_without_ground, face_faults, lining_faults, consolidation_faults,
         heat_faults,
     )  # fmt: skip
-    faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
+    faults = mesh_faults(on_mesh.unsplit)
+    faults += [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
         return None, [*faults, *_points_outside(on_mesh)]
     gauges, gauge_faults = place_gauges(on_mesh)
@@ -182,7 +198,7 @@ def notes_on_mesh(
         )
     if any(state.water is not None for state in on_mesh.sequence.states):
         notes.append("there is water in the pores: all stresses are effective stresses")
-    notes += mesh_notes(on_mesh)
+    notes += mesh_notes(on_mesh.unsplit)
     notes += _odd_notes(on_mesh, in_tension=in_tension)
     notes += yield_notes(case)
     notes += locking_notes(on_mesh)
@@ -222,7 +238,8 @@ def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | 
         fault = fault or inadmissible_heat(case, material.name, values)
         if fault is not None:
             return fault
-    return inadmissible_film(case, values) or impossible_structure(case, values)
+    fault = inadmissible_film(case, values) or impossible_structure(case, values)
+    return fault or inadmissible_interface(case, values)
 
 
 def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
@@ -305,6 +322,7 @@ def _group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *heat_group_faults(on_mesh),
         *surface_faults(on_mesh),
         *structure_faults(on_mesh),
+        *interface_faults(on_mesh),
     ]
 
 

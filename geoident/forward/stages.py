@@ -11,6 +11,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.faces import FaceTable, FacetPatch, face_table, patches
+from geoident.fem.interfaces import JointFaces
 from geoident.fem.kinematics import (
     Kinematics,
     StrainPoints,
@@ -218,6 +219,9 @@ class CaseOnMesh:
         fields: constants of its materials that vary from strain point to strain point.
         turned: numbers (k,) of the elements that were turned.
         growths: constants of its materials that grow with depth or stress.
+        joints: group of faces along which the mesh is split to these faces.
+        before: the same before the split; None where nothing is split.
+        original: (n_nodes,) which node of before each node is.
     """
 
     case: Case
@@ -225,6 +229,14 @@ class CaseOnMesh:
     fields: tuple[PointField, ...] = ()
     turned: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     growths: tuple[PointGrowth, ...] = ()
+    joints: Mapping[str, tuple[JointFaces, ...]] = field(default_factory=dict)
+    before: CaseOnMesh | None = None
+    original: Ints | None = None
+
+    @property
+    def unsplit(self) -> CaseOnMesh:
+        """The case on its mesh as the file has it."""
+        return self.before or self
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -242,7 +254,10 @@ class CaseOnMesh:
 
     @cached_property
     def table(self) -> FaceTable:
-        """The faces of the mesh."""
+        """The faces of the mesh; the two sides of an interface are one face."""
+        if self.before is not None:
+            table = self.before.table
+            return replace(table, keys=replace(table.keys, original=self.original))
         return _table_of(self.mesh, None, lambda: face_table(self.mesh))
 
     @cached_property

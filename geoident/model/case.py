@@ -28,6 +28,7 @@ from geoident.model.heat import HeatFace, Hydration
 from geoident.model.hydraulic import Drained, Hydraulic
 from geoident.model.in_service import SeasonalModel, StructureInService, TimeCurve
 from geoident.model.in_situ import InSitu
+from geoident.model.interfaces import Interface
 from geoident.model.methods import (
     ClosedFormOptions,
     LossOptions,
@@ -380,6 +381,7 @@ class Case:
             stages conduct no heat.
         heat: group of faces or nodes to the heat that flows there from the beginning.
         time_steps: steps in time of each length in stages that last; None for the usual number.
+        interfaces: along which the mesh is split, by name.
     """
 
     title: str
@@ -413,6 +415,7 @@ class Case:
     initial_temperature: Scalar | None = None
     heat: Mapping[str, HeatFace] = field(default_factory=dict)
     time_steps: int | None = None
+    interfaces: Mapping[str, Interface] = field(default_factory=dict)
 
     @property
     def in_time(self) -> SeasonalModel | StructureInService | None:
@@ -424,7 +427,8 @@ class Case:
     @property
     def yields(self) -> bool:
         """Whether any material or structure has yield limits."""
-        return any(one.yields for one in (*self.materials.values(), *self.structures.values()))
+        limited = *self.materials.values(), *self.structures.values(), *self.interfaces.values()
+        return any(one.yields for one in limited)
 
     @property
     def consolidates(self) -> bool:

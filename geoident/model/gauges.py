@@ -175,6 +175,7 @@ class Channel:
         effective: of a stress: of the skeleton; else of skeleton and water together.
         towards: (dim,) a point on the side of a beam that counts as its inside, m; None: the side
             without ground.
+        interface: name of the interface that it spans; empty for none.
         fibre: distance of the fibre from the axis of its beam, m; None: half of its thickness.
         alarm: names of alarm values to readings, SI; a negative one is reached from above.
         limits: the same of values that readings of either sign reach by their size, all positive.
@@ -205,6 +206,7 @@ class Channel:
     reads: Reads = Reads.CHANGE
     quantity: str = ""
     structure: str = ""
+    interface: str = ""
     member: int = 0
     compression: bool = False
     effective: bool = False

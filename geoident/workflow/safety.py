@@ -192,6 +192,11 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
         InputError: nothing in one of them has strength that could be divided.
     """
     case = model.case
+    if case.interfaces:
+        message = "the strength of interfaces is not divided by a factor of safety yet"
+        raise InputError(
+            [case.source.fault(("interfaces",), code="beside-interface", message=message)]
+        )
     names = [stage.name for stage in case.stages]
     for name in wanted:
         if name not in names:

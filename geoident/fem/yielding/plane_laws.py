@@ -35,14 +35,15 @@ _MOST_FACES = 20_000
 
 
 class PolyhedralLaw(YieldLaw):
-    """Yield planes in the space of stresses, associated, perfect or hardening.
+    """Yield planes in the space of stresses, perfect or hardening; those with a flow are perfect.
 
     Args:
         elasticity: E (s, s), symmetric, positive definite, Pa.
         planes: normals (y, s); any number, also parallel or repeated ones.
 
     Raises:
-        ValueError: E is not positive definite, a plane has no normal, or a flow is given.
+        ValueError: E is not positive definite, a plane has no normal or flows inwards, or planes
+            with a flow harden.
 
     Two planes of a stress of two components, sigma_1 <= 1 and sigma_2 <= 1, and their corner:
 
@@ -56,14 +57,22 @@ class PolyhedralLaw(YieldLaw):
     """
 
     planes: YieldPlanes
-    associated = True
 
     def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
-        if planes.flow is not None:
-            raise ValueError("planes in the space of stresses flow along their normals")
-        self.planes = planes
-        self._search = DualSearch(ScaledPlanes(elasticity, planes))
+        self.planes, self.associated = planes, planes.associated
+        self._elasticity = elasticity
+        if not self.associated and planes.hardening is not None:
+            raise ValueError("planes with a flow of their own do not harden")
+        system = ScaledPlanes(elasticity, planes)
+        self._search = self._new_search(system)
         self.hardens = self._search.system.hardens
+
+    def _new_search(self, system: ScaledPlanes) -> DualSearch | CombinationSearch:
+        return DualSearch(system) if self.associated else CombinationSearch(system)
+
+    def with_associated_flow(self) -> PolyhedralLaw:
+        """The law with plastic strains along the normals."""
+        return PolyhedralLaw(self._elasticity, replace(self.planes, flow=None))
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
@@ -77,7 +86,7 @@ class PolyhedralLaw(YieldLaw):
         """
         system = self._search.system
         if len(self._search.sets.members) > _MOST_FACES:  # steps before this one keep their sets
-            self._search = DualSearch(system)
+            self._search = self._new_search(system)
         excess = system.excess(trial, hardened)
         outside = np.flatnonzero((excess > 0.0).any(axis=0))
         before = None if hardened is None else hardened[:, outside]

@@ -48,6 +48,7 @@ from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
 from geoident.forward.analysis.heating import Heating
+from geoident.forward.analysis.joint_tractions import JointTractions
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
@@ -157,6 +158,7 @@ class StagedAnalysis:
         points = on_mesh.discretization.points
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
+        self.joints = JointTractions(on_mesh, systems.structures)
         self.release = PartialRelease(on_mesh, self.actions, parts)
         self.pores = Pores(on_mesh, systems.definite)
         self.conduction = Conduction(on_mesh)
@@ -190,17 +192,22 @@ class StagedAnalysis:
         """
         system, stress = self.systems[0], self.in_situ.columns(point)
         stress[:, ~system.present] = 0.0
-        return stress, self.imbalance(stress, self.actions.forces(0, point))
+        return stress, self.imbalance(
+            stress, self.actions.forces(0, point), self.joints.columns(point)
+        )
 
-    def imbalance(self, stress: Floats, forces: Floats) -> Floats:
+    def imbalance(self, stress: Floats, forces: Floats, members: Floats) -> Floats:
         """Largest out-of-balance force (k,) of a free unknown relative to the forces at work.
 
         Args:
             stress: (n_strain, n_points, k) of the virgin state.
             forces: (n_dofs, k) that act on it.
+            members: (n_rows, k) tractions on interfaces.
         """
         system = self.systems[0]
         internal = self.systems.discretization.points.forces(stress, system.volume)
+        if len(members):
+            internal = internal + self.systems.structures.nodal_forces(members)
         rest = np.abs(forces - internal)[system.dofs].max(axis=0, initial=0.0)
         scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
         return np.asarray(rest / np.where(scale > 0, scale, 1.0))
@@ -365,10 +372,12 @@ class AnalysisRun:
         in_situ = self._analysis.in_situ.columns(self._point_without_modes)
         in_situ[:, ~system.present] = 0.0
         stress[..., :n] = in_situ[..., :n]
-        imbalance = self._analysis.imbalance(stress, forces)
+        tractions = self._analysis.joints.columns(self._point_without_modes)
+        carried.members[:, :n] = tractions[:, :n]
+        imbalance = self._analysis.imbalance(stress, forces, carried.members)
         self._imbalance = float(imbalance[0])
         if self._options.traced:
-            imbalance = self._analysis.imbalance(in_situ, np.hstack([forces, slopes]))
+            imbalance = self._analysis.imbalance(in_situ, np.hstack([forces, slopes]), tractions)
         task = self._task(0, carried, forces)
         stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
         du = np.zeros(len(forces))

@@ -52,7 +52,7 @@ def collapse_error(
     what = "the ground"
     if members is not None:
         ground = any(on_mesh.case.materials[m].yields for m in task.state.materials.values())
-        names = ", ".join(f"'{part.name}'" for part in members.parts)
+        names = ", ".join(f"{part.what} '{part.name}'" for part in members.parts)
         what = f"the ground with {names}" if ground else names
     if failure.proven:
         msg = f"at {task.moment} {what} cannot carry the loads: plastic collapse"
@@ -128,7 +128,7 @@ def _describe_hinges(members: MemberPoints, velocities: Floats) -> str:
         most = np.argsort(own)[::-1][:_HINGES]
         places = part.ends[most[own[most] > _STRONG * own.max()]].mean(axis=1).round(3)
         where = ", ".join(dict.fromkeys(format_point(place) for place in places))
-        text += f"; the structure '{part.name}' yields near {where}"
+        text += f"; {part.what} '{part.name}' yields near {where}"
     return text
 
 

@@ -246,7 +246,8 @@ class PlasticSteps:
     def __post_init__(self) -> None:
         self._laws = YieldLaws(self.moduli)
         n_strain = self.systems.discretization.points.n_strain
-        self._structure_laws = StructureLaws(self.case, self.moduli.point, n_strain)
+        parts = self.systems.structures.parts
+        self._structure_laws = StructureLaws(parts, self.moduli.point, n_strain)
         own = self._structure_laws.limits
         planes = self._laws.limits | {_of_structure(name): one for name, one in own.items()}
         self.findings = PlasticFindings(ReachedPlanes(planes, self.case.stage_names[1:]))

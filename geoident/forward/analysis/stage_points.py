@@ -29,7 +29,7 @@ from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 
 _MOST_TURNS, _MOST_CUTS = 60, 40
 """Newton steps for rotations, and shares of one that are tried; a few are usual."""
@@ -317,11 +317,15 @@ def _by_blocks(blocks: Floats) -> sp.csr_array:
     m = len(blocks)
     columns = np.arange(m)[:, None] + m * np.arange(STRESSES)
     data, rows = blocks.transpose(1, 0, 2).ravel(), np.arange(STRESSES * m + 1)
-    return sp.csr_array((data, np.tile(columns.ravel(), STRESSES), STRESSES * rows))
+    entries = (data, np.tile(columns.ravel(), STRESSES), STRESSES * rows)
+    return sp.csr_array(entries, shape=(STRESSES * m, STRESSES * m))
 
 
 class MemberTangents:
     """Tangents of the members that yield, on the pattern of K.
+
+    What rotations follow couples all nodes of its beam and is made as one dense matrix; points
+    without rotations, of bars and interfaces, add their own.
 
     Args:
         members: the members.
@@ -330,50 +334,80 @@ class MemberTangents:
     """
 
     def __init__(self, members: MemberPoints, moduli: Floats, pattern: StiffnessPattern) -> None:
-        self._members = members
-        self._moving = np.unique(members.motion.indices)
-        self._motion = sp.csr_array(sp.csc_array(members.motion)[:, self._moving])
-        D = np.zeros((STRESSES, len(members)))
+        self._members, m = members, len(members)
+        turn = (np.diff(members.turns.indptr).reshape(STRESSES, m) > 0).any(axis=0)
+        self._turning, self._alone = np.flatnonzero(turn), np.asarray(~turn)
+        bent = self._rows(members.motion, self._turning)
+        self._moving = np.unique(bent.indices)
+        self._motion = sp.csr_array(sp.csc_array(bent)[:, self._moving])
+        self._turns = self._rows(members.turns, self._turning)
+        D = np.zeros((STRESSES, m))
         for part in members.parts:
             D[: len(part.rows), part.points] = moduli[part.rows]
-        self._elastic = np.zeros((len(members), STRESSES, STRESSES))
+        self._elastic = np.zeros((m, STRESSES, STRESSES))
         self._elastic[:, range(STRESSES), range(STRESSES)] = (D * members.weight).T
         lower, n_dofs = pattern.lower, members.motion.shape[1]
         self._nnz = len(lower.indices)
-        unknown = np.full(n_dofs, -1, dtype=np.int64)
-        unknown[pattern.dofs] = np.arange(lower.n)
-        self._unknowns = unknown[self._moving]
-        keys = (np.repeat(np.arange(lower.n), np.diff(lower.indptr)) << 32) | lower.indices
+        self._unknown = np.full(n_dofs, -1, dtype=np.int64)
+        self._unknown[pattern.dofs] = np.arange(lower.n)
+        self._unknowns = self._unknown[self._moving]
+        self._keys = (np.repeat(np.arange(lower.n), np.diff(lower.indptr)) << 32) | lower.indices
         i, j = np.tril_indices(len(self._moving))
-        one, other = self._unknowns[i], self._unknowns[j]
-        key = (np.minimum(one, other) << 32) | np.maximum(one, other)
-        place = np.minimum(np.searchsorted(keys, key), self._nnz - 1)
-        held = (np.minimum(one, other) < 0) | (keys[place] != key)
+        place, held = self._places_of(self._unknowns[i], self._unknowns[j])
         self._pairs, self._places = (i[~held], j[~held]), place[~held]
+
+    def _rows(self, operator: sp.csr_array, points: Ints) -> sp.csr_array:
+        """The rows of some points (q,), component by component."""
+        rows = np.arange(STRESSES)[:, None] * len(self._members) + points
+        return sp.csr_array(operator[rows.ravel()])
+
+    def _places_of(self, one: Ints, other: Ints) -> tuple[Ints, Bools]:
+        """Places (k,) in K of pairs of unknowns, and which of them it does not have."""
+        key = (np.minimum(one, other) << 32) | np.maximum(one, other)
+        place = np.minimum(np.searchsorted(self._keys, key), self._nnz - 1)
+        return place, (np.minimum(one, other) < 0) | (self._keys[place] != key)
 
     @cached_property
     def _condensed_elastic(self) -> Floats:
-        """(k, k) of the displacements that move members: what K has of them."""
-        return self._condensed(self._elastic)[0]
+        """(k, k) of the displacements that move beams: what K has of them."""
+        return self._condensed(self._elastic[self._turning])[0]
 
-    def added(self, points: Ints, change: Floats) -> tuple[Floats, _Turning]:
-        """What changes at some members add to K, (nnz,), and how rotations follow.
+    def added(self, points: Ints, change: Floats) -> tuple[Floats, Floats, _Turning]:
+        """What changes at some members add to K, (nnz,) below and above, and how rotations follow.
 
         Args:
             points: (q,) members, ascending.
             change: (q, s, s) changes of w D.
         """
+        change = change[:, :STRESSES, :STRESSES]
+        alone = self._alone[points]
+        below, above = self._direct(points[alone], change[alone])
         blocks = self._elastic.copy()
-        blocks[points] += change[:, :STRESSES, :STRESSES]
-        stiffness, turning = self._condensed(blocks)
-        added = np.zeros(self._nnz)
-        np.add.at(added, self._places, (stiffness - self._condensed_elastic)[self._pairs])
-        return added, turning
+        blocks[points] += change
+        stiffness, turning = self._condensed(blocks[self._turning])
+        added = (stiffness - self._condensed_elastic)[self._pairs]
+        np.add.at(below, self._places, added)
+        np.add.at(above, self._places, added)
+        return below, above, turning
+
+    def _direct(self, points: Ints, change: Floats) -> tuple[Floats, Floats]:
+        """What points (q,) without rotations add, (nnz,) below and above the diagonal."""
+        motion = self._rows(self._members.motion, points)
+        matrix = sp.coo_array(motion.T @ (_by_blocks(change) @ motion))
+        row, column = self._unknown[matrix.coords[0]], self._unknown[matrix.coords[1]]
+        place, held = self._places_of(row, column)
+        sums = []
+        for side in (row >= column, row <= column):
+            some = side & ~held
+            total = np.zeros(self._nnz)
+            np.add.at(total, place[some], matrix.data[some])
+            sums.append(total)
+        return sums[0], sums[1]
 
     def _condensed(self, blocks: Floats) -> tuple[Floats, _Turning]:
-        """S (k, k) of moduli (m, 3, 3) times weights, and how rotations follow."""
+        """S (k, k) of moduli (q, 3, 3) times weights of beams, and how rotations follow."""
         D = _by_blocks(blocks)
-        turns = self._members.turns
+        turns = self._turns
         by_motion, by_turns = D @ self._motion, D @ turns
         coupling = (self._motion.T @ by_turns).toarray()
         stiffness = (self._motion.T @ by_motion).toarray()
@@ -389,8 +423,8 @@ class MemberTangents:
     @cached_property
     def _turn_scale(self) -> Floats:
         """(n_turns,) rotations at which the elastic stiffness of each is 1."""
-        turns = self._members.turns
-        return np.asarray(1.0 / np.sqrt((turns.T @ _by_blocks(self._elastic) @ turns).diagonal()))
+        turns, elastic = self._turns, _by_blocks(self._elastic[self._turning])
+        return np.asarray(1.0 / np.sqrt((turns.T @ elastic @ turns).diagonal()))
 
 
 class _Turning:

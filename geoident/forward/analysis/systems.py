@@ -116,7 +116,7 @@ class StageSystems:
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
         self._tangents: dict[SystemKey, TangentPattern] = {}
-        self._member_points: dict[tuple[str, ...], MemberPoints | None] = {}
+        self._member_points: dict[tuple[int, ...], MemberPoints | None] = {}
         self._symbolic_of_system: dict[tuple[SystemKey, int], SymbolicFactorization | None] = {}
         self._symbolic_of_pattern: dict[tuple[bytes, int], SymbolicFactorization] = {}
 
@@ -146,7 +146,7 @@ class StageSystems:
     def member_points(self, state: ConstructionState) -> MemberPoints | None:
         """Members that yield in a state, as strain points; None for none."""
         parts = self.structures.yielding(state)
-        key = tuple(part.name for part in parts)
+        key = tuple(part.rows.start for part in parts)
         if key not in self._member_points:
             n_rows, n_strain = self.structures.n_rows, self.discretization.points.n_strain
             self._member_points[key] = MemberPoints(parts, n_rows, n_strain) if parts else None

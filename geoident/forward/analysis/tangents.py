@@ -57,24 +57,43 @@ class StageTangents:
         if self._members is None:
             return self._factor(self._elastic, points, change, symmetric=symmetric)
         n = int(np.searchsorted(points, self._n_ground))
-        added, turning = self._members.added(points[n:] - self._n_ground, change[n:])
-        values = self._elastic + added
-        return turning.expand(self._factor(values, points[:n], change[:n], symmetric=symmetric))
+        below, above, turning = self._members.added(points[n:] - self._n_ground, change[n:])
+        beyond = None if symmetric else above - below
+        values = self._elastic + below
+        return turning.expand(
+            self._factor(values, points[:n], change[:n], symmetric=symmetric, beyond=beyond)
+        )
 
-    def _factor(self, values: Floats, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
-        """Factor of values (nnz,) plus changes at some points of the ground."""
+    def _factor(
+        self,
+        values: Floats,
+        points: Ints,
+        change: Floats,
+        *,
+        symmetric: bool,
+        beyond: Floats | None = None,
+    ) -> Factor:
+        """Factor of values (nnz,) plus changes at some points of the ground.
+
+        Args:
+            values: below the diagonal.
+            points: (q,) points of the ground.
+            change: (q, s, s) of V E there.
+            symmetric: whether all is.
+            beyond: (nnz,) by how much the values above the diagonal differ; None for not at all.
+        """
         if self._water is not None and self._blocks is not None:
             return self._with_water(
                 self._blocks, self._water.h, values, points, change, symmetric=symmetric
             )
+        upper = values if beyond is None else values + beyond
         if len(points):
             tangents = self._systems.tangents(self._system)
             below, above = tangents.added(points, change, symmetric=symmetric)
-            if not symmetric:
-                counts = self._systems.solver_counts
-                lower = self._system.pattern.lower
-                return general_factor(lower, values + below, values + above, counts)
-            values = values + below
+            values, upper = values + below, upper + above
+        if not symmetric and (len(points) or beyond is not None):
+            counts = self._systems.solver_counts
+            return general_factor(self._system.pattern.lower, values, upper, counts)
         symbolic = self._systems.symbolic(self._system)
         assert symbolic is not None
         return symbolic.factorize(values)

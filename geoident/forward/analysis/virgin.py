@@ -258,6 +258,11 @@ def local_imbalance(analysis: StagedAnalysis, point: ParameterPoint) -> LocalImb
     stress, parts = stress / unit, [part / unit for part in parts]
     internal, size, owner = _internal_forces(analysis, stress)
     rest = -internal.ravel()
+    tractions = analysis.joints.columns(point) / unit
+    if len(tractions):
+        held = analysis.systems.structures.nodal_forces(tractions)[:, 0]
+        rest = rest - held
+        size = size + np.linalg.norm(held.reshape(-1, mesh.dim), axis=1)
     for part in parts:
         rest = rest + part
         size = size + np.linalg.norm(part.reshape(-1, mesh.dim), axis=1)

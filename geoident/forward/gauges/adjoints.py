@@ -68,6 +68,8 @@ class ReadingAdjoints:
         analysis = self._analysis
         if analysis.case.in_steps is not None:
             return analysis.case.in_steps
+        if analysis.case.interfaces:
+            return "there are interfaces"
         for built in analysis.sequence.states[: self.last + 1]:
             for name in built.materials.values():
                 if analysis.case.materials[name].yields:

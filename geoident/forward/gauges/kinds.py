@@ -9,6 +9,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.forward.gauges.beam_tilt import tilts_of_beams
 from geoident.forward.gauges.beyond_mesh import beside_fault
+from geoident.forward.gauges.joint_meter import joint_meters
 from geoident.forward.gauges.lining_pressure import pressures_on_beams
 from geoident.forward.gauges.member_forces import member_readings
 from geoident.forward.gauges.motion import relative_displacements
@@ -40,6 +41,7 @@ OBSERVABLES: Mapping[str, Placing] = {
     "tilt": relative_displacements,
     "levelling": relative_displacements,
     "line-of-sight": relative_displacements,
+    "joint-meter": joint_meters,
 }
 """What the gauges of a kind read in the ground."""
 

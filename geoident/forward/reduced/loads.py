@@ -131,7 +131,8 @@ def load_form(
     mix = (left[:, kept] * size[kept]).T
     form = LoadForm(scale, exponents, mix, points.joined(in_situ, bars), tuple(forces), False)
     psi, _ = form.coordinates(samples[-_CHECKS:])
-    imbalance = analysis.imbalance(in_situ @ psi.T, forces[0] @ psi.T).max(initial=0.0)
+    none = np.zeros((0, len(psi)))
+    imbalance = analysis.imbalance(in_situ @ psi.T, forces[0] @ psi.T, none).max(initial=0.0)
     return replace(form, settles=bool(imbalance > NEGLIGIBLE_IMBALANCE))
 
 

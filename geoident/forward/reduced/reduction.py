@@ -204,6 +204,8 @@ def _obstacles(analysis: StagedAnalysis) -> Iterator[str]:
     for name in analysis.sequence.materials:
         if case.materials[name].yields:
             yield f"{name} yields: its stresses are not linear in the displacements"
+    for name in case.interfaces:
+        yield f"the interface '{name}' is none of its parts"
     for name, structure in case.structures.items():
         if structure.yields:
             yield f"the structure '{name}' yields: its forces are not linear in the displacements"

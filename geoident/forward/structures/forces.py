@@ -38,23 +38,25 @@ class MemberRecorder:
         self._sequence = sequence
         self._values = values
         self._tables: list[Floats] = []
+        self._parts = [part for part in structures.parts if part.joint is None]
 
     def add(self, number: int, members: Floats) -> None:
         """Record the forces (n_rows, ...) at a state; column 0 of them counts."""
         state = self._sequence.states[number]
         tables = []
-        for part in self._structures.parts:
+        for part in self._parts:
             table = self._of_part(part, members[:, 0])
             if part.name not in state.structures:
                 table[:] = np.nan
             if isinstance(part.structure, Bars) and part.name in state.stressed:
                 table[5] = part.structure.sense * state.stressed[part.name].value(self._values)
             tables.append(table)
-        self._tables.append(np.concatenate(tables, axis=1))
+        if tables:
+            self._tables.append(np.concatenate(tables, axis=1))
 
     def table(self) -> MemberForces | None:
         """All that was recorded, without the virgin state; None if nothing ever stands."""
-        parts = self._structures.parts
+        parts = self._parts
         if not parts:
             return None
         table = np.stack(self._tables[1:], axis=-1)

@@ -17,10 +17,15 @@ The limit of a rectangular section, ideally plastic with the strengths f_c and f
 
 as `capacity` has it. Chords between `_CHORDS` + 1 points of it are the planes, which are exact at
 these points and elsewhere at most M_p / 64 on the safe side. A bar has the one stress N.
+
+A point of an interface has the tractions s = (t_n, t_s), two t_s in a solid, and E = diag(k_n, k_s,
+k_s). Coulomb's limit |t_s| + t_n tan phi <= c is two planes, in a solid a polygon
+of the same size on average; another one is t_n <= f_t. Slip opens it by the dilation.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -29,9 +34,10 @@ import numpy as np
 
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
-from geoident.forward.structures.members import bar_share, rigidities
-from geoident.model.case import Case
+from geoident.forward.structures.members import StructureMembers, bar_share, rigidities
+from geoident.forward.yielding.facets import polygon_shrinkage
 from geoident.model.dual import Dual, ParameterPoint, stacked
+from geoident.model.interfaces import Interface
 from geoident.model.structures import Bars, Beam, Interaction, Structure
 
 _CHORDS = 8
@@ -41,7 +47,7 @@ _END = np.sqrt(3.0)
 """M at an end less M in the middle, per third stress."""
 
 
-def limits(structure: Structure, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+def limits(structure: Structure | Interface, point: ParameterPoint, n_strain: int) -> YieldPlanes:
     """The planes of a structure that yields, with their derivatives.
 
     Args:
@@ -49,26 +55,35 @@ def limits(structure: Structure, point: ParameterPoint, n_strain: int) -> YieldP
         point: the parameters.
         n_strain: components of a stress of the ground, to which those of members are filled up.
     """
-    if isinstance(structure, Bars):
+    if isinstance(structure, Interface):
+        planes = _of_interface(structure, point, solid=n_strain == _SOLID)
+    elif isinstance(structure, Bars):
         planes = _of_bars(structure, point)
     else:
         planes = _of_section(structure, point)
-    filled = np.zeros((len(planes), n_strain, point.n_columns))
-    filled[:, : planes.normals.columns.shape[1]] = planes.normals.columns
-    return replace(planes, normals=Dual(filled))
+
+    def filled(directions: Dual) -> Dual:
+        columns = np.zeros((len(planes), n_strain, point.n_columns))
+        columns[:, : directions.columns.shape[1]] = directions.columns
+        return Dual(columns)
+
+    flow = None if planes.flow is None else filled(planes.flow)
+    return replace(planes, normals=filled(planes.normals), flow=flow)
 
 
 class StructureLaws:
-    """Yield laws of the structures of a case at one parameter vector, each made once.
+    """Yield laws of structures at one parameter vector, each made once.
 
     Args:
-        case: the case.
+        parts: the structures on the mesh.
         point: the parameters.
         n_strain: components of a stress of the ground.
     """
 
-    def __init__(self, case: Case, point: ParameterPoint, n_strain: int) -> None:
-        self._structures = {n: one for n, one in case.structures.items() if one.yields}
+    def __init__(
+        self, parts: Sequence[StructureMembers], point: ParameterPoint, n_strain: int
+    ) -> None:
+        self._structures = {one.name: one.structure for one in parts if one.structure.yields}
         self._point, self._n_strain = point, n_strain
         self._laws: dict[str, PolyhedralLaw] = {}
 
@@ -93,6 +108,37 @@ class StructureLaws:
             columns[k, k] = bears[k].columns if k < len(bears) else 0.0
             columns[k, k, 0] = bears[min(k, len(bears) - 1)].value
         return Dual(columns)
+
+
+_SOLID = 6
+"""Components of a strain of a solid."""
+
+
+def _of_interface(given: Interface, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
+    """Coulomb's limit, and the cut-off of tension."""
+    assert given.friction is not None
+    zero, one = point.constant(0.0), point.constant(1.0)
+    part = one if given.R_inter is None else point.number(given.R_inter)
+    angle, dilation = point.number(given.friction), point.number(given.dilation)
+    cohesion = zero if given.cohesion is None else point.number(given.cohesion)
+    reduced, steep = part * cohesion, part * angle.sine() / angle.cosine()
+    if solid:
+        turns = 2 * np.pi * np.arange(given.planes) / given.planes
+        longer = 1 / polygon_shrinkage(given.planes, "best")
+        ways = longer * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    else:
+        ways = np.array([[1.0], [-1.0]])
+
+    def directions(steep: Dual) -> list[Dual]:
+        return [stacked([steep, *(one.times(x) for x in way)]) for way in ways]
+
+    opening = stacked([one] + [zero] * len(ways[0]))
+    return YieldPlanes(
+        stacked([*directions(steep), opening]),
+        stacked([reduced] * len(ways) + [point.number(given.tensile_strength)]),
+        flow=stacked([*directions(dilation.sine() / dilation.cosine()), opening]),
+        names=(*(f"slip {n}" for n in range(1, 1 + len(ways))), "opening"),
+    )
 
 
 def _of_bars(bars: Bars, point: ParameterPoint) -> YieldPlanes:

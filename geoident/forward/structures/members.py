@@ -43,6 +43,7 @@ from geoident.fem.structures import (
 )
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.end_moments import EndMoments, end_moments
+from geoident.forward.structures.interfaces import InterfacePart, interface_parts
 from geoident.forward.structures.placing import (
     bears_on,
     hinged_and_held,
@@ -53,6 +54,7 @@ from geoident.forward.structures.placing import (
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
 from geoident.model.structures import Bars, Beam, Structure
 
@@ -67,13 +69,21 @@ class StructureMembers:
         members: its members; those of bars are the bars in the order of the case.
         rows: where its rows lie among those of all structures.
         end_moments: of a beam, how moments at the ends of its pieces are found.
+        joint: of an interface, where it is; its members are its points.
     """
 
     name: str
-    structure: Structure
+    structure: Structure | Interface
     members: Members
     rows: slice
     end_moments: EndMoments | None = None
+    joint: InterfacePart | None = None
+
+    def stands(self, state: ConstructionState) -> bool:
+        """Whether it stands at a state."""
+        if self.joint is not None:
+            return self.joint.stands(state)
+        return self.name in state.structures
 
     def section_forces(self, forces: Floats) -> SectionForces:
         """Forces in the sections of a beam without the teeth of its elements (see `end_moments`).
@@ -270,9 +280,21 @@ class Structures:
         """(n_rows,) forces that do not come from the stage before."""
         anew = np.zeros(self.n_rows, dtype=bool)
         for part in self.parts:
-            stays = part.name in state.structures and part.name not in state.built
+            stays = part.stands(state) and not self._is_built(part, state)
             anew[part.rows] = not stays or part.name in state.stressed
         return anew
+
+    def _is_built(self, part: StructureMembers, state: ConstructionState) -> bool:
+        """Whether a part that stands at a state did not stand at the one before."""
+        if part.joint is None:
+            return part.name in state.built
+        placed = not state.placed.isdisjoint(part.joint.groups)
+        return placed or not part.joint.stands(self._sequence.states[state.base])
+
+    @property
+    def joints(self) -> tuple[StructureMembers, ...]:
+        """The parts that are interfaces."""
+        return tuple(part for part in self.parts if part.joint is not None)
 
     def stiff(self, state: ConstructionState) -> Bools:
         """(n_rows,) members that work with their stiffness at a state."""
@@ -303,7 +325,7 @@ class Structures:
         return (
             (n, p)
             for n, p in enumerate(self.parts)
-            if p.name in state.structures and p.name not in state.stressed
+            if p.stands(state) and p.name not in state.stressed
         )
 
 
@@ -314,11 +336,15 @@ def bar_share(bars: Bars, point: ParameterPoint) -> Dual:
     return point.constant(1.0) if bars.number is None else 1.0 / point.number(bars.number)
 
 
-def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]:
+def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple[Dual, Dual]:
     """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives.
+
+    Of an interface k_n and k_s, Pa/m.
 
     About an axis EA of bars is that of all around it, or per metre of circumference.
     """
+    if isinstance(structure, Interface):
+        return point.number(structure.k_n), point.number(structure.k_s)
     none = point.constant(0.0)
     if isinstance(structure, Beam):
         if structure.EA is not None and structure.EI is not None:
@@ -386,4 +412,10 @@ def _placed_structures(on_mesh: CaseOnMesh) -> list[StructureMembers]:
         of_three = toothed(mesh, beam, nodes)
         moments = end_moments(nodes, part.members.ends, of_three, kinked, held, hinged)
         parts[n] = replace(part, end_moments=moments)
+    for joint in interface_parts(on_mesh):
+        rows = slice(first, first + len(joint.points.members.weight))
+        first = rows.stop
+        parts.append(
+            StructureMembers(joint.name, joint.given, joint.points.members, rows, joint=joint)
+        )
     return parts

@@ -31,6 +31,7 @@ class YieldingPart:
         rows: (c, n) numbers of the rows of `Structures` that are their c stresses.
         scale: (c, n) stress per force q of a row, and strain per strain of it.
         ends: (n, 2, dim) of the members, m.
+        what: it is, for a message.
     """
 
     name: str
@@ -38,6 +39,7 @@ class YieldingPart:
     rows: Ints
     scale: Floats
     ends: Floats
+    what: str = "the structure"
 
 
 class MemberPoints:
@@ -68,7 +70,9 @@ class MemberPoints:
                 scale[2] = members.length / np.sqrt(12.0)
                 motion, turning = members.turning.motion, members.turning.turns
             by = sp.diags_array(scale.ravel())
-            parts.append(YieldingPart(one.name, slice(first, first + n), rows, scale, members.ends))
+            what = "the structure" if one.joint is None else "the interface"
+            own = slice(first, first + n)
+            parts.append(YieldingPart(one.name, own, rows, scale, members.ends, what))
             motions.append(sp.csr_array(by @ motion))
             turns.append(sp.csr_array(by @ turning))
             weights.append(members.weight[:n])

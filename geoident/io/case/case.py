@@ -50,6 +50,7 @@ from geoident.io.case.in_service.structure import (
     check_service,
 )
 from geoident.io.case.in_situ import InSituSection, build_in_situ
+from geoident.io.case.interfaces import InterfaceSection, build_interfaces
 from geoident.io.case.laboratory import AnyTest
 from geoident.io.case.ladder import build_ladder
 from geoident.io.case.model_error import ModelErrorSection
@@ -255,6 +256,12 @@ class CaseSection(Section):
         description="Walls, linings, struts, anchors and bolts by name; a stage says when it "
         "builds them.",
     )
+    interfaces: dict[Name, InterfaceSection] = Field(
+        {},
+        description="Faces along which the ground parts and slips, by name: joints, faults, the "
+        "contact of a wall.",
+        examples=[{"fault": {"along": "fault", "k_n": "10 GPa/m", "k_s": "1 GPa/m"}}],
+    )
     face: FaceSection | None = Field(
         None,
         description="How the distance of a section to the tunnel face (`distance` of stages) "
@@ -367,6 +374,11 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
     else:
         keys = {"initial_temperature": section.initial_temperature, "heat": section.heat}
         refuse_heat(keys, section.stages, faults, served=section.service is not None)
+    if section.interfaces and (section.mesh is None or section.service is not None):
+        what = "a structure in service" if section.service is not None else "a case without a mesh"
+        message = f"{what} has no interfaces"
+        hint = "Describe the case by stages on a mesh, without 'service', or remove them."
+        faults.add(("interfaces",), "no-interface", message, hint)
     for name, gauge in section.gauges.items():
         if isinstance(gauge, PlainReadingSection):
             message = "a plain reading is nowhere, so geoident cannot compute it"
@@ -455,7 +467,7 @@ _IN_TIME = ("gauss-newton", "simplex")
 
 _OF_THE_GROUND = (
     "mesh", "materials", "groups", "supports", "in_situ", "water", "drained", "initial_temperature",
-    "heat", "gravity", "loads", "structures", "face", "service", "time_steps",
+    "heat", "gravity", "loads", "structures", "interfaces", "face", "service", "time_steps",
 )  # fmt: skip
 
 
@@ -559,6 +571,7 @@ def build_case(
     }
     if section.mesh is not None or "mesh" in wrong:
         _refuse_opening_supports(section.structures, context)
+    interfaces = build_interfaces(section.interfaces, materials, context.at("interfaces"))
     channels = build_channels(section.gauges, structures, context.at("gauges"))
     gauges_wrong = bool(section.gauges) and not channels  # nobody knows the channels
     known = dict.fromkeys(name for c in channels for name in (c.gauge, c.name))
@@ -606,6 +619,7 @@ def build_case(
         in_situ_of=zones,
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         structures=structures,
+        interfaces=interfaces,
         face=build_face(section.face, section.stages, circle_of(section), context.at("face")),
         decisions=build_decisions(
             None if {"gauges", "stages"} & {*wrong} or gauges_wrong else section.decision,

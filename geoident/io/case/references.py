@@ -207,6 +207,15 @@ def _check_structures(section: CaseSection, faults: Faults) -> None:
             faults.add_unknown(place, "structure", structure, section.structures)
 
 
+def _check_interfaces(section: CaseSection, faults: Faults) -> None:
+    """The interfaces that gauges span."""
+    for name, gauge in section.gauges.items():
+        spanned = getattr(gauge, "interface", None)
+        if spanned is not None and spanned not in section.interfaces:
+            place = ("gauges", name, "interface")
+            faults.add_unknown(place, "interface", spanned, section.interfaces)
+
+
 def _check_grid(section: CaseSection, faults: Faults) -> None:
     """The axes of a scan."""
     grid: dict[str, AxisSection] = getattr(section.fit.options("scan"), "grid", {})
@@ -323,6 +332,7 @@ _CHECKS: tuple[tuple[_Check, set[str], bool], ...] = (
     (_check_compression, {"parameters"}, True),
     (_check_stage_names, {"stages"}, False),
     (_check_structures, {"structures"}, False),
+    (_check_interfaces, {"interfaces"}, False),
     (_check_grid, {"parameters"}, False),
     (_check_external_fit, set(), False),
     (_check_mesh, {"mesh", "fit"}, True),

@@ -117,6 +117,7 @@ _QUANTITIES = {
     ("extensometer", "length"): ("extension", ""),
     ("convergence", "length"): ("change of length", ""),
     ("settlement", "length"): ("settlement", "downwards"),
+    ("joint-meter", "length"): ("motion across the joint", "opening, or slip to the left"),
     ("inclinometer", "length"): (ACROSS, ""),
     ("tilt", "angle"): ("tilt", "top towards its direction"),
     ("levelling", "length"): ("settlement", "downwards"),

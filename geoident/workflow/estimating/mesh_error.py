@@ -96,7 +96,9 @@ def refinement(model: StagedModel, case: Case, p: Floats, patience: int | None) 
 def _finer(how: str, model: StagedModel, case: Case, p: Floats, *notes: str) -> Refinement | str:
     mesh_of = halved if how == "refinement" else raised
     try:
-        fine = staged_model(mesh_of(model.mesh), case, solver=pick_solver(model.solver_name))
+        fine = staged_model(
+            mesh_of(model.on_mesh.unsplit.mesh), case, solver=pick_solver(model.solver_name)
+        )
     except (InputError, ModelError, MemoryError) as error:
         return not_computed(error)
     fine.on_state = model.on_state  # the clock is looked at here too

@@ -22,6 +22,7 @@ from geoident.io.case.gauges.gauge import (
     refuse_one_point,
 )
 from geoident.io.case.gauges.inclinometer import InclinometerSection
+from geoident.io.case.gauges.joint_meter import JointMeterSection
 from geoident.io.case.gauges.motion import MotionSection
 from geoident.io.case.gauges.on_structure import on_structures
 from geoident.io.case.gauges.strain import StrainSection
@@ -128,6 +129,7 @@ GaugeSection = Annotated[
     | InclinometerSection
     | TargetSection
     | MotionSection
+    | JointMeterSection
     | PlainReadingSection,
     Field(discriminator="kind"),
 ]

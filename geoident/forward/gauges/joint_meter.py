@@ -1,0 +1,180 @@
+"""Motion of the two sides of an interface against each other: joint meters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.errors import Fault
+from geoident.fem.elements import reference_element
+from geoident.fem.interfaces import JointFaces
+from geoident.fem.location import format_point
+from geoident.forward.gauges.motion import RelativeDisplacements
+from geoident.forward.gauges.placement import Placed, unbroken
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
+from geoident.model.gauges import Channel
+
+_SAMPLES = 9
+"""Points along each edge of a face from which the nearest one is sought."""
+
+_REFINED = 6
+"""Steps that bring it to the foot of the perpendicular; two are usual."""
+
+_OFF = 0.1
+"""Distance from the interface, in parts of the size of a face, that is no longer on it."""
+
+
+@dataclass(frozen=True)
+class PlaceOnInterface:
+    """The point of an interface nearest to another point.
+
+    Args:
+        point: (dim,) m.
+        distance: between the two, m.
+        size: of the face, m.
+        shapes: (n_a,) shape functions of the face there.
+        first: (n_a,) its nodes on the first side.
+        second: (n_a,) those on the second side.
+        normal: (dim,) from the first side to the second.
+        elements: (2,) on both sides.
+    """
+
+    point: Floats
+    distance: float
+    size: float
+    shapes: Floats
+    first: Ints
+    second: Ints
+    normal: Floats
+    elements: Ints
+
+
+def nearest_place(points: Floats, parts: Sequence[JointFaces], target: Floats) -> PlaceOnInterface:
+    """The nearest place on the faces of an interface.
+
+    Args:
+        points: (n_nodes, dim) of the mesh, m.
+        parts: the faces.
+        target: (dim,) m.
+    """
+    best: PlaceOnInterface | None = None
+    for part in parts:
+        reference = reference_element(part.kind)
+        xi = _samples(part.kind)
+        at = np.einsum("qa,nai->nqi", reference.shapes(xi), points[part.first])
+        apart = np.linalg.norm(at - target, axis=2)
+        face, sample = np.unravel_index(int(apart.argmin()), apart.shape)
+        corners = points[part.first[face]]
+        local = xi[sample]
+        for _ in range(_REFINED):  # Gauss-Newton for the foot of the perpendicular
+            along = corners.T @ reference.gradients(local)
+            away = target - reference.shapes(local) @ corners
+            local = _inside(part.kind, local + np.linalg.lstsq(along, away, rcond=None)[0])
+        shapes = reference.shapes(local)
+        along = corners.T @ reference.gradients(local)
+        normal = np.cross(*along.T) if len(target) == 3 else along[::-1, 0] * [1.0, -1.0]
+        foot = shapes @ corners
+        place = PlaceOnInterface(
+            foot,
+            float(np.linalg.norm(foot - target)),
+            float(np.ptp(corners, axis=0).max()),
+            shapes,
+            part.first[face],
+            part.second[face],
+            normal / np.linalg.norm(normal),
+            part.elements[face],
+        )
+        best = place if best is None or place.distance < best.distance else best
+    assert best is not None
+    return best
+
+
+def _samples(kind: str) -> Floats:
+    """Reference points (q, dim) over a face."""
+    cell = CELLS[kind]
+    low = 0.0 if cell.shape.name == "tri" else -1.0
+    points = np.array(list(product(np.linspace(low, 1.0, _SAMPLES), repeat=cell.dim)))
+    return points[points.sum(axis=1) <= 1.0 + 1e-12] if low == 0.0 else points
+
+
+def _inside(kind: str, xi: Floats) -> Floats:
+    """A reference point (dim,) brought into a face."""
+    if CELLS[kind].shape.name != "tri":
+        return np.clip(xi, -1.0, 1.0)
+    xi = np.maximum(xi, 0.0)
+    return xi / max(float(xi.sum()), 1.0)
+
+
+def joint_meters(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read across an interface, while it stands since their zero."""
+    mesh, sequence = on_mesh.mesh, on_mesh.sequence
+    rows = sp.lil_array((len(channels), mesh.points.size))
+    readable = np.zeros((len(channels), len(sequence.states)), dtype=bool)
+    faults: list[Fault] = []
+    for row, channel in enumerate(channels):
+        given = on_mesh.case.interfaces.get(channel.interface)
+        parts = () if given is None else on_mesh.joints.get(given.along, ())
+        if not parts:
+            continue  # the interface is a fault of its own
+        target = np.array(on_mesh.kinematics.in_section(channel.second)[0])
+        place = nearest_place(mesh.points, parts, target)
+        if place.distance > _OFF * place.size:
+            faults.append(_off(on_mesh, channel, place))
+            continue
+        way = _direction(channel, place)
+        for sign, nodes in ((1.0, place.second), (-1.0, place.first)):
+            for axis, part in enumerate(way):
+                rows[row, nodes * mesh.dim + axis] = sign * part * place.shapes
+        stands = _stands(on_mesh, place)
+        readable[row] = unbroken(sequence, on_mesh.case.zero_of(channel), stands)
+        if not readable[row].any():
+            faults.append(_never(on_mesh, channel, stands))
+    observable = RelativeDisplacements(sp.csr_array(rows))
+    why = "the ground is not on both sides of the interface then"
+    return Placed(observable, readable, faults=tuple(faults), unreadable=why)
+
+
+def _direction(channel: Channel, place: PlaceOnInterface) -> Floats:
+    """(dim,) along which the second side moves against the first where the reading is positive."""
+    normal = place.normal
+    if channel.quantity == "opening":
+        return normal
+    if channel.quantity == "slip":
+        return np.array([-normal[1], normal[0]])
+    assert channel.towards is not None
+    beyond = float(normal @ (np.array(channel.towards) - place.point)) > 0.0
+    return np.array(channel.direction) * (1.0 if beyond else -1.0)
+
+
+def _stands(on_mesh: CaseOnMesh, place: PlaceOnInterface) -> Bools:
+    """(n_states,) when the ground of both sides is there."""
+    groups = on_mesh.sequence.group_of[place.elements]
+    return np.array([all(int(g) in s.materials for g in groups) for s in on_mesh.sequence.states])
+
+
+def _off(on_mesh: CaseOnMesh, channel: Channel, place: PlaceOnInterface) -> Fault:
+    return on_mesh.case.source.fault(
+        (*channel.key, "point"),
+        code="off-interface",
+        message=f"gauge '{channel.name}' lies {place.distance:.4g} m off the interface "
+        f"'{channel.interface}', at {format_point(np.array(channel.second))}",
+        hint=f"the nearest point of it is {format_point(place.point)}",
+    )
+
+
+def _never(on_mesh: CaseOnMesh, channel: Channel, stands: Bools) -> Fault:
+    """The interface does not stand at the zero of a gauge."""
+    names = [s.name for s, there in zip(on_mesh.sequence.states, stands, strict=True) if there]
+    return on_mesh.case.source.fault(
+        (*channel.key, "zero"),
+        code="zero-before-interface",
+        message=f"gauge '{channel.name}' reads zero at stage '{channel.zero}', at which the ground "
+        f"is not on both sides of the interface '{channel.interface}'",
+        hint=f"zero it at one of: {', '.join(names)}",
+    )

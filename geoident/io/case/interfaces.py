@@ -1,0 +1,127 @@
+"""Interfaces of a case: faces along which the mesh is split, with their stiffness and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import Field
+
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.values import Angle, CaseNumber, Count, Multiple, Name, Stress, WallSubgrade
+from geoident.model.case import Material
+from geoident.model.interfaces import Interface
+from geoident.model.yielding import MohrCoulomb
+
+
+class InterfaceSection(Section):
+    """Faces along which the two sides part and slip: a joint, a fault, a lift surface, a wall.
+
+    The mesh is split there; what stands on either side follows from its elements, and ends inside
+    the ground stay joined. An interface works while the ground of both its sides is there. Beside
+    `k_n` and `k_s`, traction per opening and per slip, it has Coulomb's limit if `friction` or
+    `R_inter` is given; else it is elastic, and bears tension.
+    """
+
+    one_of = (
+        Alternatives(
+            "cohesion? friction dilation? tensile_strength? planes?",
+            "R_inter of dilation? tensile_strength? planes?",
+            "",
+            hint="Give the limit by its own numbers, as a part of that of the ground, or none.",
+        ),
+    )
+
+    along: Name = Field(
+        description="Group of faces inside the mesh: lines in the plane, surfaces in a solid."
+    )
+    k_n: WallSubgrade = Field(
+        description="Normal stiffness, traction per opening.", examples=["10 GPa/m"]
+    )
+    k_s: WallSubgrade = Field(
+        description="Shear stiffness, traction per slip.", examples=["1 GPa/m"]
+    )
+    cohesion: Stress | None = Field(
+        None, description="Cohesion; 0 if missing.", examples=["50 kPa"]
+    )
+    friction: Angle | None = Field(
+        None, description="Friction angle, from 0 to below 90 deg.", examples=["30 deg"]
+    )
+    R_inter: Multiple | None = Field(
+        None,
+        description="Part of the cohesion and of tan(friction) of the material `of`, in place of "
+        "`cohesion` and `friction`.",
+        examples=["0.67"],
+    )
+    of: Name | None = Field(
+        None, description="Material with a Mohr-Coulomb surface whose strength `R_inter` reduces."
+    )
+    dilation: Angle | None = Field(
+        None, description="Dilation angle, by which slip opens it; 0 if missing."
+    )
+    tensile_strength: Stress | None = Field(
+        None,
+        description="Largest tension; 0 if missing. Not beyond cohesion / tan(friction).",
+        examples=["20 kPa"],
+    )
+    planes: Annotated[int, Count()] | None = Field(
+        None,
+        description="Sides of the polygon in place of the circle of shear in a solid; even, 16 if "
+        "missing.",
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """Strengths and angles are not negative; a polygon has sides."""
+        for key in ("cohesion", "friction", "dilation", "tensile_strength"):
+            given: CaseNumber | None = getattr(self, key)
+            if given is not None and given.parameter is None and given.factor < 0.0:
+                message = f"'{given.text}' is negative"
+                faults.add((key,), "out-of-range", message, "Drop the -.")
+        if self.planes is not None and (self.planes < 4 or self.planes % 2):
+            message = f"found {self.planes} sides; expected an even number from 4 on"
+            faults.add(("planes",), "out-of-range", message, "Write 16.")
+
+    def interface(self, materials: Mapping[str, Material], context: Context) -> Interface | None:
+        """The interface; None, with a fault, where the strength of the ground is not known."""
+        if self.R_inter is None or self.of is None:
+            return self.to_model(Interface, context)
+        if self.of not in materials:
+            context.faults.add_unknown(context.at("of").path, "material", self.of, materials)
+            return None
+        ground = materials[self.of]
+        surface = next((s for s in ground.yields if isinstance(s, MohrCoulomb)), None)
+        varied = any(one.surface is not None for one in ground.fields)
+        varied = varied or any(one.surface is not None for one in ground.growths)
+        if surface is None or varied:
+            what = "varies from place to place" if varied else "has no Mohr-Coulomb surface"
+            message = f"the strength of '{self.of}' {what}, so 'R_inter' has nothing to reduce"
+            hint = "Give 'cohesion' and 'friction' of the interface."
+            context.at("of").refuse("wrong-material", message, hint)
+            return None
+        return self.to_model(
+            Interface, context, cohesion=surface.cohesion, friction=surface.friction
+        )
+
+
+def build_interfaces(
+    sections: Mapping[str, InterfaceSection], materials: Mapping[str, Material], context: Context
+) -> dict[str, Interface]:
+    """The interfaces of a case by name; those with a fault are left out.
+
+    Args:
+        sections: name to section.
+        materials: of the ground, whose strength some reduce.
+        context: of the key `interfaces`.
+    """
+    made: dict[str, Interface] = {}
+    groups: dict[str, str] = {}
+    for name, section in sections.items():
+        place = context.at(name)
+        other = groups.setdefault(section.along, name)
+        if other != name:
+            message = f"the interface '{other}' is along '{section.along}' already"
+            place.at("along").refuse("duplicate", message, "Name another group, or remove one.")
+        given = section.interface(materials, place)
+        if given is not None:
+            made[name] = given
+    return made
