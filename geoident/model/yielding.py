@@ -309,7 +309,7 @@ class HoekBrown(_Surface):
 
 @dataclass(frozen=True)
 class HardeningSoil(_Surface):
-    """Hardening soil: stiffness by stress, hyperbolic shear, a cap (theory 21).
+    """Hardening soil: stiffness by stress, hyperbolic shear, a cap (theory 19).
 
     It stands beside the yield surfaces of a material, not among them: its stress follows from a law
     with a state. The E of the material is that of unloading and reloading at p_ref.

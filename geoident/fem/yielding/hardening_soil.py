@@ -1,4 +1,4 @@
-"""Hardening soil at strain points: stress and state after a strain step (theory 21).
+"""Hardening soil at strain points: stress and state after a strain step (theory 19).
 
 Schanz, Vermeer & Bonnier (1999), with the initial modulus E_i = 2 E50 / (2 - Rf), by which E50 is
 the secant modulus at half of the strength. Compression is positive here: s_1 >= s_2 >= s_3 are the
@@ -24,7 +24,7 @@ takes; alpha and H follow from Eoed and K0nc (`cap_constants`). No principal str
 the tensile strength.
 
 The equations of a step (implicit Euler, in the principal axes of the elastic trial stress) are
-solved by a semismooth Newton method. They are written with dual numbers, so that the tangent and the
+solved by a semismooth Newton method. They are written with dual numbers: the tangent and the
 derivatives by all constants are those of the converged equations.
 """
 
@@ -149,7 +149,7 @@ class HardeningSoil:
         state[GAMMA, new], state[CAP, new] = gamma.columns, cap.columns
         return state
 
-    def _of_stress(self, s: list[Dual], k: Numbers) -> tuple[Dual, Dual]:
+    def _of_stress(self, s: list[Dual], k: Mapping[str, Dual]) -> tuple[Dual, Dual]:
         """gamma_p and p_c (q,) whose surfaces go through principal stresses, three of (q,)."""
         strength = _strength(s[2], k)
         ratio = _least((s[0] - s[2]) / strength, 1.0 - 1e-9)
@@ -158,7 +158,7 @@ class HardeningSoil:
         gamma = (q * initial / (1.0 - k["Rf"] * ratio) - q * unloading).positive_part()
         return gamma, _cap_radius(s, k) - k["a"]
 
-    def _level(self, s_3: Dual, k: Numbers) -> Dual:
+    def _level(self, s_3: Dual, k: Mapping[str, Dual]) -> Dual:
         """L (q,) at the least principal stress (q,)."""
         a, floor = k["a"], k["p_ref"] * LEAST_STRESS
         held = Dual(
@@ -227,7 +227,7 @@ class HardeningSoil:
         before = np.stack([state[GAMMA, :, 0], state[CAP, :, 0], level.value])
         inputs = np.concatenate([s_trial, before])  # (6, q)
         x, active = self._solve(inputs)
-        yields = active.any(axis=1)
+        yields = np.asarray(active.any(axis=1))
         if not yields.any():
             return trial, state, yields
         some = np.flatnonzero(yields)

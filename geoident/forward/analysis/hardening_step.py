@@ -1,4 +1,4 @@
-"""A stage of ground whose stress follows from a law with a state (theory 21).
+"""A stage of ground whose stress follows from a law with a state (theory 19).
 
 What a stage changes comes in parts, one after the other, each an equilibrium of its own:
 
