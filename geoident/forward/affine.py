@@ -84,7 +84,7 @@ def condensation_obstacle(analysis: StagedAnalysis) -> str | None:
     """Why the equations are not affine in displacements and parameters, or None if they are."""
     case = analysis.case
     for name in analysis.sequence.materials:
-        if case.materials[name].yields:
+        if not case.materials[name].is_elastic:
             return f"{name} yields: its stresses are not linear in the displacements"
     for name, structure in case.structures.items():
         if structure.yields:

@@ -42,6 +42,7 @@ from geoident.forward.gauges.placement import zeroed_too_early
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
+from geoident.forward.hardening.soils import impossible_soil
 from geoident.forward.heat.checks import (
     heat_faults,
     heat_group_faults,
@@ -234,6 +235,8 @@ def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | 
     """
     for material in (case.materials[name] for name in sorted(sequence.materials)):
         fault = inadmissible(material, values) or no_stress_left(case, material, values)
+        if fault is None and material.soil is not None:
+            fault = impossible_soil(material, values)
         fault = fault or inadmissible_water(case, material.name, values)
         fault = fault or inadmissible_heat(case, material.name, values)
         if fault is not None:

@@ -78,7 +78,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
 
     def yields(self) -> bool:
         """Whether any material of the case has yield limits."""
-        return self._model.yields
+        return self._model.case.yields
 
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,).

@@ -188,8 +188,8 @@ class StagedKernel(ObservedModel):
 
     @property
     def yields(self) -> bool:
-        """Whether any material or structure of the case has yield limits."""
-        return self.case.yields
+        """Whether any material or structure of the case has yield limits, or hardens."""
+        return self.case.yields or self.case.hardens
 
     @property
     def keeps_analysis(self) -> bool:

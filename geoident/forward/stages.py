@@ -245,7 +245,7 @@ class CaseOnMesh:
         Elastic ground, which it would cost more, does not need it: its answers stay what they are.
         """
         kinematics = kinematics_of(self.case.analysis)
-        yields = any(material.yields for material in self.case.materials.values())
+        yields = any(not material.is_elastic for material in self.case.materials.values())
         averaged = yields and any(
             CELLS[block.kind].order == 1 and len(kinematics.quadrature(block.kind)[1]) > 1
             for block in self.mesh.blocks

@@ -10,7 +10,10 @@ Numbers = Mapping[str, float]
 """Name of a constant to its value, SI."""
 
 _ANGLES = ("friction", "dilation")
-_RATIOS = ("nu", "nu_p", "nu_np", "nu_12", "nu_13", "nu_23", "mi", "GSI", "D", "mb", "s", "a", "MR")
+_RATIOS = (
+    "nu", "nu_p", "nu_np", "nu_12", "nu_13", "nu_23", "mi", "GSI", "D", "mb", "s", "a", "MR", "m",
+    "Rf", "K0nc", "OCR",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ from geoident.model.methods import (
 )
 from geoident.model.parameter import Parameter, Scalar, scalars_of
 from geoident.model.structures import Structure, ages
-from geoident.model.yielding import YieldSurface
+from geoident.model.yielding import HardeningSoil, YieldSurface
 
 KeyPath = tuple[str | int, ...]
 
@@ -127,6 +127,8 @@ class Material:
     service it creeps by one share of its elastic strain, and its modulus grows or falls (softening)
     by a share with the time under load.
 
+    As a ``soil`` it has stiffness and strength by a law with a state, and no yield surfaces.
+
     Its water: without ``hydraulic`` it leaves at once.
     """
 
@@ -145,6 +147,12 @@ class Material:
     ageing: Ageing | None = None
     softening: TimeCurve | None = None
     hydraulic: Hydraulic | None = None
+    soil: HardeningSoil | None = None
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether it neither yields nor hardens."""
+        return not self.yields and self.soil is None
 
     @property
     def in_time(self) -> dict[str, TimeCurve]:
@@ -180,6 +188,7 @@ class Material:
             *(() if self.hydration is None else self.hydration.scalars),
             *(() if self.hydraulic is None else self.hydraulic.scalars),
             *(number for surface in self.yields for number in surface.numbers),
+            *(() if self.soil is None else self.soil.numbers),
             *(number for element in self.creep for number in scalars_of(element).values()),
             *(() if self.ageing is None else self.ageing.numbers),
             *(() if self.softening is None else self.softening.numbers),
@@ -429,6 +438,11 @@ class Case:
         """Whether any material or structure has yield limits."""
         limited = *self.materials.values(), *self.structures.values(), *self.interfaces.values()
         return any(one.yields for one in limited)
+
+    @property
+    def hardens(self) -> bool:
+        """Whether any material is a hardening soil."""
+        return any(material.soil is not None for material in self.materials.values())
 
     @property
     def consolidates(self) -> bool:

@@ -307,7 +307,78 @@ class HoekBrown(_Surface):
         )
 
 
-YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane | HoekBrown
+@dataclass(frozen=True)
+class HardeningSoil(_Surface):
+    """Hardening soil: stiffness by stress, hyperbolic shear, a cap (theory 19).
+
+    It stands beside the yield surfaces of a material, not among them: its stress follows from a law
+    with a state. The E of the material is that of unloading and reloading at p_ref.
+
+    Args:
+        E50: secant modulus at half of the strength in a drained triaxial test at p_ref.
+        m: exponent of the stress by which the stiffness grows.
+        p_ref: reference stress.
+        Rf: strength by the asymptote of the hyperbola.
+        cohesion: c.
+        friction: phi, rad.
+        dilation: psi, rad.
+        tension: tensile strength.
+        Eoed: tangent modulus of a first loading in the oedometer at p_ref; None: no cap.
+        K0nc: stress to the sides by that upwards, in it; None: 1 - sin(phi).
+        OCR: highest vertical stress of the past by that in situ; None: 1.
+        POP: highest vertical stress of the past less that in situ; None: 0. Without both the
+            stress itself is the highest that there was.
+    """
+
+    kind = "hardening-soil"
+    dimensionless = ("m", "Rf", "K0nc", "OCR")
+
+    E50: Scalar
+    m: Scalar
+    p_ref: Scalar
+    Rf: Scalar
+    cohesion: Scalar
+    friction: Scalar
+    dilation: Scalar
+    tension: Scalar
+    Eoed: Scalar | None = None
+    K0nc: Scalar | None = None
+    OCR: Scalar | None = None
+    POP: Scalar | None = None
+
+    @property
+    def in_principal_stresses(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def description(self) -> str:
+        """Its name, and whether it has a cap."""
+        return "hardening soil" + (", without a cap" if self.Eoed is None else " with a cap")
+
+    def _breach(self, strengths: Numbers) -> Breach | None:
+        friction = strengths["friction"]
+        if not 0.0 < friction < pi / 2:
+            return Breach("friction", friction, "it must be above 0 and below 90 deg")
+        if not 0.0 <= strengths["dilation"] <= friction:
+            limit = f"it must be from 0 to the friction angle, {degrees(friction):.6g} deg"
+            return Breach("dilation", strengths["dilation"], limit)
+        apex, tension = strengths["cohesion"] / tan(friction), strengths["tension"]
+        if not 0.0 <= tension <= apex:
+            limit = f"it must be from 0 to cohesion / tan(friction), {apex:.6g} Pa"
+            return Breach("tension", tension, limit)
+        return (
+            not_positive(strengths, "E50", "Eoed", "p_ref")
+            or negative(strengths, "cohesion")
+            or beyond(strengths, "m", 0.0, 1.0)
+            or beyond(strengths, "Rf", 0.1, 0.99)
+            or beyond(strengths, "K0nc", 0.05, 1.0)
+            or (beyond(strengths, "OCR", 1.0, 1000.0))
+            or negative(strengths, "POP")
+        )
+
+
+YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane | HoekBrown | HardeningSoil
 
 
 def with_strengths(

@@ -212,6 +212,8 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
             planes = any(material.yields for material in present)
             message = f"at stage '{state.name}' no ground has a strength that could be divided"
             message += ": given planes have no cohesion and friction" if planes else ""
+            soil = any(material.soil is not None for material in present)
+            message += ": that of hardening soil is not, yet" if soil else ""
             hint = "Give 'yield: {type: mohr-coulomb, cohesion: ..., friction: ...}' in a material."
             fault = case.source.fault(
                 ("materials",), code="no-strength", message=message, hint=hint

@@ -47,6 +47,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import ThermalStrains
+from geoident.forward.analysis.hardening_step import HardeningSteps
 from geoident.forward.analysis.heating import Heating
 from geoident.forward.analysis.joint_tractions import JointTractions
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
@@ -252,6 +253,9 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, strict=options.strict,
             )  # fmt: skip
+        self._hardening: HardeningSteps | None = None
+        if analysis.case.hardens:
+            self._hardening = HardeningSteps(analysis.case, systems, self.point)
         self._creep: CreepSteps | None = None
         if analysis.case.creeps:
             self._creep = CreepSteps(analysis.on_mesh, self.point, self._ground)
@@ -391,6 +395,8 @@ class AnalysisRun:
             self._virgin_stress = carried.stress.copy()
         if self._plastic is not None:
             self._plastic.refuse_virgin(task)
+        if self._hardening is not None:
+            self._hardening.begin(task)
 
     def _advance(self, number: int, u: Floats, carried: StressState, forces: Floats) -> Bools:
         """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k), what is carried, and forces.
@@ -424,11 +430,14 @@ class AnalysisRun:
         task = self._with_heat(self._task(number, carried, forces))
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
         flowed = None
-        if self._in_time is None or not self._in_time.imposes(state):
+        hardening = self._hardening if self._hardening and self._hardening.acts(state) else None
+        if hardening is None and (self._in_time is None or not self._in_time.imposes(state)):
             task.impose(systems)
         if self._in_time is not None:
             flowed = self._in_time.step(task, self.factors)
-        if flowed is not None:
+        if hardening is not None:
+            du, yielded = hardening.step(task)
+        elif flowed is not None:
             du, yielded = flowed
         elif self._plastic is not None and self._plastic.yields(state):
             motions, yielded = self._plastic.step(task)

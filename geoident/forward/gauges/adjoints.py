@@ -72,7 +72,7 @@ class ReadingAdjoints:
             return "there are interfaces"
         for built in analysis.sequence.states[: self.last + 1]:
             for name in built.materials.values():
-                if analysis.case.materials[name].yields:
+                if not analysis.case.materials[name].is_elastic:
                     return f"{name} yields"
             for part in analysis.systems.structures.yielding(built):
                 return f"the structure '{part.name}' yields"

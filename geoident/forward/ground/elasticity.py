@@ -357,6 +357,8 @@ def inadmissible(material: Material, values: Values) -> str | None:
     breaches = (surface.breach(values) for surface in surfaces)
     elastic = bounded(material.elastic, material.growths)
     reason = breach(elastic, values) or next(filter(None, breaches), None)
+    if reason is None and material.soil is not None:
+        reason = material.soil.breach(values)
     if reason is None:
         clauses = [impossible(one, values) for one in material.creep]
         if material.ageing is not None:

@@ -29,6 +29,8 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
         return case.in_steps
     if not isinstance(ground.elastic, Isotropic):
         return f"'{material}' is not isotropic"
+    if ground.soil is not None:
+        return f"'{material}' is a hardening soil"
     if len(ground.yields) > 1 or not all(
         isinstance(surface, MohrCoulomb | HoekBrown) for surface in ground.yields
     ):

@@ -11,6 +11,7 @@ from geoident.errors import Fault
 from geoident.fem.yielding.domain import empty_domain
 from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import material_axes
+from geoident.forward.hardening.soils import impossible_soil
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.surfaces import in_principal_stresses, yield_limits, yield_planes
 from geoident.model.case import Analysis, Case, KeyPath, Material
@@ -42,6 +43,12 @@ def yield_faults(case: Case) -> list[Fault]:
     faults += [fault for material in _yielding(case) for fault in _field_faults(case, material)]
     if faults:
         return faults
+    for material in case.materials.values():
+        reason = None if material.soil is None else impossible_soil(material, case.start)
+        if reason is not None:
+            path: KeyPath = ("materials", material.name, "yield")
+            hint = "Change one of them, or the start of its parameter."
+            faults.append(case.source.fault(path, code="soil", message=reason, hint=hint))
     for material in _yielding(case):
         fault = _empty(case, material) or _stressed_from_the_start(case, material)
         if fault is not None:
@@ -52,7 +59,11 @@ def yield_faults(case: Case) -> list[Fault]:
 def yield_notes(case: Case) -> list[str]:
     """By what each material yields, and cut-offs of tension without effect."""
     start = case.start
-    notes = []
+    notes = [
+        f"'{material.name}' is a {material.soil.description}; E is that of unloading"
+        for material in case.materials.values()
+        if material.soil is not None
+    ]
     for material in _yielding(case):
         notes.append(f"'{material.name}' yields by {_described(case, material)}")
         varied = {growth.surface for growth in material.growths}
@@ -81,7 +92,7 @@ def locking_notes(on_mesh: CaseOnMesh) -> list[str]:
     """
     mesh, sequence, materials = on_mesh.mesh, on_mesh.sequence, on_mesh.case.materials
     made = [(g, m) for state in sequence.states for g, m in state.materials.items()]
-    yielding = np.isin(sequence.group_of, [g for g, m in made if materials[m].yields])
+    yielding = np.isin(sequence.group_of, [g for g, m in made if not materials[m].is_elastic])
     counts = {
         block.kind: np.count_nonzero(yielding[span])
         for block, span in spans(mesh.blocks)

@@ -62,6 +62,7 @@ from geoident.io.case.structures import OpeningSupportSection, StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
 from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
+from geoident.io.case.yielding.hardening_checks import check_hardening
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Accelerations,
@@ -366,6 +367,8 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
         check_staged_creep(
             section.materials, section.groups, section.stages, section.structures, faults
         )
+        others = {"face": section.face, "initial_temperature": section.initial_temperature}
+        check_hardening(section.materials, section.structures, section.stages, others, faults)
     if section.service is None and section.initial_temperature is not None:
         check_heat(
             section.materials, section.parameters, section.groups, section.heat, section.stages,

@@ -54,6 +54,7 @@ from geoident.model.ground import (
     bounded,
     breach,
 )
+from geoident.model.yielding import HardeningSoil
 
 _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length does not matter."
 
@@ -371,13 +372,15 @@ def build_materials(
         elastic, growths = section.build_elastic(place), growths_in(section, place, material=name)
         stronger = growths_of_yields(section.yields, place.at("yield"), material=name)
         _check_start(bounded(elastic, growths), section, parameters, place)
+        surfaces = build_yields(section.yields, elastic, stronger, parameters, place.at("yield"))
         materials[name] = section.to_model(
             Material,
             place,
             name=name,
             elastic=elastic,
             creep=build_creep(section.creep),
-            yields=build_yields(section.yields, elastic, stronger, parameters, place.at("yield")),
+            yields=tuple(one for one in surfaces if not isinstance(one, HardeningSoil)),
+            soil=next((one for one in surfaces if isinstance(one, HardeningSoil)), None),
             fields=(
                 *fields_in(section, place, material=name),
                 *fields_of_yields(section.yields, place.at("yield"), material=name),

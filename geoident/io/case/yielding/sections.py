@@ -33,6 +33,7 @@ from geoident.model.yielding import (
     DruckerPrager,
     Fit,
     GivenPlanes,
+    HardeningSoil,
     HoekBrown,
     MohrCoulomb,
     WeakPlane,
@@ -334,13 +335,82 @@ class HoekBrownSection(SurfaceBase):
         return self.to_model(HoekBrown, dilation=dilation)
 
 
+class HardeningSoilSection(SurfaceBase):
+    """Hardening soil (Schanz, Vermeer & Bonnier 1999): stiffness by stress and by strain.
+
+    The E and nu of the material are those of unloading and reloading, E at `p_ref`.
+    """
+
+    type: Literal["hardening-soil"] = Field(description="Kind of law.")
+    E50: Stress = Field(
+        description="Secant modulus at half of the strength in a drained triaxial test at `p_ref`.",
+        examples=["30 MPa", "$E50"],
+    )
+    Eoed: Stress | None = Field(
+        None,
+        description="Tangent modulus of a first loading in the oedometer at a vertical stress of "
+        "`p_ref`, from which the cap follows; without it there is no cap.",
+        examples=["30 MPa", "$Eoed"],
+    )
+    m: Coefficient = Field(
+        description="Exponent of the stress by which all moduli grow: about 0.5 of sand, 1 of soft "
+        "clay.",
+        examples=["0.5", "$m"],
+    )
+    p_ref: Stress | None = Field(None, description="Reference stress; 100 kPa if missing.")
+    Rf: Coefficient | None = Field(
+        None, description="Strength by the asymptote of the hyperbola; 0.9 if missing."
+    )
+    cohesion: Stress = Field(description="Effective cohesion.", examples=["1 kPa", "$c"])
+    friction: Angle = Field(
+        description="Effective friction angle, above 0 and below 90 deg.", examples=["35 deg"]
+    )
+    dilation: Angle | None = Field(
+        None, description="Dilation angle at failure (Rowe's below it); 0 deg if missing."
+    )
+    tension: Stress | None = Field(None, description="Tensile strength; 0 if missing.")
+    K0nc: Coefficient | None = Field(
+        None,
+        description="Horizontal by vertical stress of a first loading in the oedometer, with "
+        "`Eoed`; 1 - sin(friction) if missing.",
+    )
+    OCR: Coefficient | None = Field(
+        None,
+        description="Highest vertical stress of the past by that in situ, with `Eoed`. Without "
+        "`OCR` and `POP` the stress in situ is the highest that there was.",
+        examples=["1.5", "$OCR"],
+    )
+    POP: Stress | None = Field(
+        None,
+        description="Highest vertical stress of the past less that in situ, with `Eoed`.",
+        examples=["50 kPa"],
+    )
+
+    def surface(self, context: Context) -> HardeningSoil:
+        """The law; what belongs to a cap needs one."""
+        for key in ("K0nc", "OCR", "POP"):
+            if self.Eoed is None and getattr(self, key) is not None:
+                message = f"'{key}' belongs to the cap, and without 'Eoed' there is none"
+                context.at(key).refuse("no-cap", message, "Add 'Eoed: ...', or remove it.")
+        defaults = {"p_ref": 1e5, "Rf": 0.9, "dilation": 0.0, "tension": 0.0}
+        return self.to_model(
+            HardeningSoil,
+            **{
+                key: Scalar(number)
+                for key, number in defaults.items()
+                if getattr(self, key) is None
+            },
+        )
+
+
 YieldSection = Annotated[
     PlanesSection
     | TrescaSection
     | MohrCoulombSection
     | DruckerPragerSection
     | WeakPlaneSection
-    | HoekBrownSection,
+    | HoekBrownSection
+    | HardeningSoilSection,
     Field(discriminator="type"),
 ]
 

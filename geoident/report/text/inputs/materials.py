@@ -15,6 +15,7 @@ _YIELD_NAMES = {
     "drucker-prager": "Drucker-Prager",
     "weak-plane": "weak plane",
     "hoek-brown": "Hoek-Brown",
+    "hardening-soil": "hardening soil",
 }
 
 

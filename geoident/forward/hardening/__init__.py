@@ -1,0 +1,1 @@
+"""Soil whose stiffness and strength follow from a law with a state."""

@@ -1,0 +1,86 @@
+"""Hardening soils of a case at one parameter vector, and why their numbers may be impossible."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.fem.yielding.hardening_soil import HardeningSoil, cap_constants
+from geoident.model.case import Material
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import Isotropic, constants
+from geoident.model.parameter import Scalar, Values
+from geoident.model.yielding import HardeningSoil as GivenSoil
+
+
+def soil_constants(material: Material, point: ParameterPoint) -> dict[str, Dual]:
+    """The constants of the law of a material that is a hardening soil, by name.
+
+    Args:
+        material: with isotropic elasticity.
+        point: the parameters.
+    """
+    soil, elastic = material.soil, material.elastic
+    assert soil is not None
+    assert isinstance(elastic, Isotropic)
+    numbers = {name: point.number(scalar) for name, scalar in constants(elastic).items()}
+    if "E" not in numbers:
+        K, G = numbers["K"], numbers["G"]
+        numbers["E"] = 9.0 * K * G / (3.0 * K + G)
+        numbers["nu"] = (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
+    result = {name: numbers[name] for name in ("E", "nu")}
+    for name in ("E50", "m", "p_ref", "Rf", "cohesion", "friction", "dilation", "tension"):
+        result[name] = point.number(getattr(soil, name))
+    if soil.Eoed is not None:
+        result["Eoed"] = point.number(soil.Eoed)
+        sine = result["friction"].sine()
+        result["K0nc"] = 1.0 - sine if soil.K0nc is None else point.number(soil.K0nc)
+    return result
+
+
+def past_stress(soil: GivenSoil, point: ParameterPoint) -> tuple[Dual, Dual] | None:
+    """Overconsolidation ratio and pre-overburden pressure; None where neither is given."""
+    if soil.OCR is None and soil.POP is None:
+        return None
+    return point.number(soil.OCR or Scalar(1.0)), point.number(soil.POP or Scalar(0.0))
+
+
+def impossible_soil(material: Material, values: Values) -> str | None:
+    """Why the constants of a hardening soil do not go together, a clause, or None if they do."""
+    k = soil_constants(material, ParameterPoint(values, ()))
+    number = {name: float(one.value) for name, one in k.items()}
+    initial = 2.0 * number["E50"] / (2.0 - number["Rf"])
+    if not number["E"] > initial:
+        return (
+            f"E of {material.name}, the modulus of unloading, is {number['E']:.6g} Pa, it must be "
+            f"above 2 E50 / (2 - Rf) = {initial:.6g} Pa"
+        )
+    if "Eoed" not in k:
+        return None
+    with np.errstate(all="ignore"):
+        alpha, hardening = (float(one.value) for one in cap_constants(k))
+    if alpha > 0.0 and hardening > 0.0 and np.isfinite(alpha + hardening):
+        return None
+    return (
+        f"Eoed of {material.name} is {number['Eoed']:.6g} Pa, and no cap gives it with E50 "
+        f"{number['E50']:.6g} Pa, E {number['E']:.6g} Pa and K0nc {number['K0nc']:.4g}"
+    )
+
+
+class SoilLaws:
+    """The laws of the hardening soils of a case at one parameter vector, each made once.
+
+    Args:
+        materials: of the case, by name.
+        point: the parameters.
+        n_strain: number s of strain components of the analysis.
+    """
+
+    def __init__(
+        self, materials: dict[str, Material], point: ParameterPoint, n_strain: int
+    ) -> None:
+        self.laws: dict[str, HardeningSoil] = {}
+        self.past: dict[str, tuple[Dual, Dual] | None] = {}
+        for name, material in materials.items():
+            if material.soil is not None:
+                self.laws[name] = HardeningSoil(soil_constants(material, point), n_strain)
+                self.past[name] = past_stress(material.soil, point)
