@@ -66,6 +66,7 @@ from geoident.forward.structures.checks import (
     structure_notes,
     structure_place_faults,
 )
+from geoident.forward.structures.placing import shell_groups, with_shells
 from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.yielding.checks import (
     locking_notes,
@@ -106,7 +107,12 @@ _loose_body_of = OfMesh[LooseBody | None]()
 
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     kinematics = kinematics_of(case.analysis)
-    upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
+    groups = shell_groups(case, mesh)
+    upright = _upright_of(
+        mesh,
+        (case.analysis, groups),
+        lambda: with_shells(oriented(mesh, kinematics), groups),
+    )
     return CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
 
 

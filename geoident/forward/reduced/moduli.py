@@ -115,21 +115,21 @@ def material_moduli(material: Material, names: Sequence[str], n_strain: int) -> 
 
 
 def rigidity_moduli(
-    structure: Structure, names: Sequence[str], n_strain: int, *, bending: bool
+    structure: Structure, names: Sequence[str], n_strain: int, *, number: int
 ) -> Moduli:
-    """EA or EI of a structure, times a unit matrix.
+    """One rigidity of a structure, times a unit matrix.
 
     Args:
         structure: the structure.
         names: of all n parameters.
         n_strain: number s of strain components.
-        bending: EI, else EA.
+        number: which of its rigidities (`rigidities`).
     """
 
     def moduli(values: Floats) -> Floats:
         points = (ParameterPoint(dict(zip(names, map(float, p), strict=True)), names)
                   for p in values)  # fmt: skip
-        each = np.stack([rigidities(structure, at)[int(bending)].columns for at in points])
+        each = np.stack([rigidities(structure, at)[number].columns for at in points])
         return np.eye(n_strain)[:, :, None] * each[:, None, None]
 
     return moduli
