@@ -321,11 +321,12 @@ def _weight_faults(case: Case, name: str, beam: Beam | Shell) -> list[Fault]:
     if not beam.has_weight or (case.gravity is not None and any(case.gravity)):
         return []
     key = "weight" if beam.density is None else "density"
+    what = "shell" if isinstance(beam, Shell) else "beam"
     return [
         case.source.fault(
             ("structures", name, key),
             code="no-gravity",
-            message=f"the structure '{name}' has a weight, but there is no gravity",
+            message=f"the {what} '{name}' has a weight, but there is no gravity",
             hint=f"Add 'gravity: 9.81 m/s2', or leave out '{key}'.",
         )
     ]
