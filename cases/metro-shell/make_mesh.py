@@ -8,7 +8,7 @@ plane of symmetry, y along the drive, z upwards from the axis of the tunnel.
 """
 
 import sys
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from math import ceil, cos, log, pi, sin
 from pathlib import Path
 
@@ -75,7 +75,7 @@ class Section:
         box = [(0, TOP), (SIDE, TOP), (SIDE, 0), (SIDE, BOTTOM), (0, BOTTOM)]
         far = [self.point(x, z) for x, z in box]
         for points in (inner, wall):
-            for a, b in zip(points, points[1:], strict=False):
+            for a, b in pairwise(points):
                 self.wall.append(self.curve(a, b, n, centre=centre))
         for a, b in zip(wall, far, strict=True):
             self.curve(a, b, out, self.growth)

@@ -43,7 +43,9 @@ from geoident.model.mesh import Mesh, rows_in
 
 _DIAGONALS = {
     "quad4": ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3)),
-    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7), (4, 5, 6), (4, 6, 7)),
+    "quad8": (
+        (0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7), (4, 5, 6), (4, 6, 7),
+    ),
 }  # fmt: skip
 """Triangles of quadrilaterals."""
 
@@ -154,9 +156,7 @@ def corners_of(mesh: Mesh, faces: Ints) -> list[tuple[int, ...]]:
     ]
 
 
-def consistent_sides(
-    corners: Sequence[tuple[int, ...]], side: Ints
-) -> tuple[Bools, Bools]:
+def consistent_sides(corners: Sequence[tuple[int, ...]], side: Ints) -> tuple[Bools, Bools]:
     """Which faces are turned, so that all of a connected piece look to one side.
 
     That is the side which most of its faces look to.
@@ -309,8 +309,9 @@ def _membrane(plane: Floats) -> Floats:
         natural.append(shifted[None] * (doubled[:, None] / (3 * squared))[:, :, None])
     by_natural = np.stack(
         [
-            np.stack([Y[:, b, c] * Y[:, a, c] * squared[:, n], X[:, b, c] * X[:, a, c] * squared[:, n],
-                      (Y[:, b, c] * X[:, c, a] + X[:, c, b] * Y[:, a, c]) * squared[:, n]], axis=1)
+            np.stack([Y[:, b, c] * Y[:, a, c], X[:, b, c] * X[:, a, c],
+                      Y[:, b, c] * X[:, c, a] + X[:, c, b] * Y[:, a, c]], axis=1)
+            * squared[:, n, None]
             for n, (a, b, c) in enumerate(((0, 1, 2), (1, 2, 0), (2, 0, 1)))
         ],
         axis=2,

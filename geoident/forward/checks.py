@@ -66,8 +66,8 @@ from geoident.forward.structures.checks import (
     structure_notes,
     structure_place_faults,
 )
-from geoident.forward.structures.placing import shell_groups, with_shells
 from geoident.forward.structures.members import inadmissible as impossible_structure
+from geoident.forward.structures.placing import shell_groups, with_shells
 from geoident.forward.yielding.checks import (
     locking_notes,
     no_stress_left,

@@ -183,8 +183,8 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
         kind = "shell" if isinstance(structure, Shell) else "beam"
         what = "of one bar" if isinstance(structure, Bars) else f"of a {kind}, per metre"
         message = (
-            f"reads {_QUANTITIES.get(channel.quantity, channel.quantity)} {what}: {with_article(wanted)}; its "
-            f"accuracy is {with_article(channel.dimension)}"
+            f"reads {_QUANTITIES.get(channel.quantity, channel.quantity)} {what}: "
+            f"{with_article(wanted)}; its accuracy is {with_article(channel.dimension)}"
         )
         yield fault("unit", message, f"write the accuracy as {with_article(wanted)}", "accuracy")
 

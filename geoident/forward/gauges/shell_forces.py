@@ -62,15 +62,14 @@ class PlaceOnShell:
         own, frame = int(members.triangles.face[best]), members.frames[best]
         at_own = members.nodes[members.triangles.face == own]
         touching = np.isin(members.nodes, at_own).any(axis=1)
-        near = np.setdiff1d(members.triangles.face[touching], own)
+        near = np.unique(members.triangles.face[touching])
+        # The gradient is that of a plane through the faces around in the mean, not through this
+        # face: beside an edge its curvature along the edge would lean the plane across it.
+        places = (members.centres[near] - members.centres[own]) @ frame[:2].T
+        reach = (feet[best] - members.centres[own]) @ frame[:2].T
         weights = np.zeros(len(members.area))
-        weights[own] = 1.0
-        if len(near):
-            apart_of = (members.centres[near] - members.centres[own]) @ frame[:2].T
-            reach = (feet[best] - members.centres[own]) @ frame[:2].T
-            shares = reach @ np.linalg.pinv(apart_of, rcond=1e-6)
-            weights[near] = shares
-            weights[own] -= shares.sum()
+        weights[near] = reach @ np.linalg.pinv(places - places.mean(axis=0), rcond=1e-6)
+        weights[own] += 1.0
         sign = 1.0
         if channel.towards is not None:
             inwards = frame[2] @ (np.array(channel.towards) - feet[best])
@@ -137,7 +136,9 @@ def _faults(channel: Channel, place: PlaceOnShell, on_mesh: CaseOnMesh) -> Itera
 
     def fault(code: str, message: str, hint: str, *key: str) -> Fault:
         message = f"gauge '{channel.name}' {message}"
-        return on_mesh.case.source.fault((*channel.key, *key), code=code, message=message, hint=hint)
+        return on_mesh.case.source.fault(
+            (*channel.key, *key), code=code, message=message, hint=hint
+        )
 
     if place.away > REACH:
         message = f"sits at {asked}, which is not on {of}; its nearest place is "

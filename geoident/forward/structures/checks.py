@@ -297,8 +297,9 @@ def _shell_faults(on_mesh: CaseOnMesh, name: str, shell: Shell) -> list[Fault]:
     own = group_nodes(mesh, shell.group)
     for n, group in enumerate(shell.mirrored_on):
         nodes = np.intersect1d(own, group_nodes(mesh, group))
-        if normal_axis(mesh, nodes) is None:
+        if normal_axis(mesh, nodes) is None or len(nodes) == len(own):
             why = "do not lie on a plane at right angles to x, y or z" if len(nodes) else "are none"
+            why = "are all of its nodes" if len(nodes) == len(own) else why
             message = f"the nodes of the shell '{name}' on the group '{group}' {why}"
             hint = "name the faces or nodes of one plane of symmetry that crosses the shell"
             faults.append(fault("no-symmetry-there", message, hint, "mirrored_on", n))

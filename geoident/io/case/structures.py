@@ -244,8 +244,8 @@ class ShellSection(Section):
     thickness: Size = Field(description="Thickness.", examples=["0.3 m"])
     nu: Ratio = Field(description="Poisson's ratio.")
     axis: DirectionVector = Field(
-        description="Direction of axis 1 of its forces, projected on the faces: along a tunnel or a "
-        "wall. It is at right angles to none of them.",
+        description="Direction of axis 1 of its forces, projected on the faces: along a tunnel or "
+        "a wall. It is at right angles to none of them.",
         examples=[["0", "1", "0"]],
     )
     clamped_on: list[Name] = Field(

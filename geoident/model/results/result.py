@@ -1000,9 +1000,7 @@ class Result:
     members: MemberForces | None = field(
         default=None, metadata=column(group="structures", optional=True)
     )
-    shells: ShellForces | None = field(
-        default=None, metadata=column(group="shells", optional=True)
-    )
+    shells: ShellForces | None = field(default=None, metadata=column(group="shells", optional=True))
     reactions: SupportReactions | None = field(
         default=None, metadata=column(group="reactions", optional=True)
     )
