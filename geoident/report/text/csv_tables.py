@@ -162,6 +162,15 @@ def _structures(result: Result) -> CsvTable:
     return sheet(forces, "stage", "member", rows=np.argwhere(np.isfinite(forces.axial.T)).tolist())
 
 
+def _shells(result: Result) -> CsvTable:
+    """Forces in shells, kN/m and kNm/m: means over the faces, with the middles of these."""
+    forces = result.shells
+    if forces is None:
+        return CsvTable()
+    standing = np.isfinite(forces.normal[:, 0].T)
+    return sheet(forces, "stage", "face", rows=np.argwhere(standing).tolist())
+
+
 def _reactions(result: Result) -> CsvTable:
     """Resultants of supports on the ground, kN."""
     reactions = result.reactions
@@ -240,6 +249,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "correlation": _correlation,
     "sensitivity": _sensitivity,
     "structures": _structures,
+    "shells": _shells,
     "reactions": _reactions,
     "alarms": lambda result: sheet(
         result.alarms, ROW, labels={**LABELS, "stage": result.gauges.stages}

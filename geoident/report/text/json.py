@@ -135,6 +135,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "fields": fields and varied_list(fields),
         "certificate": proof and certificate_object(proof),
         "structures": result.members and structures_list(result.members),
+        "shells": result.shells and objects(result.shells, "stage", "face"),
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
         "alarms": result.alarms and alarms_list(result),
