@@ -856,6 +856,12 @@ class ShellForces:
         )
     )
 
+    @property
+    def standing(self) -> list[list[int]]:
+        """Numbers of each stage and face where its shell stands."""
+        places: list[list[int]] = np.argwhere(np.isfinite(self.normal[:, 0].T)).tolist()
+        return places
+
 
 def fingerprint(identity: str, status: str, objective: float) -> str:
     """SHA-256 that tells the outcome of a command from others.

@@ -167,8 +167,7 @@ def _shells(result: Result) -> CsvTable:
     forces = result.shells
     if forces is None:
         return CsvTable()
-    standing = np.isfinite(forces.normal[:, 0].T)
-    return sheet(forces, "stage", "face", rows=np.argwhere(standing).tolist())
+    return sheet(forces, "stage", "face", rows=forces.standing)
 
 
 def _reactions(result: Result) -> CsvTable:
