@@ -175,8 +175,8 @@ class _Copies:
 
 def _joints(mesh: Mesh, table: FaceTable, copies: _Copies, faces: Ints) -> tuple[JointFaces, ...]:
     """Faces (k,) with the nodes of both sides; the first side is that of the element before."""
-    rows = np.flatnonzero(np.isin(table.face, faces))
-    rows = rows[np.argsort(table.face[rows], kind="stable")].reshape(-1, 2)
+    both = np.flatnonzero(np.isin(table.face, faces))
+    rows = both[np.argsort(table.face[both], kind="stable")].reshape(-1, 2)
     second = np.full(table.n_faces, -1)
     second[table.face[rows[:, 1]]] = table.element[rows[:, 1]]
     parts = []
@@ -228,7 +228,7 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
     """The points of an interface along some faces of a mesh that is split along them."""
     of_parts = []
     for part in parts:
-        axial = kinematics.on_axis(mesh.points)[part.first].any(axis=1)
+        axial = np.asarray(kinematics.on_axis(mesh.points)[part.first].any(axis=1))
         for own, gauss in ((part.of(~axial), False), (part.of(axial), True)):
             if len(own.elements):
                 of_parts.append(_points_of(mesh, own, kinematics, gauss=gauss))

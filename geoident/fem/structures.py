@@ -67,16 +67,17 @@ class Members:
     Args:
         operator: B, (n_rows, n_dofs); rows e of all members, then k, then k' (beams only).
         weight: w, (n_rows,).
-        bending: (n_rows,) the row goes with EI, else with EA.
-        ends: (n_members, 2, dim) first and second end, m.
-        nodes: (n_members, 2) nodes of the ends of beams; None for bars.
+        rigidity: (n_rows,) which rigidity of the structure each row goes with: EA, EI; of a shell
+            see `fem.shells`.
+        ends: (n_members, 2, dim) first and second end, m; of a shell none.
+        nodes: (n_members, 2) nodes of the ends of beams; (m, 3) of a shell; None for bars.
         nu: Poisson's ratio of a shell of revolution; None for all others.
         turning: rows of a plane beam with its rotations; None for all others.
     """
 
     operator: sp.csr_array
     weight: Floats
-    bending: Bools
+    rigidity: Ints
     ends: Floats
     nodes: Ints | None = None
     nu: float | None = None
@@ -84,6 +85,11 @@ class Members:
 
     def __len__(self) -> int:
         return len(self.ends)
+
+    @property
+    def n_rigidities(self) -> int:
+        """Number of rigidities with which its rows go."""
+        return int(self.rigidity.max()) + 1
 
     @property
     def length(self) -> Floats:
@@ -120,7 +126,7 @@ def bars(
     shape = (len(ends), mesh.points.size)
     operator = sp.csr_array((np.concatenate(data), entries), shape=shape)
     weight = length if extent is None else length * extent
-    return Members(operator, weight, np.zeros(len(ends), dtype=bool), ends)
+    return Members(operator, weight, np.zeros(len(ends), dtype=np.int64), ends)
 
 
 def grouted_parts(ends: Floats, grouted: float, count: int) -> tuple[Floats, Floats]:
@@ -165,7 +171,7 @@ def beams(mesh: Mesh, edges: Ints, clamped: Bools, hinged: Bools | None = None) 
     return Members(
         sp.csr_array(sp.vstack([axial, bending])),
         np.concatenate([length, psi_weight]),
-        np.repeat([False, True], [n, 2 * n]),
+        np.repeat([0, 1], [n, 2 * n]),
         ends,
         edges,
         turning=TurningRows(
@@ -211,7 +217,7 @@ def shells(mesh: Mesh, edges: Ints, clamped: Bools, hinged: Bools | None, nu: fl
     return Members(
         sp.csr_array(sp.vstack([_sums_and_differences(pairs), bending])),
         np.concatenate([shares, shares]),
-        np.repeat([False, True], len(shares)),
+        np.repeat([0, 1], len(shares)),
         ends,
         edges,
         nu,
@@ -317,7 +323,7 @@ def area_shares(mesh: Mesh, members: Members) -> Floats:
 
 
 def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
-    """Node-pair blocks of B^T w B, side by side for the rows of EA and of EI.
+    """Node-pair blocks of B^T w B, side by side for the rows of each rigidity.
 
     Times `stiffness_map` they are the blocks of K, so that a structure goes into the pattern like a
     group of elements.
@@ -328,7 +334,8 @@ def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
         dim: space dimensions.
     """
     keys, parts = [], []
-    for chosen in (~members.bending, members.bending):
+    for number in range(members.n_rigidities):
+        chosen = members.rigidity == number
         operator = members.operator[np.flatnonzero(chosen)]
         matrix = (operator.T @ _by(members.weight[chosen]) @ operator).tobsr(blocksize=(dim, dim))
         nodes = np.repeat(np.arange(len(rank)), np.diff(matrix.indptr))
@@ -337,23 +344,22 @@ def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
         keys.append((column[kept] << 32) | row[kept])
         parts.append(matrix.data[kept].reshape(-1, dim * dim))
     unique = np.unique(np.concatenate(keys))
-    products = np.zeros((len(unique), 2, dim * dim))
+    products = np.zeros((len(unique), members.n_rigidities, dim * dim))
     for which, (key, part) in enumerate(zip(keys, parts, strict=True)):
         products[np.searchsorted(unique, key), which] = part
     blocks = products.reshape(len(unique), -1)
     return GroupBlocks(unique & 0xFFFFFFFF, unique >> 32, lambda: blocks)
 
 
-def stiffness_map(axial: float, bending: float, *, dim: int) -> Floats:
-    """What the products of `member_blocks` are multiplied with, (2 dim^2, dim^2).
+def stiffness_map(rigidities: Sequence[float], *, dim: int) -> Floats:
+    """What the products of `member_blocks` are multiplied with, (n_rigidities dim^2, dim^2).
 
     Args:
-        axial: EA, N or N/m.
-        bending: EI, N m2 or N m.
+        rigidities: EA, N or N/m, and EI, N m2 or N m, of beams and bars.
         dim: space dimensions.
     """
     one = np.eye(dim * dim)
-    return np.vstack([axial * one, bending * one])
+    return np.vstack([rigidity * one for rigidity in rigidities])
 
 
 def _directions(ends: Floats) -> tuple[Floats, Floats]:

@@ -296,7 +296,7 @@ def _explain_in_situ(case: Case, names: Collection[str]) -> str | None:
 
 
 def _rigidity_part(name: str, structure: Structure) -> EquationPart:
-    """EA and EI of a structure, (2,)."""
+    """The rigidities of a structure, (2,) or (4,)."""
 
     def columns(point: ParameterPoint) -> Floats:
         return np.stack([number.columns for number in rigidities(structure, point)])

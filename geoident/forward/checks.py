@@ -71,6 +71,7 @@ from geoident.forward.structures.checks import (
 )
 from geoident.forward.structures.interfaces import inadmissible_interface, interface_faults
 from geoident.forward.structures.members import inadmissible as impossible_structure
+from geoident.forward.structures.placing import shell_groups, with_shells
 from geoident.forward.yielding.checks import (
     locking_notes,
     no_stress_left,
@@ -111,10 +112,15 @@ _loose_body_of = OfMesh[LooseBody | None]()
 
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     kinematics = kinematics_of(case.analysis)
-    upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
+    groups = shell_groups(case, mesh)
+    upright = _upright_of(
+        mesh,
+        (case.analysis, groups),
+        lambda: with_shells(oriented(mesh, kinematics), groups),
+    )
     whole = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
     along = tuple(one.along for one in case.interfaces.values())
-    if not along:
+    if not along or groups:  # of both together the case is refused
         return whole
     parted = _split_of(upright, along, lambda: split(upright, along))
     return replace(

@@ -156,18 +156,17 @@ class _Exporter:
             )
 
     def _add_members(self) -> None:
-        """Structures: one component, the axial or the bending one, with its modulus."""
+        """Structures: one component for each of their rigidities, with it as modulus."""
         for part in self.analysis.systems.structures.parts:
-            rigidity = rigidities(part.structure, self.point)
-            for bending in (False, True):
-                chosen = np.flatnonzero(part.members.bending == bending)
+            for number, rigidity in enumerate(rigidities(part.structure, self.point)):
+                chosen = np.flatnonzero(part.members.rigidity == number)
                 if chosen.size:
                     none = np.zeros((1, chosen.size, 1 + self.n))
                     self.members.append((part, len(self.sets), len(self.laws)))
                     C = sp.csr_array(part.members.operator)[chosen]
                     weight = part.members.weight[chosen]
                     self.sets.append(PointSet(part.name, C, weight, self.affine(none)))
-                    modulus = np.broadcast_to(rigidity[int(bending)].columns, 1 + self.n)
+                    modulus = np.broadcast_to(rigidity.columns, 1 + self.n)
                     self.laws.append(self._elastic(modulus[None, None]))
 
     def _elastic(self, columns: Floats) -> PointLaw:

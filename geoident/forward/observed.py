@@ -32,7 +32,7 @@ from geoident.model.case import Case
 from geoident.model.response import Evaluation
 from geoident.model.results.costs import Counts
 from geoident.model.results.opening import FaceAdvance, GroundReaction
-from geoident.model.results.result import FieldSeries, MemberForces, SupportReactions
+from geoident.model.results.result import FieldSeries, MemberForces, ShellForces, SupportReactions
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity
 
@@ -77,6 +77,7 @@ class Details:
 
     fields: FieldSeries | None = None
     members: MemberForces | None = None
+    shells: ShellForces | None = None
     activity: Activity | None = None
     notes: tuple[str, ...] = ()
     reaction: GroundReaction | None = None

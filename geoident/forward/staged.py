@@ -305,6 +305,7 @@ class StagedKernel(ObservedModel):
             details = replace(
                 details,
                 members=None if members is None else members.table(),
+                shells=None if members is None else members.shells(),
                 notes=self._notes_at(values, findings, equal),
             )
         if recorder is not None:

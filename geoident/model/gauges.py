@@ -28,6 +28,9 @@ A vector without unit adds a length; one in 1/m adds an angle.
 DAY = 86400.0
 """Seconds; readings of one day are of one epoch."""
 
+SHELL_FORCES = ("n_11", "n_22", "n_12", "m_11", "m_22", "m_12")
+"""Quantities of a shell that channels may read: forces and moments per metre."""
+
 PARTS = ("reading", "zero", "head", "epoch", "along")
 """What the error of a reading may be made of; see `ErrorParts`."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sized
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -48,6 +48,8 @@ class Mesh:
         facet_groups: name to facet indices, sorted.
         node_groups: name to node indices, sorted (physical points, node sets).
         file: where it came from, for messages.
+        rotations_of: (k,) nodes, ascending, at which shells turn. The last k nodes of ``points``
+            are no places: their three unknowns are the rotations there.
     """
 
     points: Floats
@@ -57,6 +59,7 @@ class Mesh:
     facet_groups: Mapping[str, Ints] = field(default_factory=dict)
     node_groups: Mapping[str, Ints] = field(default_factory=dict)
     file: str = ""
+    rotations_of: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     @property
     def dim(self) -> int:
@@ -109,6 +112,19 @@ def nodes_in(blocks: Iterable[ElementBlock], members: Ints | Bools) -> Ints:
     for nodes in node_lists:
         used[nodes] = True
     return np.flatnonzero(used)
+
+
+def with_rotations(mesh: Mesh, nodes: Ints) -> Mesh:
+    """The same mesh with unknowns for the rotations at some nodes (k,), ascending."""
+    points = np.concatenate([mesh.points, mesh.points[nodes]])
+    return replace(mesh, points=points, rotations_of=nodes)
+
+
+def motions_of_nodes(mesh: Mesh, u: Floats) -> Floats:
+    """Displacements (n_nodes, dim) in u (n_dofs,); of nodes that stand for rotations zero."""
+    motions = u.reshape(mesh.points.shape).copy()
+    motions[mesh.n_nodes - len(mesh.rotations_of) :] = 0.0
+    return motions
 
 
 def element_centres(mesh: Mesh) -> Floats:

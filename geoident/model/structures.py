@@ -1,4 +1,4 @@
-"""Structural parts of a case: linings and walls as beams; bolts, struts and anchors as bars.
+"""Structural parts of a case: linings and walls as beams or shells; bolts and the like as bars.
 
 Those of a round opening in closed form press on its wall all round.
 """
@@ -128,6 +128,46 @@ class Beam(_Structure):
     def yields(self) -> bool:
         """Whether its section has limits."""
         return self.limits is not None
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether anything is said of its weight."""
+        return self.density is not None or self.weight is not None
+
+
+@dataclass(frozen=True)
+class Shell(_Structure):
+    """A lining, slab or wall on faces of a solid: it bears in its plane, and bends.
+
+    Args:
+        group: group of faces of the mesh on which it is built.
+        E: Young's modulus, Pa.
+        thickness: m.
+        nu: Poisson's ratio.
+        axis: (3,) direction of axis 1 of its forces, projected on its faces.
+        clamped_on: groups on whose nodes it does not turn (abutments).
+        mirrored_on: groups on planes of symmetry: it only turns about their normals there.
+        density: kg/m3.
+        weight: of a square metre of it, Pa, in place of the density.
+        ageing: how its stiffness grows since it was built; None: it does not.
+    """
+
+    group: str
+    E: Scalar
+    thickness: Scalar
+    nu: Scalar
+    axis: tuple[float, ...]
+    clamped_on: tuple[str, ...] = ()
+    mirrored_on: tuple[str, ...] = ()
+    density: Scalar | None = None
+    weight: Scalar | None = None
+    ageing: Ageing | None = None
+
+    @property
+    def numbers(self) -> dict[str, Scalar]:
+        """Those of its ageing among them."""
+        grown = {} if self.ageing is None else named_numbers(self.ageing)
+        return scalars_of(self) | {f"ageing.{name}": scalar for name, scalar in grown.items()}
 
     @property
     def has_weight(self) -> bool:
@@ -297,9 +337,9 @@ class SupportLine(_Structure):
 OpeningSupport = Ring | Ribs | BoltPattern | SupportLine
 """What supports an opening in closed form."""
 
-Structure = Beam | Bolts | Struts | Anchors | OpeningSupport
+Structure = Beam | Shell | Bolts | Struts | Anchors | OpeningSupport
 
 
 def ages(structure: Structure) -> bool:
     """Whether its stiffness grows since it was built, in an analysis on a mesh."""
-    return isinstance(structure, Beam) and structure.ageing is not None
+    return isinstance(structure, Beam | Shell) and structure.ageing is not None

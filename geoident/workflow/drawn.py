@@ -95,6 +95,7 @@ class DrawnPosterior:
             history=(),
             fields=None,
             members=None,
+            shells=None,
             reactions=None,
             yielded=None,
             mechanism=None,

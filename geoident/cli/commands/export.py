@@ -26,6 +26,7 @@ TABLES = (
     "correlation",
     "sensitivity",
     "structures",
+    "shells",
     "reactions",
     "alarms",
     "decisions",

@@ -12,6 +12,7 @@ from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath, Support
 from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.structures import Shell
 
 
 def fixed_dofs(on_mesh: CaseOnMesh, state: int = 0) -> Bools:
@@ -28,7 +29,35 @@ def fixed_dofs(on_mesh: CaseOnMesh, state: int = 0) -> Bools:
         for component in support.components:
             fixed[nodes, component] = True
     fixed[on_mesh.kinematics.on_axis(mesh.points), 0] = True
+    first = mesh.n_nodes - len(mesh.rotations_of)
+    fixed[first:] = _held_rotations(on_mesh)
     return fixed.ravel()
+
+
+def _held_rotations(on_mesh: CaseOnMesh) -> Bools:
+    """(k, dim) which rotations of shells are held: at abutments all, on a plane those along it."""
+    mesh = on_mesh.mesh
+    held = np.zeros((len(mesh.rotations_of), mesh.dim), dtype=bool)
+    for shell in on_mesh.case.structures.values():
+        if not isinstance(shell, Shell):
+            continue
+        own = group_nodes(mesh, shell.group)
+        for group in (*shell.clamped_on, *shell.mirrored_on):
+            nodes = np.intersect1d(own, group_nodes(mesh, group))
+            along = np.ones(mesh.dim, dtype=bool)
+            if group not in shell.clamped_on:
+                along[normal_axis(mesh, nodes)] = False
+            held[np.searchsorted(mesh.rotations_of, nodes)] |= along
+    return held
+
+
+def normal_axis(mesh: Mesh, nodes: Ints) -> int | None:
+    """The axis at right angles to the plane on which some nodes (k,) lie; None for no such one."""
+    if not len(nodes):
+        return None
+    thick = np.ptp(mesh.points[nodes], axis=0)
+    axis = int(np.argmin(thick))
+    return axis if thick[axis] <= _NEAR_NODE * np.ptp(mesh.points, axis=0).max() else None
 
 
 def group_nodes(mesh: Mesh, name: str) -> Ints:

@@ -15,6 +15,7 @@ from geoident.forward.analysis.systems import StageSystem
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.strain_points import MemberPoints
 from geoident.model.arrays import Floats
+from geoident.model.mesh import motions_of_nodes
 from geoident.model.results.yielded import Mechanism
 
 _HINGES = 6
@@ -175,7 +176,7 @@ def mechanism_on_mesh(
         fraction,
         mesh,
         on_mesh.sequence.present(task.number),
-        u.reshape(mesh.n_nodes, mesh.dim).copy(),
+        motions_of_nodes(mesh, u),
         shear / (shear.max(initial=0.0) or 1.0),
     )
 

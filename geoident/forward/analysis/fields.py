@@ -13,7 +13,7 @@ from geoident.forward.structures.members import Structures
 from geoident.forward.yielding.extent import YieldRecorder
 from geoident.model.arrays import Bools, Floats
 from geoident.model.cells import CELLS
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, motions_of_nodes
 from geoident.model.results.result import FieldSeries, LastStates, SupportReactions
 from geoident.model.results.yielded import YieldedGround
 
@@ -113,7 +113,7 @@ class FieldRecorder:
         """A state of displacements (n_dofs,), stresses (n_strain, n_points) and what yields."""
         mean = self._element_means(stress)
         mean[~self._sequence.present(state)] = np.nan
-        moved = u.reshape(self._mesh.n_nodes, self._mesh.dim).copy()
+        moved = motions_of_nodes(self._mesh, u)
         return _Shown(moved, mean, self._yielded_so_far(state, yielded))
 
     def _last_found(self, end: StageEnd) -> _Shown:

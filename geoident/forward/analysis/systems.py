@@ -102,7 +102,7 @@ class StageSystems:
         self._solver = solver
         self._fixed: list[Bools] = []
         self._numbers_of_fixed: dict[bytes, int] = {}
-        order = _order_of(mesh, (), lambda: nested_dissection(mesh.points, *node_graph(mesh)))
+        order = _order_of(mesh, (), lambda: _elimination_order(mesh))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         self.rank = rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
@@ -287,7 +287,7 @@ class StageSystems:
                 node_of_rank=self._node_of_rank,
                 fixed=self._fixed[key[1]],
                 dim=self._mesh.dim,
-                places=self._places,
+                places=None if len(self._mesh.rotations_of) else self._places,
             )
         return self._patterns[key]
 
@@ -302,6 +302,15 @@ class StageSystems:
         return self._symbolic_of_pattern[key]
 
 
+def _elimination_order(mesh: Mesh) -> Ints:
+    """Nested dissection (n_nodes,); rotations of a node follow its displacements."""
+    order = nested_dissection(mesh.points, *node_graph(mesh))
+    place = np.empty(len(order))
+    place[order] = np.arange(len(order))
+    place[mesh.n_nodes - len(mesh.rotations_of) :] = place[mesh.rotations_of] + 0.5
+    return np.argsort(place, kind="stable")
+
+
 def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
     """An elimination order with some nodes last, otherwise as it was."""
     late = np.isin(order, nodes)
@@ -312,4 +321,5 @@ def _touched(mesh: Mesh, present: Bools) -> Bools:
     """(n_dofs,) degrees of freedom of the nodes of present elements."""
     nodes = np.zeros(mesh.n_nodes, dtype=bool)
     nodes[nodes_in(mesh.blocks, present)] = True
+    nodes[mesh.n_nodes - len(mesh.rotations_of) :] = nodes[mesh.rotations_of]
     return np.repeat(nodes, mesh.dim)

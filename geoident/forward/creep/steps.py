@@ -22,7 +22,7 @@ from geoident.model.creep import Ageing
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import constants
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Beam
+from geoident.model.structures import Beam, Shell
 
 
 @dataclass
@@ -212,7 +212,7 @@ class CreepSteps:
         self._beams = {
             name: (one.ageing, one.E)
             for name, one in case.structures.items()
-            if isinstance(one, Beam) and one.ageing is not None
+            if isinstance(one, Beam | Shell) and one.ageing is not None
         }
 
     def at_rest(self, stress: Floats) -> CreepStrains:

@@ -16,13 +16,14 @@ from geoident.forward.gauges.motion import relative_displacements
 from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import Placed, point_fault
 from geoident.forward.gauges.pore_pressure import pore_pressures
+from geoident.forward.gauges.shell_forces import shell_forces
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import stresses
 from geoident.forward.gauges.thermometer import thermometers
 from geoident.forward.gauges.zeros import WEIGHTS
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import Case, format_path
-from geoident.model.gauges import Channel
+from geoident.model.gauges import SHELL_FORCES, Channel
 
 Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
 
@@ -56,6 +57,8 @@ ON_STRUCTURES: Mapping[str, Placing] = {
 
 def placing_of(channel: Channel) -> Placing:
     """How a channel is placed: by its kind, where it sits, and whether points move in it."""
+    if channel.quantity in SHELL_FORCES:
+        return shell_forces
     if channel.structure:
         return ON_STRUCTURES[channel.kind]
     return relative_displacements if channel.terms else OBSERVABLES[channel.kind]

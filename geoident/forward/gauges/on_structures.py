@@ -20,8 +20,8 @@ from geoident.forward.gauges.placement import unbroken
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.placing import facing_balance, present_throughout, straight_pieces
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.gauges import Channel
-from geoident.model.structures import Bars, Beam, Structure
+from geoident.model.gauges import SHELL_FORCES, Channel
+from geoident.model.structures import Bars, Beam, Shell, Structure
 from geoident.units import with_article
 
 NOT_STANDING = "its structure does not stand then"
@@ -180,10 +180,11 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
             yield fault("no-thickness", message, hint)
     wanted = _dimension(channel, structure)
     if channel.dimension != wanted:
-        what = "of one bar" if isinstance(structure, Bars) else "of a beam, per metre"
+        kind = "shell" if isinstance(structure, Shell) else "beam"
+        what = "of one bar" if isinstance(structure, Bars) else f"of a {kind}, per metre"
         message = (
-            f"reads {_QUANTITIES[channel.quantity]} {what}: {with_article(wanted)}; its "
-            f"accuracy is {with_article(channel.dimension)}"
+            f"reads {_QUANTITIES.get(channel.quantity, channel.quantity)} {what}: "
+            f"{with_article(wanted)}; its accuracy is {with_article(channel.dimension)}"
         )
         yield fault("unit", message, f"write the accuracy as {with_article(wanted)}", "accuracy")
 
@@ -202,4 +203,6 @@ def _dimension(channel: Channel, structure: Structure) -> str:
     same = {"strain": "strain", "pressure-cell": "pressure", "tilt": "angle"}
     if channel.kind in same:
         return same[channel.kind]
+    if channel.quantity in SHELL_FORCES:
+        return "moment per length" if channel.quantity.startswith("m") else "line load"
     return "force" if isinstance(structure, Bars) else _DIMENSIONS[channel.quantity]

@@ -122,9 +122,9 @@ def affine_analysis(
         for name in analysis.sequence.materials
     }
     for part in analysis.systems.structures.parts:
-        for bending in sorted(set(part.members.bending.tolist())):
-            name = rigidity_name(part.name, bending)
-            moduli[name] = rigidity_moduli(part.structure, names, s, bending=bending)
+        for number in range(part.members.n_rigidities):
+            name = rigidity_name(part.name, number)
+            moduli[name] = rigidity_moduli(part.structure, names, s, number=number)
     spans = {name: span_of(name, E, samples) for name, E in moduli.items()}
     points = AnalysisPoints(analysis.systems)
     every = zip(ground, member_zones(analysis, points), strict=True)

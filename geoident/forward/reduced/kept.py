@@ -218,9 +218,9 @@ class RestoredModel:
     def _spans(self) -> dict[str, Span]:
         case, names = self.case, self.kept.names
         structures = {
-            rigidity_name(name, bending): (structure, bending)
+            rigidity_name(name, number): (structure, number)
             for name, structure in case.structures.items()
-            for bending in (False, True)
+            for number in range(4)
         }
         spans = {}
         for n, name in enumerate(self.kept.materials):
@@ -229,8 +229,8 @@ class RestoredModel:
             if name in case.materials:
                 moduli = material_moduli(case.materials[name], names, s)
             else:
-                structure, bending = structures[name]
-                moduli = rigidity_moduli(structure, names, s, bending=bending)
+                structure, number = structures[name]
+                moduli = rigidity_moduli(structure, names, s, number=number)
             spans[name] = Span(name, moduli, basis, self._blocks.get("fixed", n))
         return spans
 

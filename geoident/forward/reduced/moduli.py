@@ -25,6 +25,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, constants, elastic_scalars
+from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Structure
 
@@ -115,21 +116,21 @@ def material_moduli(material: Material, names: Sequence[str], n_strain: int) -> 
 
 
 def rigidity_moduli(
-    structure: Structure, names: Sequence[str], n_strain: int, *, bending: bool
+    structure: Structure | Interface, names: Sequence[str], n_strain: int, *, number: int
 ) -> Moduli:
-    """EA or EI of a structure, times a unit matrix.
+    """One rigidity of a structure, times a unit matrix.
 
     Args:
         structure: the structure.
         names: of all n parameters.
         n_strain: number s of strain components.
-        bending: EI, else EA.
+        number: which of its rigidities (`rigidities`).
     """
 
     def moduli(values: Floats) -> Floats:
         points = (ParameterPoint(dict(zip(names, map(float, p), strict=True)), names)
                   for p in values)  # fmt: skip
-        each = np.stack([rigidities(structure, at)[int(bending)].columns for at in points])
+        each = np.stack([rigidities(structure, at)[number].columns for at in points])
         return np.eye(n_strain)[:, :, None] * each[:, None, None]
 
     return moduli

@@ -159,10 +159,10 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
             else:
                 history = before[part.name].went_on(part.name, state.base, number)
             histories[part.name] = history
-            for bending in (False, True):
-                rows = np.flatnonzero(part.members.bending == bending)
+            for which in range(part.members.n_rigidities):
+                rows = np.flatnonzero(part.members.rigidity == which)
                 if len(rows):
-                    rigidity = rigidity_name(part.name, bending)
+                    rigidity = rigidity_name(part.name, which)
                     segments = tuple(replace(s, material=rigidity) for s in history.segments)
                     at = points.n_ground + part.rows.start + rows
                     zones.append(Zone(at, rigidity, rigidity, replace(history, segments=segments)))
@@ -171,6 +171,6 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
     return tuple(of_states)
 
 
-def rigidity_name(structure: str, bending: bool) -> str:
+def rigidity_name(structure: str, number: int) -> str:
     """What stands for a material where members of a structure are a zone."""
-    return f"{'EI' if bending else 'EA'} of {structure}"
+    return f"{('EA', 'EI', 'third', 'fourth')[number]} of {structure}"

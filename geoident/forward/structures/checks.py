@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
-from geoident.forward.actions.supports import fixed_dofs, group_nodes
+from geoident.fem.shells import corners_of, flat_triangles
+from geoident.forward.actions.supports import fixed_dofs, group_nodes, normal_axis
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.placing import (
     clamped_nodes,
@@ -18,11 +20,11 @@ from geoident.forward.structures.placing import (
     straight_pieces,
 )
 from geoident.model.actions import FaceDistance, Release
-from geoident.model.arrays import Bools
+from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Bars, Beam, OpeningSupport, Structure, Struts
+from geoident.model.structures import Bars, Beam, OpeningSupport, Shell, Structure, Struts
 
 ON_PLANE = 1e-6
 """Distance from a plane, in parts of the size of the mesh, that counts as on it."""
@@ -45,7 +47,28 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
                     f"the lining '{name}' ends at {len(ends)} nodes that supports hold, and turns "
                     "freely there; on a plane of symmetry name the group under 'clamped_on'"
                 )
+        elif name in built and isinstance(structure, Shell):
+            free = _free_edge(on_mesh, structure)
+            n = int(np.count_nonzero(held[free]))
+            if n:
+                notes.append(
+                    f"the shell '{name}' ends at {n} nodes that supports hold, and turns "
+                    "freely there; name the group under 'mirrored_on' where it is a plane of "
+                    "symmetry, under 'clamped_on' where the shell is clamped"
+                )
     return notes + built_notes(on_mesh)
+
+
+def _free_edge(on_mesh: CaseOnMesh, shell: Shell) -> Ints:
+    """Nodes (k,) at the edge of a shell that the case neither clamps nor mirrors."""
+    mesh = on_mesh.mesh
+    corners = corners_of(mesh, mesh.facet_groups[shell.group])
+    sides = Counter(
+        frozenset(pair) for own in corners for pair in zip(own, own[1:] + own[:1], strict=True)
+    )
+    edge = np.array(sorted({n for pair, count in sides.items() if count == 1 for n in pair}))
+    named = [group_nodes(mesh, group) for group in (*shell.clamped_on, *shell.mirrored_on)]
+    return np.setdiff1d(edge.astype(np.int64), np.concatenate([np.empty(0, np.int64), *named]))
 
 
 def built_notes(on_mesh: CaseOnMesh) -> list[str]:
@@ -136,7 +159,7 @@ def _later(
 def _lines(on_mesh: CaseOnMesh, name: str, groups: frozenset[int]) -> bool:
     """Whether a structure is on the wall of what groups of elements fill, all of it."""
     mesh, beam = on_mesh.mesh, on_mesh.case.structures[name]
-    if not groups or not isinstance(beam, Beam | OpeningSupport):
+    if not groups or not isinstance(beam, Beam | Shell | OpeningSupport):
         return False
     if isinstance(beam, OpeningSupport) or not mesh.blocks:
         return True  # of the one opening of a case without mesh
@@ -179,6 +202,8 @@ def structure_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     mesh, faults = on_mesh.mesh, []
     known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
     for name, beam in on_mesh.case.structures.items():
+        if isinstance(beam, Shell):
+            faults += _shell_faults(on_mesh, name, beam)
         if not isinstance(beam, Beam):
             continue
         uses: list[tuple[KeyPath, str, str, Mapping[str, object]]] = [
@@ -245,16 +270,64 @@ def _axis_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
     ]
 
 
-def _weight_faults(case: Case, name: str, beam: Beam) -> list[Fault]:
-    """Beams with a weight where nothing weighs."""
+_ALONG = np.cos(np.radians(5.0))
+"""Of the angle between an axis and the normal of a face, below which it has no direction there."""
+
+
+def _shell_faults(on_mesh: CaseOnMesh, name: str, shell: Shell) -> list[Fault]:
+    """Shells on groups that the mesh lacks, planes of symmetry and axes that do not serve."""
+    mesh, source = on_mesh.mesh, on_mesh.case.source
+    known = {**mesh.facet_groups, **mesh.node_groups, **mesh.groups}
+    uses: list[tuple[KeyPath, str, str, Mapping[str, object]]] = [
+        (("on",), f"group '{shell.group}' of faces", shell.group, mesh.facet_groups)
+    ]
+    for key, named in (("clamped_on", shell.clamped_on), ("mirrored_on", shell.mirrored_on)):
+        uses += [((key, n), f"group '{g}'", g, known) for n, g in enumerate(named)]
+    faults = [
+        on_mesh.missing_group(("structures", name, *path), what, "groups", groups)
+        for path, what, group, groups in uses
+        if group not in groups
+    ]
+    if faults:
+        return faults
+
+    def fault(code: str, message: str, hint: str, *path: str | int) -> Fault:
+        return source.fault(("structures", name, *path), code=code, message=message, hint=hint)
+
+    own = group_nodes(mesh, shell.group)
+    for n, group in enumerate(shell.mirrored_on):
+        nodes = np.intersect1d(own, group_nodes(mesh, group))
+        if normal_axis(mesh, nodes) is None or len(nodes) == len(own):
+            why = "do not lie on a plane at right angles to x, y or z" if len(nodes) else "are none"
+            why = "are all of its nodes" if len(nodes) == len(own) else why
+            message = f"the nodes of the shell '{name}' on the group '{group}' {why}"
+            hint = "name the faces or nodes of one plane of symmetry that crosses the shell"
+            faults.append(fault("no-symmetry-there", message, hint, "mirrored_on", n))
+    nodes = flat_triangles(mesh, mesh.facet_groups[shell.group]).nodes
+    x = mesh.points[nodes]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    along = np.abs(normal @ np.array(shell.axis)) / np.linalg.norm(shell.axis)
+    across = np.flatnonzero(along > _ALONG * np.linalg.norm(normal, axis=1))
+    if len(across):
+        place = format_point(x[across[0]].mean(axis=0))
+        message = f"the axis of the shell '{name}' is at right angles to {len(across)} of its "
+        message += f"faces, the first near {place}: it has no direction along them"
+        hint = "take a direction along all faces, or make two shells of the group"
+        faults.append(fault("axis-across", message, hint, "axis"))
+    return faults + _weight_faults(on_mesh.case, name, shell)
+
+
+def _weight_faults(case: Case, name: str, beam: Beam | Shell) -> list[Fault]:
+    """Beams and shells with a weight where nothing weighs."""
     if not beam.has_weight or (case.gravity is not None and any(case.gravity)):
         return []
     key = "weight" if beam.density is None else "density"
+    what = "shell" if isinstance(beam, Shell) else "beam"
     return [
         case.source.fault(
             ("structures", name, key),
             code="no-gravity",
-            message=f"the beam '{name}' has a weight, but there is no gravity",
+            message=f"the {what} '{name}' has a weight, but there is no gravity",
             hint=f"Add 'gravity: 9.81 m/s2', or leave out '{key}'.",
         )
     ]
@@ -301,7 +374,7 @@ def _missing(
                     if on_mesh.locator.best(point, present) is None:
                         return ("ends", n, k), f"{what} {format_point(point)} lies"
         return None
-    assert isinstance(structure, Beam)
+    assert isinstance(structure, Beam | Shell)
     lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
     if len(lost) == 0:
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from geoident.fem.shells import ShellMembers
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.capacity import utilisation
 from geoident.forward.structures.limits import limits
@@ -12,7 +13,7 @@ from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
-from geoident.model.results.result import MemberForces
+from geoident.model.results.result import MemberForces, ShellForces
 from geoident.model.structures import Bars, Beam
 
 _ROUNDING = 1e-9
@@ -20,6 +21,12 @@ _ROUNDING = 1e-9
 
 _AT_LIMIT = 1e-6
 """Off 1, of a utilisation at the limit: that of a member that yields."""
+
+
+def members_of(part: StructureMembers) -> ShellMembers:
+    """The members of a shell."""
+    assert isinstance(part.members, ShellMembers)
+    return part.members
 
 
 class MemberRecorder:
@@ -38,7 +45,8 @@ class MemberRecorder:
         self._sequence = sequence
         self._values = values
         self._tables: list[Floats] = []
-        self._parts = [part for part in structures.parts if part.joint is None]
+        self._parts = structures.bars_and_beams
+        self._of_shells: list[list[Floats]] = []
 
     def add(self, number: int, members: Floats) -> None:
         """Record the forces (n_rows, ...) at a state; column 0 of them counts."""
@@ -53,6 +61,13 @@ class MemberRecorder:
             tables.append(table)
         if tables:
             self._tables.append(np.concatenate(tables, axis=1))
+        self._of_shells.append(
+            [
+                members_of(part).face_forces(members[part.rows, 0])
+                * (1.0 if part.name in state.structures else np.nan)
+                for part in self._structures.shells
+            ]
+        )
 
     def table(self) -> MemberForces | None:
         """All that was recorded, without the virgin state; None if nothing ever stands."""
@@ -74,6 +89,24 @@ class MemberRecorder:
             per_metre=np.concatenate(
                 [np.full(len(part.members), isinstance(part.structure, Beam)) for part in parts]
             ),
+        )
+
+    def shells(self) -> ShellForces | None:
+        """The same of shells."""
+        parts = self._structures.shells
+        if not parts:
+            return None
+        after_virgin = [np.concatenate(one, axis=1) for one in self._of_shells[1:]]
+        forces = np.stack(after_virgin, axis=-1)
+        shells = [members_of(part) for part in parts]
+        return ShellForces(
+            structures=tuple(p.name for p, s in zip(parts, shells, strict=True) for _ in s.area),
+            numbers=np.concatenate([np.arange(1, len(s.area) + 1) for s in shells]),
+            stages=tuple(state.name for state in self._sequence.states[1:]),
+            centres=np.concatenate([s.centres for s in shells]),
+            axes=np.concatenate([s.face_axes for s in shells]),
+            normal=forces[:3].transpose(1, 0, 2),
+            moment=forces[3:].transpose(1, 0, 2),
         )
 
     def _of_part(self, part: StructureMembers, forces: Floats) -> Floats:

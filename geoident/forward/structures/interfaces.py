@@ -18,7 +18,7 @@ from geoident.forward.stages import CaseOnMesh, ConstructionState, listed
 from geoident.model.case import Case, KeyPath
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
-from geoident.model.structures import Beam
+from geoident.model.structures import Beam, Shell
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,15 @@ def interface_parts(on_mesh: CaseOnMesh) -> list[InterfacePart]:
 def interface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Interfaces whose group the mesh lacks, or that have no ground on both sides."""
     case, mesh, faults = on_mesh.case, on_mesh.mesh, []
+    shell = next((n for n, one in case.structures.items() if isinstance(one, Shell)), None)
+    if case.interfaces and shell is not None:
+        message = "shells and interfaces in one case are not computed yet"
+        hint = "Leave out the interfaces, or model the lining by elements."
+        return [
+            case.source.fault(
+                ("structures", shell), code="beside-interface", message=message, hint=hint
+            )
+        ]
     for name, given in case.interfaces.items():
         path: KeyPath = ("interfaces", name, "along")
         what = "edges" if mesh.dim == 2 else "surfaces"
@@ -105,6 +114,10 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
         message = "the pressure of water in an interface is not computed yet"
         hint = "Leave out 'water', and give the ground its effective weight; or the interfaces."
         refuse(("interfaces",), message, hint)
+    for name, material in case.materials.items():
+        if material.soil is not None:
+            message = f"interfaces beside {material.soil.description} are not computed yet"
+            refuse(("materials", name, "yield"), message, "Use 'mohr-coulomb', or no interfaces.")
     along = {given.along for given in case.interfaces.values()}
     for name, structure in case.structures.items():
         if isinstance(structure, Beam) and _shares(on_mesh, structure.group, along):

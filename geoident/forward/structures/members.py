@@ -32,6 +32,7 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.shells import ShellMembers, shell_area_shares
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import (
     Members,
@@ -56,7 +57,7 @@ from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
-from geoident.model.structures import Bars, Beam, Structure
+from geoident.model.structures import Bars, Beam, Shell, Structure
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,17 @@ class Structures:
         return len(self._weight)
 
     @property
+    def bars_and_beams(self) -> tuple[StructureMembers, ...]:
+        """Those that are made of straight pieces."""
+        others = Shell, Interface
+        return tuple(p for p in self.parts if not isinstance(p.structure, others))
+
+    @property
+    def shells(self) -> tuple[StructureMembers, ...]:
+        """Those on faces."""
+        return tuple(p for p in self.parts if isinstance(p.structure, Shell))
+
+    @property
     def weight(self) -> Floats:
         """Weight w (n_rows,) with which each member force works."""
         return self._weight
@@ -175,7 +187,10 @@ class Structures:
         return self._forces_given({**state.locked, **state.stressed}, point)
 
     def late_nodes(self) -> Ints:
-        """Nodes (k,) of beams, which all couple: eliminated last, so that they do not fill in."""
+        """Nodes (k,) of beams, which all couple: eliminated last, so that they do not fill in.
+
+        Not of shells: their rotations are unknowns, so that only neighbours couple.
+        """
         along = [p.members.operator.indices for p in self.parts if isinstance(p.structure, Beam)]
         dofs = np.concatenate([np.empty(0, dtype=np.int64), *along])
         return np.unique(dofs // self._dim)
@@ -199,10 +214,10 @@ class Structures:
         """
         maps, point = {}, ParameterPoint(values, ())
         for n, part in self._stiff(state):
-            axial, bending = rigidities(part.structure, point)
+            each = rigidities(part.structure, point)[: part.members.n_rigidities]
             part_grown = grown.get(part.name, 1.0)
             maps[self.key(n)] = stiffness_map(
-                part_grown * float(axial.value), part_grown * float(bending.value), dim=self._dim
+                [part_grown * float(one.value) for one in each], dim=self._dim
             )
         return maps
 
@@ -226,9 +241,8 @@ class Structures:
         """D and its derivatives (n_rows, 1 + n), zero where nothing stands or forces are given."""
         result = np.zeros((self.n_rows, point.n_columns))
         for _, part in self._stiff(state):
-            axial, bending = rigidities(part.structure, point)
-            chosen = part.members.bending[:, None]
-            result[part.rows] = np.where(chosen, bending.columns, axial.columns)
+            each = np.stack([one.columns for one in rigidities(part.structure, point)])
+            result[part.rows] = each[part.members.rigidity]
         return result
 
     def weights(
@@ -236,22 +250,26 @@ class Structures:
     ) -> Iterator[tuple[str, Callable[[ParameterPoint], Floats]]]:
         """What the structures that stand at a state weigh: a name, its forces (n_dofs, 1 + n)."""
         for part in self.parts:
-            beam = part.structure
-            if part.name in state.structures and isinstance(beam, Beam) and beam.has_weight:
+            one, stands = part.structure, part.name in state.structures
+            if stands and isinstance(one, Beam | Shell) and one.has_weight:
                 name = f"the weight of the structure '{part.name}'"
                 yield name, partial(self._weight_of, part)
 
     def _weight_of(self, part: StructureMembers, point: ParameterPoint) -> Floats:
-        """Nodal forces (n_dofs, 1 + n) of the weight of a beam, N."""
-        beam = part.structure
-        assert isinstance(beam, Beam)
+        """Nodal forces (n_dofs, 1 + n) of the weight of a beam or shell, N."""
+        beam, members = part.structure, part.members
+        assert isinstance(beam, Beam | Shell)
         size = float(np.linalg.norm(self._gravity))
         if beam.density is not None and beam.thickness is not None:
             pressure = point.number(beam.density) * point.number(beam.thickness)
             pressure = pressure.times(size)
         else:
             pressure = point.constant(0.0) if beam.weight is None else point.number(beam.weight)
-        unit = np.outer(area_shares(self._mesh, part.members), self._gravity / size).ravel()
+        if isinstance(members, ShellMembers):
+            shares = shell_area_shares(self._mesh, members)
+        else:
+            shares = area_shares(self._mesh, members)
+        unit = np.outer(shares, self._gravity / size).ravel()
         return np.outer(unit, pressure.columns)
 
     def strain(self, u: Floats) -> Floats:
@@ -336,16 +354,20 @@ def bar_share(bars: Bars, point: ParameterPoint) -> Dual:
     return point.constant(1.0) if bars.number is None else 1.0 / point.number(bars.number)
 
 
-def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple[Dual, Dual]:
+def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple[Dual, ...]:
     """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives.
 
-    Of an interface k_n and k_s, Pa/m.
-
-    About an axis EA of bars is that of all around it, or per metre of circumference.
+    About an axis EA of bars is that of all around it, or per metre of circumference. Those of a
+    shell are four, see `fem.shells`; of an interface k_n and k_s, Pa/m.
     """
     if isinstance(structure, Interface):
         return point.number(structure.k_n), point.number(structure.k_s)
     none = point.constant(0.0)
+    if isinstance(structure, Shell):
+        nu, t = point.number(structure.nu), point.number(structure.thickness)
+        half = (point.number(structure.E) * t).times(0.5)
+        membrane, bends = (half / (1.0 - nu), half / (1.0 + nu)), (t * t).times(1 / 12)
+        return (*membrane, *(one * bends for one in membrane))
     if isinstance(structure, Beam):
         if structure.EA is not None and structure.EI is not None:
             return point.number(structure.EA), point.number(structure.EI)
@@ -403,7 +425,7 @@ def _placed_structures(on_mesh: CaseOnMesh) -> list[StructureMembers]:
     bearing = [bears_on(mesh, part.members) for part in parts]
     for n, part in enumerate(parts):
         nodes, beam = part.members.nodes, part.structure
-        if nodes is None:
+        if nodes is None or isinstance(beam, Shell):
             continue
         assert isinstance(beam, Beam)
         hinged, held = hinged_and_held(on_mesh, beam)

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.location import Site
+from geoident.fem.shells import (
+    ShellMembers,
+    consistent_sides,
+    corners_of,
+    flat_triangles,
+    shell_members,
+)
 from geoident.fem.structures import Members, bars, beams, grouted_parts, shells
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Analysis
+from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
-from geoident.model.mesh import Mesh, rows_in
-from geoident.model.structures import Anchors, Bars, Beam, Structure
+from geoident.model.mesh import Mesh, rows_in, with_rotations
+from geoident.model.structures import Anchors, Bars, Beam, Shell, Structure
 
 _HeldPoint = tuple[str, tuple[float, ...]]
 
@@ -33,6 +41,8 @@ def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members
     """
     if isinstance(structure, Bars):
         return _bars(on_mesh, structure, present)
+    if isinstance(structure, Shell):
+        return _shell(on_mesh, structure, present)
     assert isinstance(structure, Beam)
     mesh = on_mesh.mesh
     edges = straight_pieces(mesh, structure.group)
@@ -45,6 +55,59 @@ def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members
     if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
         return beams(mesh, edges, held, hinged)
     return shells(mesh, edges, held, hinged, 0.0 if structure.nu is None else structure.nu.factor)
+
+
+def shell_groups(case: Case, mesh: Mesh) -> tuple[str, ...]:
+    """The groups of faces on which shells are built, those that the mesh has."""
+    shells = (one for one in case.structures.values() if isinstance(one, Shell))
+    return tuple(shell.group for shell in shells if shell.group in mesh.facet_groups)
+
+
+def with_shells(mesh: Mesh, groups: tuple[str, ...]) -> Mesh:
+    """The mesh with unknowns for the rotations of shells on groups of its faces."""
+    if not groups:
+        return mesh
+    return with_rotations(mesh, np.unique(np.concatenate([group_nodes(mesh, g) for g in groups])))
+
+
+def _shell(on_mesh: CaseOnMesh, shell: Shell, present: Bools) -> ShellMembers:
+    """A shell on the mesh; its normals look to the side without ground (`open_sides`)."""
+    mesh, faces = on_mesh.mesh, on_mesh.mesh.facet_groups[shell.group]
+    corners = corners_of(mesh, faces)
+    sides = consistent_sides(corners, open_sides(mesh, corners, present))
+    return shell_members(mesh, flat_triangles(mesh, faces), sides, np.array(shell.axis))
+
+
+def open_sides(mesh: Mesh, corners: Sequence[tuple[int, ...]], present: Bools) -> Ints:
+    """(n,) 1 where the normals of faces look away from ground that is there, -1 where into it.
+
+    Args:
+        mesh: of solid elements.
+        corners: of every face, in its order around its normal.
+        present: (n_elements,) which elements are there.
+
+    Returns:
+        0 where there is ground on both sides or on none.
+    """
+    side = np.zeros(len(corners), dtype=np.int64)
+    number = {frozenset(own): n for n, own in enumerate(corners)}
+    on_shell = np.zeros(mesh.n_nodes, dtype=bool)
+    on_shell[[node for own in corners for node in own]] = True
+    for block, rows in rows_in(mesh.blocks, present):
+        near = block.nodes[rows]
+        near = near[on_shell[near].sum(axis=1) >= 3]
+        for face in CELLS[block.kind].shape.faces:
+            own = near[:, list(face)]
+            for nodes, element in zip(own[on_shell[own].all(axis=1)].tolist(),
+                                      near[on_shell[own].all(axis=1)], strict=True):  # fmt: skip
+                n = number.get(frozenset(nodes))
+                if n is None:
+                    continue
+                x = mesh.points[list(corners[n])]
+                normal = np.cross(x[1] - x[0], x[2] - x[0])
+                inwards = mesh.points[element].mean(axis=0) - x.mean(axis=0)
+                side[n] -= 1 if normal @ inwards > 0.0 else -1
+    return side
 
 
 def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:

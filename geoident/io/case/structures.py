@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from geoident.io.case.creep import AgeingSection
+from geoident.io.case.gauges.value import refuse_no_direction
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Area,
@@ -19,6 +20,7 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
     Density,
+    DirectionVector,
     FixedSize,
     FixedStrength,
     FixedStress,
@@ -45,6 +47,7 @@ from geoident.model.structures import (
     Ribs,
     Ring,
     SectionLimits,
+    Shell,
     Struts,
     SupportLine,
 )
@@ -203,16 +206,15 @@ class BeamSection(Section):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; expected density with a thickness, or weight"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
-        for key in ("density", "weight"):
-            given: CaseNumber | None = getattr(self, key)
-            if given is not None and given.parameter is None and given.factor < 0:
-                message = f"'{given.text}' is negative"
-                faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
+        _refuse_negative_weight(self, faults)
 
     def for_model(self, context: Context) -> Beam:
         """A lining or wall, in the plane or about an axis."""
         if context.analysis is Analysis.SOLID:
-            _refuse("beams", "plane-strain or axisymmetric", context)
+            message = "beams in solid analysis; they are available in plane-strain or axisymmetric "
+            message += "analysis only"
+            hint = "On a group of faces a solid has 'kind: shell', with E, thickness, nu and axis."
+            context.at("kind").refuse("wrong-analysis", message, hint)
         if context.analysis is Analysis.AXISYMMETRIC and self.limits is not None:
             message = "yield limits of a shell of revolution; they are available in plane-strain "
             message += "analysis only"
@@ -224,6 +226,73 @@ class BeamSection(Section):
             hint = "Write the number itself; E and thickness may be parameters."
             context.at("nu").refuse("bad-tie", message, hint)
         return self.to_model(Beam, context, group=self.on)
+
+
+class ShellSection(Section):
+    """A lining, slab or wall of a solid: a shell on faces of the mesh, joined to their nodes.
+
+    It bears in its plane and bends, without strain of shear (Kirchhoff and Love). Folds are rigid,
+    shells that meet are joined rigidly, and edges turn freely where they are not clamped. Forces
+    are per metre: n_11, n_22, n_12 and moments m_11, m_22, m_12, with axis 1 along `axis`, axis 2
+    across it, and moments positive with tension on the inside, the side without ground. Changes of
+    temperature do not strain it.
+    """
+
+    kind: Literal["shell"]
+    on: Name = Field(description="Group of faces of the mesh on which it is built.")
+    E: Modulus = Field(description="Young's modulus.")
+    thickness: Size = Field(description="Thickness.", examples=["0.3 m"])
+    nu: Ratio = Field(description="Poisson's ratio.")
+    axis: DirectionVector = Field(
+        description="Direction of axis 1 of its forces, projected on the faces: along a tunnel or "
+        "a wall. It is at right angles to none of them.",
+        examples=[["0", "1", "0"]],
+    )
+    clamped_on: list[Name] = Field(
+        [], description="Groups on whose nodes the shell does not turn: abutments."
+    )
+    mirrored_on: list[Name] = Field(
+        [],
+        description="Groups on planes of symmetry that cross the shell: at their nodes it turns "
+        "about the normal of the plane only. The planes are at right angles to x, y or z.",
+    )
+    density: Density | None = Field(None, description="Density; its weight acts with gravity.")
+    weight: Stress | None = Field(
+        None,
+        description="Weight of a square metre of it, in place of the density.",
+        examples=["8 kN/m2"],
+    )
+    ageing: AgeingSection | None = Field(
+        None,
+        description="Its stiffness grows since it was built, as that of sprayed concrete. Stages "
+        "in which it stands have `lasts`.",
+        examples=["{code: eurocode-2, s: 0.2}"],
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """Its axis has a direction; its weight is given once and not negative."""
+        refuse_no_direction("axis", self.axis, faults)
+        if self.density is not None and self.weight is not None:
+            message = "found density and weight; expected one of them"
+            faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
+        _refuse_negative_weight(self, faults)
+
+    def for_model(self, context: Context) -> Shell:
+        """The shell; a section has beams."""
+        if context.analysis is not Analysis.SOLID:
+            message = f"shells in {context.analysis.value} analysis; they are available in solids"
+            hint = "A section has 'kind: beam', with the thickness and nu of the shell."
+            context.at("kind").refuse("wrong-analysis", message, hint)
+        axis = context.at("axis").vector(self.axis)
+        return self.to_model(Shell, context, group=self.on, axis=axis)
+
+
+def _refuse_negative_weight(section: BeamSection | ShellSection, faults: SectionFaults) -> None:
+    for key in ("density", "weight"):
+        given: CaseNumber | None = getattr(section, key)
+        if given is not None and given.parameter is None and given.factor < 0:
+            message = f"'{given.text}' is negative"
+            faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
 
 
 class _BarSection(Section):
@@ -395,14 +464,6 @@ def _place(point: list[CaseNumber]) -> list[float]:
     return [coordinate.factor for coordinate in point]
 
 
-def _refuse(what: str, where: str, context: Context) -> None:
-    message = (
-        f"{what} in {context.analysis.value} analysis; they are available in {where} analysis only"
-    )
-    hint = "Model it by elements: a group with a material, placed by 'install'."
-    context.at("kind").refuse("wrong-analysis", message, hint)
-
-
 class OpeningSupportSection(Section):
     """A support of an opening in closed form: it presses on the wall as this moves inwards."""
 
@@ -519,6 +580,7 @@ class SupportLineSection(OpeningSupportSection):
 
 StructureSection = Annotated[
     BeamSection
+    | ShellSection
     | BoltSection
     | StrutSection
     | AnchorSection

@@ -32,7 +32,12 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 
-LABELS: Mapping[str, tuple[str, ...]] = {"axis": ("x", "y", "z"), "end": ("first", "second")}
+LABELS: Mapping[str, tuple[str, ...]] = {
+    "axis": ("x", "y", "z"),
+    "end": ("first", "second"),
+    "shell_axis": ("1", "2", "n"),
+    "shell_part": ("11", "22", "12"),
+}
 """Labels of axes that mean the same everywhere; the first of them where an axis is shorter."""
 
 ROW = "row"

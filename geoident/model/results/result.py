@@ -800,6 +800,69 @@ class MemberForces:
         return tuple(f"{name}:{number}" for name, number in pairs)
 
 
+@dataclass(frozen=True)
+class ShellForces:
+    """Forces in shells, means over the faces of the mesh; NaN while a shell does not stand.
+
+    Args:
+        structures: (n_faces,) name of the shell of each face.
+        numbers: (n_faces,) its number within the shell, from 1.
+        stages: names of the stages, the virgin state not among them.
+        centres: (n_faces, dim) middles of the faces, m.
+        axes: (n_faces, 3, dim) unit vectors: axes 1 and 2 of the forces, and the normal to the
+            inside.
+        normal: (n_faces, 3, n_stages) n_11, n_22, n_12, N per metre, tension positive.
+        moment: (n_faces, 3, n_stages) m_11, m_22, m_12, N m per metre, positive with tension on
+            the inside.
+    """
+
+    structures: tuple[str, ...] = field(metadata=column("face", name="structure"))
+    numbers: Ints = field(metadata=column("face", name="number"))
+    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
+    centres: Floats = field(
+        metadata=column(
+            "face",
+            "axis",
+            name="points",
+            title="centre",
+            sheet="{axis}",
+            dimension="length",
+            shown="m",
+        )
+    )
+    axes: Floats = field(metadata=column("face", "shell_axis", "axis", name="axes", hidden=VIEWS))
+    normal: Floats = field(
+        metadata=column(
+            "face",
+            "shell_part",
+            "stage",
+            name="n",
+            sheet="n_{shell_part}",
+            dimension="line load",
+            unit="N/m",
+            shown="kN/m",
+        )
+    )
+    moment: Floats = field(
+        metadata=column(
+            "face",
+            "shell_part",
+            "stage",
+            name="m",
+            sheet="m_{shell_part}",
+            dimension="moment per length",
+            unit="N m/m",
+            shown="kNm/m",
+        )
+    )
+
+    @property
+    def standing(self) -> list[list[int]]:
+        """Numbers of each stage and face where its shell stands."""
+        places: list[list[int]] = np.argwhere(np.isfinite(self.normal[:, 0].T)).tolist()
+        return places
+
+
 def fingerprint(identity: str, status: str, objective: float) -> str:
     """SHA-256 that tells the outcome of a command from others.
 
@@ -866,6 +929,7 @@ class Result:
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
+        shells: forces in shells, or None if there are none.
         reactions: of the supports, or None if they were not asked for.
         yielded: how far ground yields, or None where nothing can.
         mechanism: how the ground moves at the first stage that collapses, or None.
@@ -942,6 +1006,7 @@ class Result:
     members: MemberForces | None = field(
         default=None, metadata=column(group="structures", optional=True)
     )
+    shells: ShellForces | None = field(default=None, metadata=column(group="shells", optional=True))
     reactions: SupportReactions | None = field(
         default=None, metadata=column(group="reactions", optional=True)
     )
@@ -1076,6 +1141,7 @@ class Result:
         return replace(
             self,
             members=self.members and select(self.members, ("stage",), ends),
+            shells=self.shells and select(self.shells, ("stage",), ends),
             reactions=self.reactions and select(self.reactions, ("state",), states),
             yielded=self.yielded and select(self.yielded, ("state",), states),
             certificate=certificate,

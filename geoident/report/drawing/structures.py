@@ -7,17 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from geoident.fem.shells import corners_of
 from geoident.forward.structures.placing import hinge_nodes, straight_pieces
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Anchors, Bars, Beam, Bolts, Structure, Struts
+from geoident.model.structures import Anchors, Bars, Beam, Bolts, Shell, Structure, Struts
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import key, short
 
 INK = "#6a1b6a"
 _WORDS: Mapping[type[Structure], tuple[str, dict[str, Any]]] = {
     Beam: ("wall or lining", {"lw": 2.4}),
+    Shell: ("shell", {"lw": 0.6}),
     Bolts: ("bolt", {"lw": 1.0}),
     Struts: ("strut", {"lw": 1.6, "ls": (0, (4, 1))}),
     Anchors: ("anchor (thick: grouted)", {"lw": 1.0}),
@@ -55,6 +57,12 @@ def structure_lines(structure: Structure, mesh: Mesh) -> list[Floats]:
     """Lines (2, dim) of a structure, m."""
     if isinstance(structure, Beam):
         return list(mesh.points[straight_pieces(mesh, structure.group)])
+    if isinstance(structure, Shell):
+        faces = corners_of(mesh, mesh.facet_groups[structure.group])
+        sides = {
+            tuple(sorted(s)) for own in faces for s in zip(own, own[1:] + own[:1], strict=True)
+        }
+        return list(mesh.points[np.array(sorted(sides))])
     assert isinstance(structure, Bars)
     return [np.array(pair, dtype=np.float64) for pair in structure.ends]
 

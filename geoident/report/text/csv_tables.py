@@ -162,6 +162,14 @@ def _structures(result: Result) -> CsvTable:
     return sheet(forces, "stage", "member", rows=np.argwhere(np.isfinite(forces.axial.T)).tolist())
 
 
+def _shells(result: Result) -> CsvTable:
+    """Forces in shells, kN/m and kNm/m: means over the faces, with the middles of these."""
+    forces = result.shells
+    if forces is None:
+        return CsvTable()
+    return sheet(forces, "stage", "face", rows=forces.standing)
+
+
 def _reactions(result: Result) -> CsvTable:
     """Resultants of supports on the ground, kN."""
     reactions = result.reactions
@@ -240,6 +248,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "correlation": _correlation,
     "sensitivity": _sensitivity,
     "structures": _structures,
+    "shells": _shells,
     "reactions": _reactions,
     "alarms": lambda result: sheet(
         result.alarms, ROW, labels={**LABELS, "stage": result.gauges.stages}

@@ -123,6 +123,7 @@ def times_list(gauges: GaugeTable) -> list[dict[str, Any]]:
 def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
     """What only some results have; None where this one has it not."""
     names, reactions, fields = result.parameters.names, result.reactions, result.varied or None
+    shells = result.shells
     return {
         "accuracies": result.accuracies and accuracies_list(result.accuracies),
         "rivals": result.rivals and rivals_list(result.rivals, names),
@@ -135,6 +136,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "fields": fields and varied_list(fields),
         "certificate": proof and certificate_object(proof),
         "structures": result.members and structures_list(result.members),
+        "shells": shells and objects(shells, "stage", "face", rows=shells.standing),
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
         "alarms": result.alarms and alarms_list(result),

@@ -15,7 +15,7 @@ from geoident.model.gauges import named_channels
 from geoident.model.in_situ import ConstantStress, HeimStress
 from geoident.model.parameter import Scalar, Values
 from geoident.model.results.findings import Finding
-from geoident.model.structures import Beam, Ring
+from geoident.model.structures import Beam, Ring, Shell
 from geoident.units import in_unit, shown_unit
 
 _OFTEN = 100.0
@@ -147,7 +147,7 @@ def _densities(case: Case, values: Values) -> Iterator[Odd]:
 
 def _linings(case: Case, values: Values) -> Iterator[Odd]:
     for name, structure in case.structures.items():
-        if not isinstance(structure, Beam | Ring) or structure.thickness is None:
+        if not isinstance(structure, Beam | Ring | Shell) or structure.thickness is None:
             continue
         thickness = structure.thickness.value(values)
         if thickness > _THICKEST:

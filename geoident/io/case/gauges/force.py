@@ -170,11 +170,13 @@ class ThermometerSection(ValueGauge):
 
 
 class LoadCellSection(ValueGauge):
-    """Force of a structure: of one bolt, strut or anchor, or N, M or Q of a beam at a place.
+    """Force of a structure: of one bolt, strut or anchor, or of a beam or a shell at a place.
 
     Bolts and anchors count tension positive, struts compression (`sign` says otherwise); N of a
     beam is positive in tension, M with tension on the inside, Q = dM/ds with s along the beam and
-    its inside to the right. Forces of a beam are per metre: N and Q in kN/m, M in kNm/m.
+    its inside to the right. Forces of a beam are per metre: N and Q in kN/m, M in kNm/m. Those of
+    a shell likewise: n_11, n_22, n_12 in kN/m, tension positive, m_11, m_22, m_12 in kNm/m,
+    positive with tension on the inside.
     """
 
     measures = FORCES
@@ -184,9 +186,11 @@ class LoadCellSection(ValueGauge):
     bar: Annotated[int, Count()] | None = Field(
         None, description="Which of its bars, counted from 1; may be missing if it has one."
     )
-    point: Coordinates | None = Field(None, description="Where on a beam.")
-    quantity: Literal["N", "M", "Q"] = Field(
-        "N", description="Axial force, bending moment or shear force."
+    point: Coordinates | None = Field(None, description="Where on a beam or a shell.")
+    quantity: Literal["N", "M", "Q", "n_11", "n_22", "n_12", "m_11", "m_22", "m_12"] = Field(
+        "N",
+        description="Axial force, bending moment or shear force of a beam; of a shell a normal "
+        "force, shear force in its plane or moment along its axes 1 and 2.",
     )
     sign: Literal["tension", "compression"] | None = Field(
         None, description="Which axial force has positive readings."
@@ -200,7 +204,7 @@ class LoadCellSection(ValueGauge):
             return self.accuracy.dimension
         if self.point is None:
             return "force"
-        return "moment per length" if self.quantity == "M" else "line load"
+        return "moment per length" if self.quantity[0] in "Mm" else "line load"
 
     def check(self, faults: SectionFaults) -> None:
         """A force is read; only an axial one has a sign."""
@@ -209,7 +213,7 @@ class LoadCellSection(ValueGauge):
             message = f"'{self.accuracy.text}' is not a force, line load or moment per length"
             hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
             faults.add(("accuracy",), "unit", message, hint)
-        if self.sign is not None and self.quantity != "N":
+        if self.sign is not None and self.quantity not in ("N", "n_11", "n_22"):
             message = f"'sign' is that of the axial force; {self.quantity} is read"
             faults.add(("sign",), "wrong-pair", message, "Remove it; 'towards' turns moments.")
 

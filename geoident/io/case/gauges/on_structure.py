@@ -10,8 +10,15 @@ from geoident.io.case.gauges.gauge import GaugeBase, subtract, unit_vector
 from geoident.io.case.gauges.value import ValueGauge
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
-from geoident.model.gauges import Channel
-from geoident.model.structures import Bars, Beam, OpeningSupport, Structure, Struts
+from geoident.model.gauges import SHELL_FORCES, Channel
+from geoident.model.structures import (
+    Bars,
+    Beam,
+    OpeningSupport,
+    Shell,
+    Structure,
+    Struts,
+)
 
 TOWARDS = "A point on the inside of the beam; needed where ground is on both sides of it."
 
@@ -73,6 +80,9 @@ def on_structures(
             message += "displacements only"
             hint = "Gauges on structures need a mesh with a beam or bars."
             place.refuse("wrong-structure", message, hint)
+        elif isinstance(structure, Shell) or channel.quantity in SHELL_FORCES:
+            if _is_of_shell(channel, section, structure, place):
+                yield channel
         elif isinstance(structure, Beam):
             if getattr(section, "point", None) is None:
                 message = f"'{channel.structure}' is a beam; where on it is missing"
@@ -84,6 +94,33 @@ def on_structures(
                 yield channel
         elif (on_bar := _on_bar(channel, section, structure, place)) is not None:
             yield on_bar
+
+
+def _is_of_shell(
+    channel: Channel, section: GaugeBase, structure: Structure, place: Context
+) -> bool:
+    """Whether a channel reads a force of a shell at a point; a fault where it does not."""
+    name = channel.structure
+    if not isinstance(structure, Shell):
+        message = f"'{name}' is no shell, whose {channel.quantity} is read"
+        place.at("quantity").refuse("wrong-structure", message, "Of beams N, M or Q, of bars N.")
+    elif channel.kind != "load-cell":
+        message = f"'{name}' is a shell, of which a {channel.kind} reads nothing"
+        hint = "Read a force of it by 'kind: load-cell', or a displacement of a point of it."
+        place.at("kind").refuse("wrong-structure", message, hint)
+    elif channel.quantity not in SHELL_FORCES:
+        message = f"'{name}' is a shell, whose quantities are {', '.join(SHELL_FORCES)}"
+        hint = "Add 'quantity: n_22', the normal force along axis 2."
+        place.refuse("wrong-structure", message, hint, key=True)
+    elif getattr(section, "point", None) is None:
+        message = f"'{name}' is a shell; where on it is missing"
+        place.refuse("missing-key", message, "Add 'point'.", key=True)
+    elif getattr(section, "bar", None) is not None:
+        message = f"'{name}' is a shell, which has no bars"
+        place.at("bar").refuse("wrong-structure", message, "Remove it.", key=True)
+    else:
+        return True
+    return False
 
 
 def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) -> Channel | None:

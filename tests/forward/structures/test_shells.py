@@ -1,0 +1,238 @@
+"""Shells on faces of solids: plates and rings in closed form, stages, exact derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geoident.errors import InputError
+from geoident.model.actions import Traction
+from geoident.model.case import Stage, Support
+from geoident.model.in_situ import ConstantStress
+from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Shell
+from tests.support.cases import displacement, material, model, rollers
+from tests.support.derivatives import assert_exact
+from tests.support.force_gauges import gauge
+from tests.support.meshes import box
+from tests.support.shelled import tunnel_slice
+
+NOTHING = np.empty(0)
+ZERO = Scalar(0.0)
+E, NU = 30e9, 0.2
+
+
+def _shell(group, t, *, axis=(1.0, 0.0, 0.0), **changes):
+    return Shell(group, **{"E": Scalar(E), "thickness": Scalar(t), "nu": Scalar(NU)} | changes,
+                 axis=axis)  # fmt: skip
+
+
+def _plate(kind, n, t, *, clamped):
+    """A quarter of a square plate of 4 m on ground that bears next to nothing, and its faces.
+
+    The plate is held at its edges, and along itself everywhere, as the ground is.
+    """
+    mesh = box(kind, (n, n, 1), size=(2.0, 2.0, 0.5))
+    everywhere = Support("outer", (0, 1))
+    held = Support("x1", (2,)), Support("y1", (2,))
+    edges = ("x1", "y1") if clamped else ()
+    shell = _shell("z1", t, mirrored_on=("x0", "y0"), clamped_on=edges)
+    push = {"push": Traction("z1", (ZERO, ZERO, Scalar(-1e3)))}
+    staged = model(
+        mesh,
+        materials={"air": material("air", 1.0, 0.0)},
+        groups={"all": "air"},
+        supports=(everywhere, *held),
+        structures={"slab": shell},
+        stages=(Stage("load", build=("slab",), loads=push),),
+        channels=(displacement("w", (0.0, 0.0, 0.5), (0.0, 0.0, -1.0)),),
+    )
+    return staged.survey(NOTHING, fields=False)
+
+
+@pytest.mark.parametrize(
+    ("clamped", "deflection", "moment"), [(False, 0.00406, 0.0442), (True, 0.00126, None)]
+)
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "tet4", "tet10"])
+def test_a_square_plate_bends_as_timoshenko_has_it(kind, clamped, deflection, moment, verification):
+    """w = alpha q a^4 / B, M = beta q a^2 with beta(nu) = 0.0479 (nu 0.3) to 0.0442 (nu 0.2)."""
+    n, t = (8, 0.02) if kind.endswith(("8", "4")) else (4, 0.02)
+    found = _plate(kind, n, t, clamped=clamped)
+    exact = deflection * 1e3 * 4.0**4 / (E * t**3 / 12 / (1 - NU**2))
+    assert found.computed[0, 0] == pytest.approx(exact, rel=0.03)
+    edges = "clamped" if clamped else "simply supported"
+    verification("square-plate", f"{kind}, {edges}", ["middle"], exact=[exact],
+                 found=found.computed[0])  # fmt: skip
+    shells = found.shells
+    middle = np.linalg.norm(shells.centres[:, :2], axis=1).argmin()
+    if moment is not None:  # the load presses on the side without ground
+        assert shells.moment[middle, 0, 0] == pytest.approx(-moment * 1e3 * 16.0, rel=0.06)
+    assert np.abs(shells.normal).max() < 1e-6 * np.abs(shells.moment).max()
+
+
+RADIUS, P0, E_ROCK, NU_ROCK = 3.0, 5e6, 2e9, 0.3
+SIDES = ("x0", "y0", "z0", "z1")
+
+
+def _lined(kind, n, thickness, stages, *, reach=40, **changes):
+    layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
+    width = RADIUS * np.pi / 4 / n
+    mesh = tunnel_slice(kind, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS, width=width)
+    vertical, horizontal = P0, 0.5 * P0
+    in_situ = ConstantStress(
+        (Scalar(-horizontal), Scalar(-vertical), Scalar(-NU_ROCK * (vertical + horizontal)),
+         *(ZERO,) * 3)
+    )  # fmt: skip
+    shell = _shell("wall", thickness, axis=(0.0, 0.0, 1.0), mirrored_on=SIDES)
+    settings = {
+        "materials": {"rock": material("rock", E_ROCK, NU_ROCK)},
+        "groups": {"core": "rock", "rock": "rock"},
+        "supports": tuple(Support(s, (a,)) for s, a in zip(SIDES, (0, 1, 2, 2), strict=True)),
+        "in_situ": in_situ,
+        "structures": {"lining": shell},
+        "stages": stages,
+    }
+    return model(mesh, **{**settings, **changes})
+
+
+def _thin_ring(thickness):
+    """Mean and amplitude of N and of M (times cos 2a); see `test_structures._ring_in_ground`."""
+    EA = E * thickness / (1 - NU**2)
+    EI = EA * thickness**2 / 12
+    G, R, S = E_ROCK / (2 * (1 + NU_ROCK)), RADIUS, P0 * 0.25
+    load = np.array([[-6 / R**4, -4 / R**2], [-6 / R**4, -2 / R**2]])
+    motion = np.array([[2 / R**3, 4 * (1 - NU_ROCK) / R],
+                       [2 / R**3, -(2 - 4 * NU_ROCK) / R]]) / (2 * G)  # fmt: skip
+    stretch, bend = np.array([1.0, 2.0]) / R, np.array([-4.0, -2.0]) / R**2
+    ring = EA * np.outer(stretch, stretch) + EI * np.outer(bend, bend)
+    moved = motion @ np.linalg.solve(ring @ motion - load, np.array([S, -S]))
+    mean = -P0 * 0.75 * R / (1 + 2 * G * R / EA)
+    return mean, EA * stretch @ moved, -abs(EI * bend @ moved)
+
+
+OPEN = (Stage("open", excavate=("core",), build=("lining",)),)
+
+
+@pytest.mark.parametrize(
+    ("kind", "n", "of_n", "of_m"),
+    [("hex8", 8, 0.01, 0.01), ("hex20", 4, 0.01, 0.06), ("tet10", 3, 0.01, 0.2)],
+)
+def test_a_slice_of_a_lined_tunnel_is_the_ring_of_the_plane(kind, n, of_n, of_m, verification):
+    """n_22 and m_22 around the tunnel, of a lining of 0.3 m of concrete."""
+    found = _lined(kind, n, 0.3, OPEN).survey(NOTHING, fields=False).shells
+    mean, vary, bent = _thin_ring(0.3)
+    twice = np.cos(2 * np.arctan2(found.centres[:, 1], found.centres[:, 0]))
+    hoop, moment = found.normal[:, 1, 0], found.moment[:, 1, 0]
+    np.testing.assert_allclose(hoop, mean + vary * twice, atol=of_n * abs(mean))
+    np.testing.assert_allclose(moment, bent * twice, atol=of_m * abs(bent))
+    assert moment @ twice / (twice @ twice) == pytest.approx(bent, rel=0.03)
+    ends = [np.argmax(twice), np.argmin(twice)]
+    where = ["spring line", "crown"]
+    verification("shell-ring", kind, where, exact=(mean + vary * twice)[ends], found=hoop[ends])
+
+
+def test_its_gauges_read_the_closed_form_between_the_middles_of_faces():
+    mean, vary, bent = _thin_ring(0.3)
+    cells = []
+    for name, quantity, angle in (("N", "n_22", 40.0), ("M", "m_22", 0.0), ("M2", "m_22", 90.0)):
+        at = np.radians(angle)
+        place = (RADIUS * np.cos(at), RADIUS * np.sin(at), 0.1)
+        dimension = "line load" if name == "N" else "moment per length"
+        cells.append(gauge("load-cell", name, place, quantity, structure="lining",
+                           dimension=dimension))  # fmt: skip
+    read = _lined("hex8", 8, 0.3, OPEN, channels=tuple(cells)).survey(NOTHING, fields=False)
+    exact = [mean + vary * np.cos(np.radians(80.0)), bent, -bent]
+    np.testing.assert_allclose(read.computed[:, 0], exact, rtol=0.015)
+
+
+def test_a_shell_built_after_all_motion_bears_nothing_and_leaves_no_trace():
+    stages = (
+        Stage("open", excavate=("core",)),
+        Stage("line", build=("lining",)),
+        Stage("strip", dismantle=("lining",)),
+    )
+    found = _lined("hex8", 3, 0.3, stages, reach=8).survey(NOTHING, fields=True)
+    assert np.isnan(found.shells.normal[..., [0, 2]]).all()
+    assert np.abs(found.shells.normal[..., 1]).max() < 1e-9 * P0 * RADIUS
+    u = found.fields.displacement
+    np.testing.assert_allclose(u[3], u[1], atol=1e-10 * np.abs(u).max())
+
+
+def test_its_weight_is_that_of_its_area_in_plan():
+    mesh = box("hex20", (2, 2, 1), size=(2.0, 3.0, 1.0))
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e8, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(3),
+        gravity=(0.0, 0.0, -10.0),
+        structures={"slab": _shell("z1", 0.5, density=Scalar(2400.0))},
+        stages=(Stage("build", build=("slab",)),),
+    )
+    reactions = staged.survey(NOTHING, fields=True).reactions
+    assert reactions.force[2, 1, 2] == pytest.approx(2400.0 * 10.0 * 0.5 * 6.0, rel=1e-9)
+
+
+def _sought(*, age=False):
+    names = {"E_lining": 20e9, "t": 0.3, "nu": 0.22, "weight": 7e3, "E_rock": 2e9}
+    bounds = {name: (0.2 * start, 3.0 * start) for name, start in names.items()}
+    bounds["nu"] = (0.0, 0.4)
+    parameters = tuple(Parameter(n, start, *bounds[n]) for n, start in names.items())
+    shell = Shell(
+        "wall", Scalar(1.0, "E_lining"), Scalar(1.0, "t"), Scalar(1.0, "nu"), (0.0, 0.0, 1.0),
+        mirrored_on=SIDES, weight=Scalar(1.0, "weight"),
+    )  # fmt: skip
+    stages = (
+        Stage("open", excavate=("core",), release={"core": Scalar(0.4)}),
+        Stage("line", build=("lining",), release={"core": Scalar(1.0)}),
+    )
+    at = (RADIUS * float(np.cos(0.4)), RADIUS * float(np.sin(0.4)), 0.3)
+    channels = [displacement("u", at, (0.6, 0.8, 0.0))]
+    for quantity in ("n_22", "n_11", "m_22", "m_11"):
+        dimension = "line load" if quantity[0] == "n" else "moment per length"
+        channels.append(gauge("load-cell", quantity, at, quantity, structure="lining",
+                              dimension=dimension))  # fmt: skip
+    rock = material("rock", Scalar(1.0, "E_rock"), NU_ROCK)
+    staged = _lined(
+        "hex8", 3, 0.3, stages, reach=6, parameters=parameters, materials={"rock": rock},
+        structures={"lining": shell}, gravity=(0.0, -10.0, 0.0), channels=tuple(channels),
+    )  # fmt: skip
+    return staged, np.array(list(names.values())), tuple(names)
+
+
+def test_derivatives_by_all_its_numbers_are_exact():
+    staged, p, names = _sought()
+    pairs = [(name, "line") for name in ("u", "n_22", "n_11", "m_22", "m_11")]
+    assert_exact(staged.response(pairs), p, names)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"group": "nowhere"}, "missing-group"),
+        ({"mirrored_on": ("x0",)}, None),
+        ({"mirrored_on": ("outer",)}, "no-symmetry-there"),
+        ({"axis": (0.0, 0.0, 1.0)}, "axis-across"),
+        ({"weight": Scalar(1e3)}, "no-gravity"),
+    ],
+)
+def test_what_is_wrong_with_a_shell_on_its_mesh(changes, code):
+    shell = {"group": "z1", "E": Scalar(E), "thickness": Scalar(0.2), "nu": Scalar(NU),
+             "axis": (1.0, 0.0, 0.0)} | changes  # fmt: skip
+
+    def build():
+        return model(
+            box("hex8", (2, 2, 2)),
+            materials={"rock": material("rock", 1e9, 0.2)},
+            groups={"all": "rock"},
+            supports=rollers(3),
+            structures={"it": Shell(**shell)},
+            stages=(Stage("build", build=("it",)),),
+        )
+
+    if code is None:
+        build()
+        return
+    with pytest.raises(InputError) as error:
+        build()
+    assert [fault.code for fault in error.value.faults] == [code]
