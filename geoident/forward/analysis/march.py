@@ -6,20 +6,15 @@ With u and p since the beginning of the stage, and r_0 what is then out of balan
 
 where the part lambda of what the stage does has come: all at once, or evenly over a time.
 
-An Euler step h from (u_n, p_n), and the parts of a TR-BDF2 step, are of one form: with w the
-pressures that drive the flow in it,
+An Euler step from (u_n, p_n), and the parts of a TR-BDF2 step, are of one form (`PartOfStep`): with
+w the pressures that drive the flow in it, those at its beginning and of what was before,
 
     [  K      -Q      ] [du]   [ dlambda r_0 ]
     [ -Q^T  -(S + h H)] [dp] = [ h H w       ]
 
-    Euler: h = dt, w = p_n.   TR: h = beta dt, w = 2 p_n.   BDF2: w = p_g + b (p_n + p_g),
-    b = (1 - gamma)^2 / (gamma (2 - gamma)), p_g the pressure in between
-
 since what is stored changes by what flows. Pressures that are given jump in the first step. The
 derivatives of a step have the same matrix: for each parameter, on the right, those of r_0 and of
 w, and what its derivatives of K, Q, S and H make of du and dp.
-
-Within a step u and p are the parabolas through its beginning, its middle and its end.
 
 Ground that creeps has a K of its own in every part of a step, by its length, and its past is a load
 there (`step_parts`); its stress is carried from part to part. Then what a stage does at once comes
@@ -49,8 +44,8 @@ from geoident.forward.analysis.step_parts import begin_part, mixed
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.water import PoreBlocks, WaterInPart
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
-from geoident.forward.consolidation.steps import BACK, GAMMA, TimeStep, parabola
 from geoident.forward.creep.steps import CreepSteps
+from geoident.forward.time_steps import GAMMA, PartOfStep, TimeLoop, TimeStep
 from geoident.model.arrays import Bools, Floats
 
 _MOST_KEPT = 2
@@ -116,15 +111,12 @@ class March:
         given: Floats,
         over: float = 0.0,
     ) -> None:
-        self._equations, self._steps, self._given = equations, steps, given
+        self._equations, self._given = equations, given
         equations.n_parts = 1 + 2 * len(steps)
         self._over, self._came = over, 0.0
-        self._time, self._done = 0.0, 0
         still = np.zeros((equations.n_dofs, pressures.shape[1]))
-        self._now = InTime(still, pressures, equations.carried)
-        self._gamma = equations.gamma
-        self._parts = (self._now, self._now, self._now)
-        self._length = 0.0
+        begun = InTime(still, pressures, equations.carried)
+        self._loop = TimeLoop(steps, begun, self._after, _sum, equations.gamma)
 
     def to(self, task: StageTask, time: float) -> tuple[InTime, Bools]:
         """What is reached at a time, and which strain points (n_points,) yielded on the way there.
@@ -143,60 +135,34 @@ class March:
         return self._to(time), equations.yielded
 
     def _to(self, time: float) -> InTime:
-        jumps = time == 0.0 or (self._now.carried is not None and not self._over)
-        if jumps and not self._done and not self._came:
+        loop = self._loop
+        jumps = time == 0.0 or (loop.now.carried is not None and not self._over)
+        if jumps and loop.begins and not self._came:
             free = np.zeros_like(self._equations.pores.given)
-            self._now = self._after(self._now, 0.0, self._now.p, free, (0.0, 0.0))
-        if time == 0.0:
-            return self._now
-        while self._time < time * (1.0 - _ROUNDING):
-            self._step()
-        left = (self._time - time) / self._length
-        return self._now if left < _ROUNDING else self._within(1.0 - left)
+            loop.now = self._advance(PartOfStep(loop.now, (0.0, 0.0), 0.0, ()), free)
+        return loop.to(time)
 
     def forget(self) -> None:
         """Forget the factorization; it is made again where it is needed."""
         self._equations.forget()
 
-    def _step(self) -> None:
-        step, begun = self._steps[self._done], self._now
-        held = self._equations.pores.given
-        start, end = self._time, self._time + step.length
-        middle = start + self._gamma * step.length
-        if step.euler:
-            self._now = self._after(begun, step.share, begun.p, held, (start, end))
-            between = _sum((begun, self._now), (1.0 - self._gamma, self._gamma))
-        else:
-            between = self._after(begun, step.share, 2.0 * begun.p, held, (start, middle))
-            drive = between.p + BACK * (begun.p + between.p)
-            self._now = self._after(between, step.share, drive, held, (middle, end))
-        self._parts, self._length = (begun, between, self._now), step.length
-        self._time, self._done = end, self._done + 1
-
     def came(self, time: float) -> float:
         """The part of what the stage does that has come at a time, s."""
         return 1.0 if time >= self._over * (1.0 - _ROUNDING) else time / self._over
 
-    def _after(
-        self, before: InTime, h: float, drive: Floats, held: Bools, span: tuple[float, float]
-    ) -> InTime:
-        """The end of a part of a step; pressures of some nodes (n_nodes,) are given.
+    def _after(self, part: PartOfStep[InTime]) -> InTime:
+        """The end of a part of a step."""
+        return self._advance(part, self._equations.pores.given)
 
-        Args:
-            before: its beginning.
-            h: by what flow is multiplied, s.
-            drive: w (n_nodes, 1 + n), Pa.
-            held: (n_nodes,) where pressures are given.
-            span: when it begins and ends, s.
-        """
+    def _advance(self, part: PartOfStep[InTime], held: Bools) -> InTime:
+        """The same where pressures of some nodes (n_nodes,) are given."""
+        before = part.before
+        drive = np.asarray(before.p + sum(weight * one.p for weight, one in part.past))
         jump = np.where(held[:, None], self._given - before.p, 0.0)
-        loaded = self._came, self.came(span[1])
+        loaded = self._came, self.came(part.span[1])
         self._came = loaded[1]
-        return self._equations.advance(before, TimePart(h, drive, jump, held, span, loaded))
-
-    def _within(self, part: float) -> InTime:
-        """At a part of the last step."""
-        return _sum(self._parts, [parabola(part, k, self._gamma) for k in range(3)])
+        given = TimePart(part.h, drive, jump, held, part.span, loaded)
+        return self._equations.advance(before, given)
 
 
 class StepEquations:
@@ -382,7 +348,9 @@ class StepEquations:
         stress = np.zeros((points.n_strain, points.n_points, task.n))
         members = np.zeros((structures.n_rows, task.n))
         task.add_stiffness_derivatives(self._systems, du, stress, members)
-        forces = points.forces(stress, task.system.volume)
+        forces = np.zeros((self.n_dofs, task.n))
+        some = np.flatnonzero(stress.any(axis=(0, 1)))  # K depends on few of the parameters
+        forces[:, some] = points.forces(stress[..., some], task.system.volume)
         return forces + structures.nodal_forces(members) if structures.n_rows else forces
 
     def _blocks_of(self, held: Bools, task: StageTask) -> PoreBlocks | None:
