@@ -27,7 +27,7 @@ from geoident.fem.solvers.direct import (
 )
 from geoident.model.arrays import Floats, Ints
 
-_ROUNDING = 1e-11
+_ROUNDING = 1e-10
 """Part of the largest entry of a right-hand side that may be left of it."""
 
 _MOST_CORRECTIONS = 4

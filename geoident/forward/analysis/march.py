@@ -46,9 +46,9 @@ from geoident.forward.analysis.water import PoreBlocks, WaterInPart
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
 from geoident.forward.creep.steps import CreepSteps
 from geoident.forward.time_steps import GAMMA, PartOfStep, TimeLoop, TimeStep
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 
-_MOST_KEPT = 2
+MOST_KEPT = 2
 """Matrices that are kept, each with a factor: the parts of a step of ground that creeps have
 different moduli."""
 
@@ -213,7 +213,7 @@ class StepEquations:
         self.n_parts = 1
         self._forces = task.forces.copy()
         self._task, self._creep, self._plastic, self._factors = task, creep, plastic, factors
-        self._stiff = _stiffness_depends(task) or creep is not None
+        self._stiff = _of_stiffness(task) if creep is None else np.arange(task.n)
         self._blocks: dict[Hashable, PoreBlocks] = {}
         self._last: tuple[float, Floats] | None = None  # length and motions of the last part
 
@@ -276,7 +276,7 @@ class StepEquations:
         self._solve(task, water, (forces[:, state], right[:, state]), (du[:, state], dp[:, state]))
         if forces.shape[1] > 1:
             u = du[:, 0]
-            if self._stiff:
+            if len(self._stiff) or self._systems.structures.n_rows:
                 forces[:, slopes] -= self._stiffness_slopes(task, u)
             moved = u if task.motion is None else u + task.motion[:, 0]
             water.slopes(forces[:, slopes], right[:, slopes], moved, dp[:, 0])
@@ -348,9 +348,9 @@ class StepEquations:
         stress = np.zeros((points.n_strain, points.n_points, task.n))
         members = np.zeros((structures.n_rows, task.n))
         task.add_stiffness_derivatives(self._systems, du, stress, members)
-        forces = np.zeros((self.n_dofs, task.n))
-        some = np.flatnonzero(stress.any(axis=(0, 1)))  # K depends on few of the parameters
-        forces[:, some] = points.forces(stress[..., some], task.system.volume)
+        forces, some = np.zeros((self.n_dofs, task.n)), self._stiff
+        if len(some):
+            forces[:, some] = points.forces(stress[..., some], task.system.volume)
         return forces + structures.nodal_forces(members) if structures.n_rows else forces
 
     def _blocks_of(self, held: Bools, task: StageTask) -> PoreBlocks | None:
@@ -360,7 +360,7 @@ class StepEquations:
             return None
         key = held.tobytes(), task.moduli_key
         if key not in self._blocks:
-            while len(self._blocks) >= _MOST_KEPT:  # the oldest makes room
+            while len(self._blocks) >= MOST_KEPT:  # the oldest makes room
                 del self._blocks[next(iter(self._blocks))]
             stiffness = self._systems.stiffness_values(
                 task.system, task.state, task.moduli_by_material(), task.point.values,
@@ -381,14 +381,16 @@ def _part_of(task: StageTask, part: float) -> StageTask:
     return replace(task, motion=motion, thermal=thermal)
 
 
-def _stiffness_depends(task: StageTask) -> bool:
-    """Whether moduli of the ground or of structures depend on parameters."""
-    names = set(task.point.names)
+def _of_stiffness(task: StageTask) -> Ints:
+    """Numbers of the parameters on which moduli of the ground depend: few of them."""
+    names = set[str]()
     for material, points in task.system.points_of.items():
         moduli = task.ground_moduli.moduli(material, points)
-        if names & moduli.slopes.keys() or moduli.modes:
-            return True
-    return bool(task.rigidities[:, 1:].any())
+        names |= moduli.slopes.keys()
+        for modes in moduli.modes:
+            names |= set(modes.field.names)
+    numbers = [n for n, name in enumerate(task.point.names) if name in names]
+    return np.array(numbers, dtype=np.int64)
 
 
 def _sum(states: Sequence[InTime], weights: Sequence[float]) -> InTime:

@@ -11,7 +11,7 @@ from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.staged import ResumableRun
 
 DAY = 86400.0
-ELEMENT = """\
+HEAD = """\
 format: geoident-case/1
 analysis: plane-strain
 mesh: {file: m.msh}
@@ -25,8 +25,10 @@ materials:
     yield: {type: mohr-coulomb, cohesion: $c, friction: $phi, dilation: 0 deg}
     hydraulic: {permeability: 1e-9 m/s, storage: 1e-12 1/Pa}
 groups: {all: clay}
-supports: {x0: x, x1: x, y0: y, y1: y}
 in_situ: {model: constant, xx: -100 kPa, yy: -100 kPa, zz: -100 kPa}
+"""
+ELEMENT = """\
+supports: {x0: x, x1: x, y0: y, y1: y}
 drained: {y1: {}, x1: {}}
 stages:
   - {name: press, supports: {x1: free, y1: {y: -30 mm}}, lasts: 0 d}
@@ -36,7 +38,7 @@ gauges:
   S: {kind: settlement, point: [1 m, 0.5 m], component: x, accuracy: 1 mm}
   p: {kind: piezometer, point: [0.4 m, 0.55 m], accuracy: 1 kPa}
 """
-ELEMENT = ELEMENT.replace("  S: {kind: settlement", "  S: {kind: displacement")
+ELEMENT = HEAD + ELEMENT.replace("  S: {kind: settlement", "  S: {kind: displacement")
 C, PHI, P0 = 5e3, np.radians(25.0), 100e3
 HYDRAULIC = "    hydraulic: {permeability: 1e-9 m/s, storage: 1e-12 1/Pa}\n"
 
@@ -88,22 +90,9 @@ def test_a_long_stage_ends_as_the_end_of_all_flow(tmp_path):
     np.testing.assert_allclose(long, end, rtol=1e-3, atol=1e-3)
 
 
-FOOTING = """\
-format: geoident-case/1
-analysis: plane-strain
-mesh: {file: m.msh}
-parameters:
-  c: {start: 5 kPa, bounds: [1 kPa, 100 kPa]}
-  phi: {start: 25 deg, bounds: [5 deg, 45 deg]}
-materials:
-  clay:
-    E: 50 MPa
-    nu: 0.3
-    yield: {type: mohr-coulomb, cohesion: $c, friction: $phi, dilation: 0 deg}
-    hydraulic: {permeability: 1e-10 m/s, storage: 1e-11 1/Pa}
-groups: {all: clay}
+FOOTING = HEAD.replace("10 MPa", "50 MPa").replace("1e-9", "1e-10").replace("1e-12", "1e-11")
+FOOTING += """\
 supports: {x0: x, x1: x, y0: fixed, y1: y}
-in_situ: {model: constant, xx: -100 kPa, yy: -100 kPa, zz: -100 kPa}
 stages:
   - {name: press, supports: {y1: free, strip: {y: -16 mm}}, lasts: 0 d}
 gauges:
