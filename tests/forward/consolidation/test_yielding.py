@@ -7,6 +7,7 @@ from support.in_stages import model_at, read, write_msh
 from support.meshes import box, regroup
 
 from geoident.errors import CollapseError
+from geoident.forward.analysis import plastic_step
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.staged import ResumableRun
 
@@ -88,6 +89,26 @@ def test_a_long_stage_ends_as_the_end_of_all_flow(tmp_path):
     more = "lasts: 0 d}\n  - {name: end"
     end = read(element(tmp_path, ("lasts: 0 d", more)))[:, 1]
     np.testing.assert_allclose(long, end, rtol=1e-3, atol=1e-3)
+
+
+def test_what_is_kept_to_begin_with_changes_no_reading(tmp_path, monkeypatch):
+    """With derivatives, without them, and nothing: `WarmStart` bounds it by memory."""
+    changes = ("lasts: 0 d", "lasts: 100 d, over: 50 d"), ("stages:", "time_steps: 1\nstages:")
+    model = model_at(element(tmp_path, *changes))
+    p, found = np.array([parameter.start for parameter in model.case.parameters]), []
+    response = model.response([(c.name, "press") for c in model.case.channels])
+    for most in (10**6, 2000, 0):
+        monkeypatch.setattr(plastic_step, "_KEPT_IN_TIME", most)
+        model.forget()
+        response.evaluate(p)
+        known = [one for kept in model.analysis.warm._known.values() for one in kept]
+        found.append((response.evaluate(1.02 * p), len(known), {len(one.names) for one in known}))
+    (full, n, names), (bare, n_bare, no_names), (none, n_none, _) = found
+    assert (n, names, n_bare, no_names, n_none) == (n_bare, {2}, n, {0}, 0)
+    for other in (bare, none):
+        np.testing.assert_allclose(other[0], full[0], rtol=1e-7)
+        scale = np.abs(full[1]).max()
+        np.testing.assert_allclose(other[1], full[1], rtol=1e-5, atol=1e-7 * scale)
 
 
 FOOTING = HEAD.replace("10 MPa", "50 MPa").replace("1e-9", "1e-10").replace("1e-12", "1e-11")
