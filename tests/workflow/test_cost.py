@@ -7,6 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from support.cases import model, rollers
+from support.in_stages import model_at, write_msh
 from support.meshes import box, regroup
 
 from geoident.fem import solvers
@@ -60,6 +61,44 @@ def test_memory_beside_the_factor_is_what_an_evaluation_takes(free):
     tracemalloc.start()
     try:
         staged.survey(p, fields=False)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 0.55 * arrays < peak < arrays
+
+
+CLAY = """\
+format: geoident-case/1
+analysis: plane-strain
+mesh: {file: m.msh}
+time_steps: 1
+parameters:
+  E: {start: 10 MPa, bounds: [1 MPa, 100 MPa]}
+  k: {start: 1e-8 m/s, bounds: [1e-9 m/s, 1e-6 m/s]}
+materials:
+  clay: {E: $E, nu: 0.3, hydraulic: {permeability: $k}}
+groups: {all: clay}
+supports: {x0: x, x1: x, y0: fixed}
+drained: {y1: {}}
+stages:
+  - {name: load, loads: {q: {on: y1, pressure: 100 kPa}}, lasts: 100 d}
+gauges:
+  S: {kind: settlement, point: [3 m, 10 m], accuracy: 0.1 mm}
+"""
+
+
+def test_memory_of_consolidation_counts_what_a_march_keeps(tmp_path, monkeypatch):
+    """The matrices of the water beside K; factors are not numpy's."""
+    monkeypatch.setattr(cost, "_BYTES", dict.fromkeys(cost._BYTES, 0.0))
+    write_msh(
+        box("quad8", (40, 40), size=(20.0, 10.0)), tmp_path / "m.msh", ["x0", "x1", "y0", "y1"]
+    )
+    (tmp_path / "case.yaml").write_text(CLAY)
+    staged = model_at(tmp_path / "case.yaml")
+    arrays = cost.estimate_cost(staged, solver=solvers.picked()).memory - 120e6
+    tracemalloc.start()
+    try:
+        staged.survey(np.array([1e7, 1e-8]), fields=False)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

@@ -8,7 +8,6 @@ matrix. They lag behind by one part, until `finish`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +22,7 @@ from geoident.forward.analysis.stage import (
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.water import PoreBlocks, WaterInPart
 from geoident.forward.consolidation.pores import PoreOperators
+from geoident.forward.time_steps import PartOfStep
 from geoident.model.arrays import Bools, Floats, Ints
 
 
@@ -43,24 +43,18 @@ class InTime:
 
 @dataclass(frozen=True, eq=False)
 class TimePart:
-    """What is given in a part of a step.
+    """A part of a step, and what is given in it.
 
     Args:
-        before: its beginning.
-        h: by what flow is multiplied, s.
-        past: weights and states whose pressures, summed, drive the flow: w.
+        step: the part, s since the beginning of the stage.
         given: (n_nodes, 1 + n) pressures where they are given, Pa.
         held: (n_nodes,) where they are given.
-        span: when it begins and ends, s since the beginning of the stage.
-        loaded: parts of what the stage does that have come then.
+        loaded: parts of what the stage does that have come when it begins and ends.
     """
 
-    before: InTime
-    h: float
-    past: Sequence[tuple[float, InTime]]
+    step: PartOfStep[InTime]
     given: Floats
     held: Bools
-    span: tuple[float, float]
     loaded: tuple[float, float]
 
     def water(
@@ -78,15 +72,16 @@ class TimePart:
             n_parts: number of the parts of all steps of the stage, about.
             columns: of the state and its derivatives.
         """
-        jump = np.where(self.held[:, None], self.given[:, columns] - self.before.p[:, columns], 0.0)
-        drive = np.zeros_like(jump)
-        for weight, state in self.past:
+        step, begun = self.step, self.step.before.p[:, columns]
+        drive = begun.copy()
+        for weight, state in step.past:
             drive += weight * state.p[:, columns]
-        return WaterInPart(operators, self.h, drive, jump, blocks, self.span, self.loaded, n_parts)
+        jump = np.where(self.held[:, None], self.given[:, columns] - begun, 0.0)
+        return WaterInPart(operators, step.h, drive, jump, blocks, step.span, self.loaded, n_parts)
 
     def pressures(self, change: Floats, columns: slice) -> Floats:
         """Those at its end, (n_nodes, c), Pa, from changes where they are not given."""
-        free = self.before.p[:, columns] + change
+        free = self.step.before.p[:, columns] + change
         return np.where(self.held[:, None], self.given[:, columns], free)
 
 
@@ -144,7 +139,7 @@ class ElasticParts:
             ModelError: the matrix is singular.
         """
         lags = self._lagging
-        if lags is not None and (lags.blocks is not blocks or lags.part.h != part.h):
+        if lags is not None and (lags.blocks is not blocks or lags.part.step.h != part.step.h):
             self.finish()
             lags = None
         water = part.water(self._operators, blocks, 1, _STATE)
@@ -152,10 +147,10 @@ class ElasticParts:
         sides = [_of_unknowns(task, blocks, *state)]
         if lags is not None:
             sides.append(self._slopes(lags))
-        solution = self._solution(task, blocks, part.h, np.hstack(sides))
+        solution = self._solution(task, blocks, part.step.h, np.hstack(sides))
         if lags is not None:
             self._fill(lags, solution[:, _SLOPES])
-        before = part.before
+        before = part.step.before
         after = InTime(np.full_like(before.u, np.nan), np.full_like(before.p, np.nan))
         du, dp = self._changes(task, blocks, solution[:, _STATE])
         after.u[:, _STATE] = before.u[:, _STATE] + du
@@ -173,7 +168,7 @@ class ElasticParts:
         lags = self._lagging
         if lags is not None:
             side = self._slopes(lags)
-            self._fill(lags, self._solution(lags.task, lags.blocks, lags.part.h, side))
+            self._fill(lags, self._solution(lags.task, lags.blocks, lags.part.step.h, side))
 
     def _slopes(self, lags: _Lagging) -> Floats:
         """Right sides (k, n) of the derivatives of a part, at whose beginning they are known."""
@@ -183,13 +178,13 @@ class ElasticParts:
         flow = water.right(task.motion)[:, _SLOPES]
         self._take_stiffness(task, du, forces)
         moved = du if task.motion is None else du + task.motion[:, 0]
-        water.slopes(forces, flow, moved, lags.after.p[:, 0] - part.before.p[:, 0])
+        water.slopes(forces, flow, moved, lags.after.p[:, 0] - part.step.before.p[:, 0])
         return _of_unknowns(task, lags.blocks, forces, flow)
 
     def _fill(self, lags: _Lagging, solution: Floats) -> None:
         """Fill in the derivatives of a part from a solution (k, n)."""
         du, dp = self._changes(lags.task, lags.blocks, solution)
-        lags.after.u[:, _SLOPES] = lags.part.before.u[:, _SLOPES] + du
+        lags.after.u[:, _SLOPES] = lags.part.step.before.u[:, _SLOPES] + du
         lags.after.p[:, _SLOPES] = lags.part.pressures(dp, _SLOPES)
         self._lagging = None
 

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from geoident.forward.consolidation.steps import TimeStep
 from geoident.forward.heat.conduction import Conduction
 from geoident.forward.heat.march import Definite, HeatMarch
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.time_steps import TimeStep
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint
 

@@ -6,20 +6,15 @@ With u and p since the beginning of the stage, and r_0 what is then out of balan
 
 where the part lambda of what the stage does has come: all at once, or evenly over a time.
 
-An Euler step h from (u_n, p_n), and the parts of a TR-BDF2 step, are of one form: with w the
-pressures that drive the flow in it,
+An Euler step from (u_n, p_n), and the parts of a TR-BDF2 step, are of one form (`PartOfStep`): with
+w the pressures that drive the flow in it, those at its beginning and of what was before,
 
     [  K      -Q      ] [du]   [ dlambda r_0 ]
     [ -Q^T  -(S + h H)] [dp] = [ h H w       ]
 
-    Euler: h = dt, w = p_n.   TR: h = beta dt, w = 2 p_n.   BDF2: w = p_g + b (p_n + p_g),
-    b = (1 - gamma)^2 / (gamma (2 - gamma)), p_g the pressure in between
-
 since what is stored changes by what flows. Pressures that are given jump in the first step. The
 derivatives of a step have the same matrix: for each parameter, on the right, those of r_0 and of
 w, and what its derivatives of K, Q, S and H make of du and dp.
-
-Within a step u and p are the parabolas through its beginning, its middle and its end.
 
 Ground that creeps has a K of its own in every part of a step, by its length, and its past is a load
 there (`step_parts`); its stress is carried from part to part. Then what a stage does at once comes
@@ -44,11 +39,11 @@ from geoident.forward.analysis.step_parts import begin_part, mixed
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.water import PoreBlocks
 from geoident.forward.consolidation.pores import PoreOperators, PoreSystem
-from geoident.forward.consolidation.steps import BACK, GAMMA, TimeStep, parabola
 from geoident.forward.creep.steps import CreepSteps
+from geoident.forward.time_steps import GAMMA, PartOfStep, TimeLoop, TimeStep
 from geoident.model.arrays import Bools, Floats
 
-_MOST_KEPT = 2
+MOST_KEPT = 2
 """Matrices that are kept, each with a factor: the parts of a step of ground that creeps have
 different moduli."""
 
@@ -75,15 +70,12 @@ class March:
         given: Floats,
         over: float = 0.0,
     ) -> None:
-        self._equations, self._steps, self._given = equations, steps, given
+        self._equations, self._given = equations, given
         equations.n_parts = 1 + 2 * len(steps)
         self._over, self._came = over, 0.0
-        self._time, self._done = 0.0, 0
         still = np.zeros((equations.n_dofs, pressures.shape[1]))
-        self._now = InTime(still, pressures, equations.carried)
-        self._gamma = equations.gamma
-        self._parts = (self._now, self._now, self._now)
-        self._length = 0.0
+        begun = InTime(still, pressures, equations.carried)
+        self._loop = TimeLoop(steps, begun, self._after, self._total, equations.gamma)
 
     def to(self, task: StageTask, time: float) -> tuple[InTime, Bools]:
         """What is reached at a time, and which strain points (n_points,) yielded on the way there.
@@ -102,68 +94,37 @@ class March:
         return self._to(time), equations.yielded
 
     def _to(self, time: float) -> InTime:
-        jumps = time == 0.0 or (self._now.carried is not None and not self._over)
-        if jumps and not self._done and not self._came:
+        loop = self._loop
+        jumps = time == 0.0 or (loop.now.carried is not None and not self._over)
+        if jumps and loop.begins and not self._came:
             free = np.zeros_like(self._equations.pores.given)
-            self._now = self._after(self._now, 0.0, (), free, (0.0, 0.0))
-            self._equations.finish()
-        if time == 0.0:
-            return self._now
-        while self._time < time * (1.0 - _ROUNDING):
-            self._step()
+            loop.now = self._advance(PartOfStep(loop.now, (0.0, 0.0), 0.0, ()), free)
+        reached = loop.to(time)
         self._equations.finish()
-        left = (self._time - time) / self._length
-        return self._now if left < _ROUNDING else self._within(1.0 - left)
+        return reached
 
     def forget(self) -> None:
         """Forget the factorization; it is made again where it is needed."""
         self._equations.forget()
 
-    def _step(self) -> None:
-        step, begun = self._steps[self._done], self._now
-        held = self._equations.pores.given
-        start, end = self._time, self._time + step.length
-        middle = start + self._gamma * step.length
-        if step.euler:
-            self._now = self._after(begun, step.share, [(1.0, begun)], held, (start, end))
-            self._equations.finish()
-            between = _sum((begun, self._now), (1.0 - self._gamma, self._gamma))
-        else:
-            between = self._after(begun, step.share, [(2.0, begun)], held, (start, middle))
-            past = [(BACK, begun), (1.0 + BACK, between)]
-            self._now = self._after(between, step.share, past, held, (middle, end))
-        self._parts, self._length = (begun, between, self._now), step.length
-        self._time, self._done = end, self._done + 1
-
     def came(self, time: float) -> float:
         """The part of what the stage does that has come at a time, s."""
         return 1.0 if time >= self._over * (1.0 - _ROUNDING) else time / self._over
 
-    def _after(
-        self,
-        before: InTime,
-        h: float,
-        past: Sequence[tuple[float, InTime]],
-        held: Bools,
-        span: tuple[float, float],
-    ) -> InTime:
-        """The end of a part of a step; pressures of some nodes (n_nodes,) are given.
+    def _after(self, part: PartOfStep[InTime]) -> InTime:
+        """The end of a part of a step."""
+        return self._advance(part, self._equations.pores.given)
 
-        Args:
-            before: its beginning.
-            h: by what flow is multiplied, s.
-            past: weights and states whose pressures, summed, drive the flow.
-            held: (n_nodes,) where pressures are given.
-            span: when it begins and ends, s.
-        """
-        loaded = self._came, self.came(span[1])
+    def _advance(self, part: PartOfStep[InTime], held: Bools) -> InTime:
+        """The same where pressures of some nodes (n_nodes,) are given."""
+        loaded = self._came, self.came(part.span[1])
         self._came = loaded[1]
-        part = TimePart(before, h, past, self._given, held, span, loaded)
-        return self._equations.advance(part)
+        return self._equations.advance(TimePart(part, self._given, held, loaded))
 
-    def _within(self, part: float) -> InTime:
-        """At a part of the last step."""
-        return _sum(self._parts, [parabola(part, k, self._gamma) for k in range(3)])
+    def _total(self, states: Sequence[InTime], weights: Sequence[float]) -> InTime:
+        """A sum of states with weights."""
+        self._equations.finish()
+        return _sum(states, weights)
 
 
 class StepEquations:
@@ -237,13 +198,14 @@ class StepEquations:
             ModelError: the matrix is singular.
             CollapseError: ground that yields cannot carry the loads.
         """
-        comes, before = part.loaded[1] - part.loaded[0], part.before
+        comes, step = part.loaded[1] - part.loaded[0], part.step
+        before = step.before
         task, begun, warmed = _part_of(self._task, comes), None, None
         if self._task.heating is not None:
-            warmed = self._task.heating.until(part.span[1])
+            warmed = self._task.heating.until(step.span[1])
             task = task.with_thermal(warmed)
         if before.carried is not None:
-            length = part.span[1] - part.span[0]
+            length = step.span[1] - step.span[0]
             begun = begin_part(task, self._systems, self._creep, before.carried, length)
             task = begun.task
         blocks = self._blocks_of(part.held, task)
@@ -301,7 +263,7 @@ class StepEquations:
             return None
         key = held.tobytes(), task.moduli_key
         if key not in self._blocks:
-            while len(self._blocks) >= _MOST_KEPT:  # the oldest makes room
+            while len(self._blocks) >= MOST_KEPT:  # the oldest makes room
                 del self._blocks[next(iter(self._blocks))]
             stiffness = self._systems.stiffness_values(
                 task.system, task.state, task.moduli_by_material(), task.point.values,

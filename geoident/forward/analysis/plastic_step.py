@@ -59,7 +59,11 @@ _OUTSIDE = 1e-6
 
 _KEPT, _FEWEST = 10_000_000, 4
 """Numbers of displacements, with their derivatives, that are kept of each stage, to start from the
-nearest one; parameter vectors that they are kept of at least, 1 of a stage in time."""
+nearest one; parameter vectors that they are kept of at least."""
+
+_KEPT_IN_TIME = 30_000_000
+"""The same numbers of all parts of a stage in time. Where they are too many derivatives are left
+out, else all: a part can begin with what the last part needed."""
 
 _SAME_SEARCH = 1e-3
 """How far apart parameter vectors are for which overstress is balanced in the same way: 6 % in one
@@ -137,7 +141,9 @@ class WarmStart:
         known = self._nearest(task)
         if known is None:
             return []
-        ends = known.du, known.du + known.change(self._values(task))
+        ends = [known.du]
+        if known.names:
+            ends.append(known.du + known.change(self._values(task)))
         return [end / units[:, 0] for end in ends]
 
     def knows(self, task: StageTask) -> bool:
@@ -174,14 +180,21 @@ class WarmStart:
             KnownFlow(s.viscosity, s.iterate.du * units[:, 0], s.multiple) for s in balance.steps
         )
         origin = values if searched or nearest is None else nearest.searched
-        slopes = du[:, 1 : 1 + task.n].copy()
-        each = task.forces.shape[0] * (1 + task.n + len(flow)) or 1
-        fewest, shared = (_FEWEST, 1) if task.water is None else (1, task.water.n_parts)
-        most = max(fewest, _KEPT // (shared * each))
+        names, n = task.point.names, task.forces.shape[0]
+        if task.water is None:
+            most = max(_FEWEST, _KEPT // (n * (1 + len(names) + len(flow)) or 1))
+        else:
+            room = _KEPT_IN_TIME // task.water.n_parts
+            if n * (1 + len(names) + len(flow)) > room:
+                names = ()
+            # what balanced overstress was like must be known
+            most = max(1 if flow else 0, room // (n * (1 + len(names) + len(flow)) or 1))
+        if not most:
+            return
         kept = self._known.setdefault(_key(task), deque())
         while len(kept) >= most:
             kept.popleft()
-        names = task.point.names
+        slopes = du[:, 1 : 1 + len(names)].copy()
         kept.append(_Known(values, names, du[:, 0].copy(), slopes, flow, origin))
 
 

@@ -19,15 +19,15 @@ from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
 from geoident.forward.analysis.step_parts import begin_materials, begin_part
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.consolidation.pores import Pores
-from geoident.forward.consolidation.steps import (
+from geoident.forward.creep.steps import CreepSteps
+from geoident.forward.stages import ConstructionState
+from geoident.forward.time_steps import (
     OF_EACH_LENGTH,
     OF_EACH_WITHOUT_WATER,
     TimeStep,
     divided,
     stage_steps,
 )
-from geoident.forward.creep.steps import CreepSteps
-from geoident.forward.stages import ConstructionState
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 

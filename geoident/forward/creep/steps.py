@@ -157,6 +157,23 @@ def _places(every: Ints, some: Ints) -> Index:
 
 
 @dataclass(frozen=True, eq=False)
+class CreepingPoints:
+    """Strain points of a material that creeps, in one step.
+
+    Args:
+        points: (q,) those that are there.
+        places: (q,) where they stand among all of the material.
+        step: of its chain.
+        driving: (s, q, c) stress that makes it creep at the beginning of the step, Pa.
+    """
+
+    points: Index
+    places: Index
+    step: CreepStep
+    driving: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class CreepInStep:
     """What creeps in one step, between its beginning and its end.
 
@@ -165,15 +182,14 @@ class CreepInStep:
         key: what they depend on beside the ground: steps of one key have one stiffness.
         h: its size, s.
         members: structure to what there is of its stiffness, on average over the step.
-        before: material to its points (p,), their places (p,) among all of the material, its step,
-            and the stress that makes it creep (s, p, c) at the beginning.
+        creeping: material to what of it creeps.
     """
 
     moduli: StepModuli
     key: Hashable
     h: float
     members: Mapping[str, Dual]
-    before: Mapping[str, tuple[Index, Index, CreepStep, Floats]]
+    creeping: Mapping[str, CreepingPoints]
 
     def end(self, stress: Floats, carried: CreepStrains) -> None:
         """Bring the strains of the elements to the end of the step.
@@ -182,10 +198,10 @@ class CreepInStep:
             stress: (s, n_points, c) there.
             carried: changed in place.
         """
-        for material, (points, places, step, driving) in self.before.items():
-            change = stress[:, points] - carried.at_rest[:, points] - driving
-            strains = carried.strains[material]
-            strains[:, :, places] = step.advanced(strains[:, :, places], driving, change)
+        for material, one in self.creeping.items():
+            change = stress[:, one.points] - carried.at_rest[:, one.points] - one.driving
+            strains, places = carried.strains[material], one.places
+            strains[:, :, places] = one.step.advanced(strains[:, :, places], one.driving, change)
         if np.isfinite(self.h):
             carried.time += self.h
 
@@ -243,7 +259,7 @@ class CreepSteps:
             h: size, s; infinite for all the time that creep takes.
         """
         stiffness: dict[str, Dual] = {}
-        before: dict[str, tuple[Index, Index, CreepStep, Floats]] = {}
+        creeping: dict[str, CreepingPoints] = {}
         key: list[Hashable] = [h]
         for name, points in points_of.items():
             growth = self._growth(name, carried, points, h)
@@ -256,7 +272,7 @@ class CreepSteps:
                 past = step.history(driving, carried.strains[name][:, :, places])
                 stiffness[name] = step.stiffness(growth)
                 stress[:, points] -= scaled(stiffness[name].columns, past)
-                before[name] = points, places, step, driving
+                creeping[name] = CreepingPoints(points, places, step, driving)
             elif growth is not None:
                 stiffness[name] = Dual(np.repeat(growth.columns[:, None], 2, axis=1))
         members = {
@@ -266,7 +282,7 @@ class CreepSteps:
         }
         key += [float(growth.value) for growth in members.values()]
         return CreepInStep(
-            StepModuli(self._ground, stiffness, self._point.names), tuple(key), h, members, before
+            StepModuli(self._ground, stiffness, self._point.names), tuple(key), h, members, creeping
         )
 
     def _growth(self, name: str, carried: CreepStrains, points: Index, h: float) -> Dual | None:

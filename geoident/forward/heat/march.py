@@ -1,15 +1,13 @@
 """Temperatures of one stage in time, with exact derivatives (theory 18.7).
 
 The heat balance M T' + H T = F theta(t) + M A'(t), with films F among H and A the adiabatic rise,
-goes the steps of consolidation (TR-BDF2, `consolidation.steps`). A part of a step from T_0 to T_1:
+goes the steps of `time_steps` (TR-BDF2). A part of a step from T_0 to T_1:
 
     M (T_1 - T_0) = - h H (T_1 + w) + F int theta dt + M (A_1 - A_0)
 
-    Euler: h = dt, w = 0.   TR: h = beta dt, w = T_n.   BDF2: w = b (T_n + T_g),
-
-T_n at the beginning of the step, T_g between its parts. What comes in a part is exact (of a theta
-that is linear the formulas make the same), so concrete without exchange warms by A whatever the
-steps. Given temperatures are on the right, as known changes.
+with w of what was before (`PartOfStep`). What comes in a part is exact (of a theta that is linear
+the formulas make the same), so concrete without exchange warms by A whatever the steps. Given
+temperatures are on the right, as known changes.
 """
 
 from __future__ import annotations
@@ -21,20 +19,13 @@ import scipy.sparse as sp
 
 from geoident.fem.solvers.direct import Factor
 from geoident.fem.solvers.quasi_definite import QuasiDefinite
-from geoident.forward.consolidation.steps import BACK, GAMMA, TimeStep, parabola
 from geoident.forward.heat.conduction import Conduction
+from geoident.forward.time_steps import PartOfStep, TimeLoop, TimeStep
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
 
-_ROUNDING = 1e-12
-"""Part of a time within which it is reached."""
-
 Definite = Callable[[sp.csr_array, sp.csr_array, Ints], QuasiDefinite]
 """Prepares A_0 + h A_1, both (n, n) and positive definite, of unknowns at nodes (n,)."""
-
-
-_Past = Sequence[tuple[float, Floats]]
-"""Weights and temperatures of which w is the sum."""
 
 
 class HeatMarch:
@@ -62,8 +53,7 @@ class HeatMarch:
     ) -> None:
         self._conduction, self._state, self._point = conduction, state, point
         self._system = conduction[state]
-        self._steps, self._done, self._time = steps, 0, 0.0
-        self._parts = (begun, begun, begun)
+        self._loop = TimeLoop(steps, begun, self._after, _sum)
         self._operators = conduction.operators(state, point)
         held = self._system.held
         self._free = self._system.nodes[~held[self._system.nodes]]
@@ -77,45 +67,22 @@ class HeatMarch:
 
     def at(self, time: float) -> Floats:
         """Temperatures (n_nodes, 1 + n) at a time, s: a moment, or not before the last step."""
-        if time in self._reached:
-            return self._reached[time]
-        while self._time < time * (1.0 - _ROUNDING):
-            self._step()
-        return self._reached.get(time, self._within(time))
+        while self._moments and self._moments[0] <= time:
+            moment = self._moments.pop(0)
+            self._reached[moment] = self._loop.to(moment)
+        return self._reached[time] if time in self._reached else self._loop.to(time)
 
     def forget(self) -> None:
         """Forget the factorization; it is made again where it is needed."""
         self._factor = None
 
-    def _step(self) -> None:
-        step, begun = self._steps[self._done], self._parts[-1]
-        start, end = self._time, self._time + step.length
-        middle = start + GAMMA * step.length
-        if step.euler:
-            last = self._after(begun, (start, end), step.share, [])
-            between = (1.0 - GAMMA) * begun + GAMMA * last
-        else:
-            between = self._after(begun, (start, middle), step.share, [(1.0, begun)])
-            past = [(BACK, begun), (BACK, between)]
-            last = self._after(between, (middle, end), step.share, past)
-        self._parts, self._time, self._done = (begun, between, last), end, self._done + 1
-        for moment in self._moments:
-            if start < moment <= end * (1.0 + _ROUNDING):
-                self._reached[moment] = self._within(moment)
-
-    def _after(self, before: Floats, span: tuple[float, float], h: float, past: _Past) -> Floats:
-        """Temperatures (n_nodes, 1 + n) at the end of a part of a step.
-
-        Args:
-            before: at its beginning.
-            span: when it begins and ends, s.
-            h: by what flow is multiplied, s.
-            past: what drives the flow beside the end.
-        """
+    def _after(self, part: PartOfStep[Floats]) -> Floats:
+        """Temperatures (n_nodes, 1 + n) at the end of a part of a step."""
+        before, span, h = part.before, part.span, part.h
         M, H = self._operators.capacity, self._operators.flow
         given = self._conduction.given(self._state, span[1], self._point)
         change = np.where(self._system.held[:, None], given - before, 0.0)
-        driving = before + change + sum(weight * T for weight, T in past)
+        driving = before + change + sum(weight * T for weight, T in part.past)
         heat = -M.at(change) - h * H.at(driving)
         if self._system.films:
             heat += self._conduction.let_in(self._state, span, self._point)
@@ -147,11 +114,6 @@ class HeatMarch:
             self._factor = h, self._matrices.factor(h)
         return self._factor[1]
 
-    def _within(self, time: float) -> Floats:
-        """At a time of the last step, s, by the parabola through its parts."""
-        if not self._done:
-            return self._parts[-1]
-        length = self._steps[self._done - 1].length
-        part = 1.0 - (self._time - time) / length
-        weights = (parabola(part, k, GAMMA) for k in range(3))
-        return np.asarray(sum(w * T for w, T in zip(weights, self._parts, strict=True)))
+
+def _sum(temperatures: Sequence[Floats], weights: Sequence[float]) -> Floats:
+    return np.asarray(sum(w * T for w, T in zip(weights, temperatures, strict=True)))

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, INDEFINITE, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
-from geoident.forward.analysis.stages_in_time import of_each_length, steps_of
+from geoident.forward.analysis.march import MOST_KEPT
+from geoident.forward.analysis.stages_in_time import moments_of, of_each_length, steps_of
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -45,6 +46,7 @@ _NEWTON_STEPS_IN_TIME = 2  # a part of a step in time: it begins with what the l
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PORES = 1.3  # what pressures of water add to the entries and operations of a factor
+_PORE_BYTES = 250.0  # an entry of K: the matrices of the water, beside their factor
 _CREEP_SECONDS = 5.5e-7  # a strain point, part of a step and column: what creeps in it
 _ANALYSIS_SECONDS = 1e-5  # an unknown: the matrix of water and creep, its order before each factor
 _PROGRAM = 120e6  # bytes of Python and its libraries
@@ -89,6 +91,7 @@ def estimate_cost(
     flops += sum(stage.flops for stage in in_time)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * _BYTES[solver]
     memory = _PROGRAM + solved + _memory_beside(model, columns)
+    memory += max((stage.memory for stage in in_time), default=0.0)
     marched = sum(stage.steps for stage in in_time)
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps, marched)
 
@@ -100,11 +103,13 @@ class _InTime(NamedTuple):
         steps: their number.
         flops: of their factorizations.
         seconds: estimate of the time.
+        memory: bytes of the matrices and factors that it keeps from part to part.
     """
 
     steps: int
     flops: float
     seconds: float
+    memory: float
 
 
 def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) -> Iterator[_InTime]:
@@ -121,7 +126,7 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         water = model.analysis.pores.consolidates(states[n])
         creeps = model.case.creeps and states[n].lasts is not None
         if model.case.conducts and states[n].lasts and not states[n].goes_on:
-            heat = _heat(model, n, cost, columns, _FLOPS[by])
+            heat = _heat(model, n, cost, columns, by)
             yield heat._replace(steps=0) if water or creeps else heat  # steps are told once
         if not (water or creeps) or states[n].goes_on:
             continue
@@ -139,12 +144,15 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         flops = factors * pores * cost.flops
         at_points = _POINT_SECONDS + (_CREEP_SECONDS if creeps else 0.0)
         seconds += solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + at_points * points)
-        yield _InTime(len(steps), flops, seconds + flops / _FLOPS[by])
+        memory = 0.0
+        if water:
+            both = creeps or model.yields or 0.0 in moments_of(states, n)
+            each = _BYTES[by] * pores * cost.entries + _PORE_BYTES * _nonzeros(model, n)
+            memory = (MOST_KEPT if both else 1) * each
+        yield _InTime(len(steps), flops, seconds + flops / _FLOPS[by], memory)
 
 
-def _heat(
-    model: StagedModel, n: int, cost: FactorCost, columns: float, per_second: float
-) -> _InTime:
+def _heat(model: StagedModel, n: int, cost: FactorCost, columns: float, by: str) -> _InTime:
     """The cost of the temperatures of a stage: one unknown a node, in place of one for each axis.
 
     Args:
@@ -152,13 +160,14 @@ def _heat(
         n: state that begins the stage.
         cost: of one equilibrium of it.
         columns: right-hand sides of one equilibrium.
-        per_second: operations of a factorization.
+        by: solver that factorizes.
     """
     dim = model.mesh.dim
     steps = steps_of(model.sequence.states, n, of_each_length(model.case, water=True))
     flops = len({step.share for step in steps}) * cost.flops / dim**3
     seconds = 2.0 * len(steps) * columns * 4.0 * cost.entries / dim**2 / _SOLVE_FLOPS
-    return _InTime(len(steps), flops, seconds + flops / per_second)
+    memory = _BYTES[by] * cost.entries / dim**2 + _PORE_BYTES * _nonzeros(model, n) / dim**2
+    return _InTime(len(steps), flops, seconds + flops / _FLOPS[by], memory)
 
 
 def _memory_beside(model: StagedModel, columns: float) -> float:

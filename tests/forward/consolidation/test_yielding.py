@@ -7,13 +7,14 @@ from support.in_stages import model_at, read, write_msh
 from support.meshes import box, regroup
 
 from geoident.errors import CollapseError
+from geoident.forward.analysis import plastic_step
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.staged import ResumableRun
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.workflow.running.jobs import load_inputs
 
 DAY = 86400.0
-ELEMENT = """\
+HEAD = """\
 format: geoident-case/1
 analysis: plane-strain
 mesh: {file: m.msh}
@@ -27,8 +28,10 @@ materials:
     yield: {type: mohr-coulomb, cohesion: $c, friction: $phi, dilation: 0 deg}
     hydraulic: {permeability: 1e-9 m/s, storage: 1e-12 1/Pa}
 groups: {all: clay}
-supports: {x0: x, x1: x, y0: y, y1: y}
 in_situ: {model: constant, xx: -100 kPa, yy: -100 kPa, zz: -100 kPa}
+"""
+ELEMENT = """\
+supports: {x0: x, x1: x, y0: y, y1: y}
 drained: {y1: {}, x1: {}}
 stages:
   - {name: press, supports: {x1: free, y1: {y: -30 mm}}, lasts: 0 d}
@@ -38,7 +41,7 @@ gauges:
   S: {kind: settlement, point: [1 m, 0.5 m], component: x, accuracy: 1 mm}
   p: {kind: piezometer, point: [0.4 m, 0.55 m], accuracy: 1 kPa}
 """
-ELEMENT = ELEMENT.replace("  S: {kind: settlement", "  S: {kind: displacement")
+ELEMENT = HEAD + ELEMENT.replace("  S: {kind: settlement", "  S: {kind: displacement")
 C, PHI, P0 = 5e3, np.radians(25.0), 100e3
 HYDRAULIC = "    hydraulic: {permeability: 1e-9 m/s, storage: 1e-12 1/Pa}\n"
 
@@ -90,22 +93,29 @@ def test_a_long_stage_ends_as_the_end_of_all_flow(tmp_path):
     np.testing.assert_allclose(long, end, rtol=1e-3, atol=1e-3)
 
 
-FOOTING = """\
-format: geoident-case/1
-analysis: plane-strain
-mesh: {file: m.msh}
-parameters:
-  c: {start: 5 kPa, bounds: [1 kPa, 100 kPa]}
-  phi: {start: 25 deg, bounds: [5 deg, 45 deg]}
-materials:
-  clay:
-    E: 50 MPa
-    nu: 0.3
-    yield: {type: mohr-coulomb, cohesion: $c, friction: $phi, dilation: 0 deg}
-    hydraulic: {permeability: 1e-10 m/s, storage: 1e-11 1/Pa}
-groups: {all: clay}
+def test_what_is_kept_to_begin_with_changes_no_reading(tmp_path, monkeypatch):
+    """With derivatives, without them, and nothing: `WarmStart` bounds it by memory."""
+    changes = ("lasts: 0 d", "lasts: 100 d, over: 50 d"), ("stages:", "time_steps: 1\nstages:")
+    model = model_at(element(tmp_path, *changes))
+    p, found = np.array([parameter.start for parameter in model.case.parameters]), []
+    response = model.response([(c.name, "press") for c in model.case.channels])
+    for most in (10**6, 2000, 0):
+        monkeypatch.setattr(plastic_step, "_KEPT_IN_TIME", most)
+        model.forget()
+        response.evaluate(p)
+        known = [one for kept in model.analysis.warm._known.values() for one in kept]
+        found.append((response.evaluate(1.02 * p), len(known), {len(one.names) for one in known}))
+    (full, n, names), (bare, n_bare, no_names), (none, n_none, _) = found
+    assert (n, names, n_bare, no_names, n_none) == (n_bare, {2}, n, {0}, 0)
+    for other in (bare, none):
+        np.testing.assert_allclose(other[0], full[0], rtol=1e-7)
+        scale = np.abs(full[1]).max()
+        np.testing.assert_allclose(other[1], full[1], rtol=1e-5, atol=1e-7 * scale)
+
+
+FOOTING = HEAD.replace("10 MPa", "50 MPa").replace("1e-9", "1e-10").replace("1e-12", "1e-11")
+FOOTING += """\
 supports: {x0: x, x1: x, y0: fixed, y1: y}
-in_situ: {model: constant, xx: -100 kPa, yy: -100 kPa, zz: -100 kPa}
 stages:
   - {name: press, supports: {y1: free, strip: {y: -16 mm}}, lasts: 0 d}
 gauges:

@@ -11,13 +11,15 @@ wants. Steps double in length, a number of them of each length, so that the leng
 to the time that went by, and there is one factorization for each length.
 
 Steps depend on the case alone, never on parameters: an analysis is a smooth function of these.
+Water, heat and creep go the same steps: `TimeLoop` is how.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 GAMMA = 2.0 - math.sqrt(2.0)
 BETA = 0.5 * GAMMA
@@ -29,6 +31,9 @@ OF_EACH_LENGTH = 6
 
 OF_EACH_WITHOUT_WATER = 3
 """The same of ground that creeps without water, whose motions do not jump: errors are as small."""
+
+_ROUNDING = 1e-12
+"""Part of a time within which it is reached."""
 
 _BENDS = 2
 """Bends of what acts that make a step too long."""
@@ -56,6 +61,89 @@ class TimeStep:
     def share(self) -> float:
         """By what flow is multiplied in its matrix, s."""
         return self.length if self.euler else BETA * self.length
+
+
+State = TypeVar("State")
+
+Total = Callable[[Sequence[State], Sequence[float]], State]
+"""The sum of some states with weights."""
+
+
+@dataclass(frozen=True)
+class PartOfStep(Generic[State]):
+    """A part of a step: a change at a rate F, from y_0 to y_1 = y_0 + h F(y_1 + w).
+
+    Args:
+        before: y_0.
+        span: when it begins and ends, s.
+        h: s.
+        past: weights and states of which w is the sum; Euler: none. TR: y_n. BDF2: b (y_n + y_g),
+            b = (1 - gamma)^2 / (gamma (2 - gamma)), y_n at the beginning of the step, y_g between
+            its parts.
+    """
+
+    before: State
+    span: tuple[float, float]
+    h: float
+    past: Sequence[tuple[float, State]]
+
+
+class TimeLoop(Generic[State]):
+    """The states of one stage, as far as they were asked for.
+
+    Within a step they are the parabolas through its beginning, its middle and its end.
+
+    Args:
+        steps: in time; none where no time passes.
+        begun: the state at the beginning.
+        after: the state at the end of a part of a step.
+        total: sums states.
+        gamma: where the parts of a step meet.
+
+    Attributes:
+        now: the state at the end of the last step.
+    """
+
+    def __init__(
+        self,
+        steps: Sequence[TimeStep],
+        begun: State,
+        after: Callable[[PartOfStep[State]], State],
+        total: Total[State],
+        gamma: float = GAMMA,
+    ) -> None:
+        self.now = begun
+        self._steps, self._after, self._total, self._gamma = steps, after, total, gamma
+        self._parts, self._done, self._time = (begun, begun, begun), 0, 0.0
+
+    @property
+    def begins(self) -> bool:
+        """Whether no step has been gone yet."""
+        return not self._done
+
+    def to(self, time: float) -> State:
+        """The state at a time, s, not before the beginning of the last step."""
+        while self._time < time * (1.0 - _ROUNDING):
+            self._step()
+        if self.begins:
+            return self.now
+        left = (self._time - time) / self._steps[self._done - 1].length
+        if left < _ROUNDING:
+            return self.now
+        return self._total(self._parts, [parabola(1.0 - left, k, self._gamma) for k in range(3)])
+
+    def _step(self) -> None:
+        step, begun, after, gamma = self._steps[self._done], self.now, self._after, self._gamma
+        start, end, h = self._time, self._time + step.length, step.share
+        middle = start + gamma * step.length
+        if step.euler:
+            self.now = after(PartOfStep(begun, (start, end), h, ()))
+            between = self._total((begun, self.now), (1.0 - gamma, gamma))
+        else:
+            between = after(PartOfStep(begun, (start, middle), h, [(1.0, begun)]))
+            past = [(BACK, begun), (BACK, between)]
+            self.now = after(PartOfStep(between, (middle, end), h, past))
+        self._parts, self._time, self._done = (begun, between, self.now), end, self._done + 1
 
 
 def divided(steps: Sequence[TimeStep], bends: Sequence[float]) -> list[TimeStep]:
