@@ -149,7 +149,7 @@ def _computing(
                     control.stop.check()
                     if answer.value is None:
                         message = f"at a draw of the posterior {answer.why_set_aside}"
-                        raise ModelError(message, "With fewer processes (-j) each has more memory.")
+                        raise ModelError(message, "With fewer processes each has more memory.")
                     yield answer.value
 
         yield compute

@@ -29,7 +29,7 @@ def _shell(points, clamped=(), hinged=(), nu=NU):
 
 
 def _solve(members, forces, fixed, axial=D, bending=B):
-    moduli = np.where(members.bending, bending, axial)
+    moduli = np.where(members.rigidity == 1, bending, axial)
     stiffness = members.operator.T @ sp.diags_array(members.weight * moduli)
     stiffness = (stiffness @ members.operator).tocsc()
     free = np.setdiff1d(np.arange(len(forces)), fixed)

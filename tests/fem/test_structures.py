@@ -26,7 +26,7 @@ def _ring(n, radius):
 
 
 def _moduli(members):
-    return np.where(members.bending, EI, EA)
+    return np.where(members.rigidity == 1, EI, EA)
 
 
 def _solve(members, forces, fixed):

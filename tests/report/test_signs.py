@@ -31,6 +31,7 @@ in_situ: {{model: heim, vertical: 8 MPa, K0: 1}}
 water: {{table: 0 m, groups: [rock]}}
 structures:
   bolts: {{kind: bolt, E: 200 GPa, diameter: 25 mm, spacing: 1.5 m, ends: [[[3, 0 m], [7, 1 m]]]}}
+interfaces: {{fault: {{along: fault, k_n: 9 GPa/m, k_s: 3 GPa/m}}}}
 stages:
   - {{name: heading, excavate: [heading], build: [bolts]}}
 {gauges}

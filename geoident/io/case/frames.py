@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import hypot, isclose, pi
 
-from geoident.io.schema.section import Context
+from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import CaseNumber, scalar_of
 from geoident.model.case import KeyPath
 from geoident.model.ground import Attitude, Axes, Vector3
@@ -119,6 +119,19 @@ def strata(
     if normal is None:
         return attitude(context, dip, direction)
     return _axes_about(_unit_vector(context.at("normal"), normal))
+
+
+def refuse_no_direction(key: str, given: list[CaseNumber] | None, faults: SectionFaults) -> None:
+    """A fault where a vector has no direction.
+
+    Args:
+        key: where it is written, in its section.
+        given: the vector, if there is one.
+        faults: takes the fault.
+    """
+    if given is not None and not any(x.factor for x in given):
+        message = "the direction has length zero"
+        faults.add((key,), "zero-direction", message, "Write a vector such as [0, 1].")
 
 
 def axes_along(context: Context, first: Sequence[CaseNumber], second: Sequence[CaseNumber]) -> Axes:

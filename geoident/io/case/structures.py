@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from geoident.io.case.creep import AgeingSection
-from geoident.io.case.gauges.value import refuse_no_direction
+from geoident.io.case.frames import refuse_no_direction
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Area,

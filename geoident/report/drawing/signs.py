@@ -203,6 +203,10 @@ SIGNS: dict[str, dict[str, Any]] = {
     "piezometer": {"piezometer: pressure": (
         _FORCE, (_box, (-0.12, -0.12), (0.24, 0.24), _STEEL), (_all_sides, 0.7, 0.15),
     )},
+    "joint-meter": {"joint meter: opening": (
+        _FORCE, (_box, (-1.0, -0.7), (0.9, 1.4), _GROUND), (_box, (0.1, -0.7), (0.9, 1.4), _GROUND),
+        (_arrow, (-0.15, 0.2), (-0.7, 0.2)), (_arrow, (0.15, 0.2), (0.7, 0.2)),
+    )},
     "thermometer": {"thermometer: temperature": (
         _FORCE, (_box, (-0.12, -0.6), (0.24, 1.2), _STEEL), (_word, 0.5, 0.4, "T"),
     )},

@@ -121,5 +121,5 @@ def test_a_law_is_refused_that_makes_no_sense():
         polyhedral(np.eye(3), Planes(np.diag([1.0, 0.0, 1.0]), np.ones(3)))
     with pytest.raises(ValueError, match="finite"):
         polyhedral(np.eye(3), Planes(np.eye(3), np.array([1.0, np.inf, 1.0])))
-    with pytest.raises(ValueError, match="along their normals"):
-        polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3), flow=np.eye(3)))
+    with pytest.raises(ValueError, match="flows inwards"):
+        polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3), flow=np.diag([1.0, -1.0, 1.0])))

@@ -60,7 +60,7 @@ def test_a_square_plate_bends_as_timoshenko_has_it(kind, clamped, deflection, mo
     found = _plate(kind, n, t, clamped=clamped)
     exact = deflection * 1e3 * 4.0**4 / (E * t**3 / 12 / (1 - NU**2))
     assert found.computed[0, 0] == pytest.approx(exact, rel=0.03)
-    edges = "clamped" if clamped else "simply supported"
+    edges = "clamped" if clamped else "with hinged edges"
     verification("square-plate", f"{kind}, {edges}", ["middle"], exact=[exact],
                  found=found.computed[0])  # fmt: skip
     shells = found.shells

@@ -7,13 +7,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from geoident.io.case.frames import refuse_no_direction
 from geoident.io.case.gauges.accuracy import FORCES
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
 from geoident.io.case.gauges.value import (
     StressComponent,
     ValueGauge,
     check_component,
-    refuse_no_direction,
     unit_direction,
 )
 from geoident.io.schema.estimated import ESTIMATE

@@ -6,8 +6,9 @@ from typing import Literal
 
 from pydantic import Field
 
+from geoident.io.case.frames import refuse_no_direction
 from geoident.io.case.gauges.gauge import GaugeBase, Motion
-from geoident.io.case.gauges.value import refuse_no_direction, unit_direction
+from geoident.io.case.gauges.value import unit_direction
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Name
 from geoident.model.gauges import Channel

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from geoident.io.case.frames import refuse_no_direction
 from geoident.io.case.gauges.force import ForceSection
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
@@ -27,7 +28,7 @@ from geoident.io.case.gauges.motion import MotionSection
 from geoident.io.case.gauges.on_structure import on_structures
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
-from geoident.io.case.gauges.value import PlainReadingSection, refuse_no_direction, unit_direction
+from geoident.io.case.gauges.value import PlainReadingSection, unit_direction
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector

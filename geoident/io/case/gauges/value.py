@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from geoident.io.case.gauges.gauge import GaugeBase, Motion, unit_vector
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber, Name
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
@@ -93,16 +93,3 @@ def check_component(component: str, place: Context) -> None:
     if place.dim == 2 and component in ("yz", "xz"):
         message = f"a plane model has no component {component}"
         place.refuse("wrong-dimension", message, "Its components: xx, yy, zz, xy.")
-
-
-def refuse_no_direction(key: str, given: list[CaseNumber] | None, faults: SectionFaults) -> None:
-    """A fault where a vector has no direction.
-
-    Args:
-        key: where it is written, in its section.
-        given: the vector, if there is one.
-        faults: takes the fault.
-    """
-    if given is not None and not any(x.factor for x in given):
-        message = "the direction has length zero"
-        faults.add((key,), "zero-direction", message, "Write a vector such as [0, 1].")

@@ -28,12 +28,13 @@ def check_hardening(
         others: `face` and `initial_temperature` of the case, None where they are not given.
         faults: takes what is wrong, with paths from the case on.
     """
-    soils = [n for n, one in materials.items() if isinstance(one.yields, HardeningSoilSection)]
+    soils = [n for n, one in materials.items() if any(map(_hardens, _surfaces(one)))]
     if not soils:
         return
     for name, material in materials.items():
         path: KeyPath = ("materials", name)
-        if material.yields is not None and name not in soils:
+        surfaces = _surfaces(material)
+        if not all(map(_hardens, surfaces)) or len(surfaces) > 1:
             _refuse((*path, "yield"), "ground with yield surfaces", "yield", soils[0], faults)
         if material.hydraulic is not None:
             _refuse((*path, "hydraulic"), "water that takes time", "hydraulic", soils[0], faults)
@@ -54,6 +55,16 @@ def check_hardening(
         if stage.temperature:
             what = "changes of temperature"
             _refuse(("stages", n, "temperature"), what, "temperature", soils[0], faults)
+
+
+def _surfaces(material: MaterialSection) -> Sequence[object]:
+    """All that is written under `yield`."""
+    given = material.yields
+    return given if isinstance(given, list) else [] if given is None else [given]
+
+
+def _hardens(surface: object) -> bool:
+    return isinstance(surface, HardeningSoilSection)
 
 
 def _refuse(path: KeyPath, what: str, key: str, soil: str, faults: SectionFaults) -> None:
