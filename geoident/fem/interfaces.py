@@ -242,7 +242,7 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
     members = Members(
         sp.csr_array(sp.vstack(jumps)),
         np.tile(weight, mesh.dim),
-        np.repeat([False] + [True] * (mesh.dim - 1), len(weight)),
+        np.repeat([0] + [1] * (mesh.dim - 1), len(weight)),
         np.repeat(position[:, None], 2, axis=1),
     )
     return JointPoints(
