@@ -93,7 +93,7 @@ def write(staged: StagedModel, path: Path) -> None:
     ("along", "difference"),
     [(8, 0.035), pytest.param(16, 0.018, marks=pytest.mark.slow)],  # half as long: 3 s
 )
-def test_a_block_that_slips_equals_calculix(along, difference, tmp_path):
+def test_a_block_that_slips_equals_calculix(along, difference, tmp_path, verification):
     """Pressed, then pushed in three stages up to 0.92 of what friction holds."""
     staged = block(along)
     write(staged, tmp_path / "contact.inp")
@@ -107,3 +107,9 @@ def test_a_block_that_slips_equals_calculix(along, difference, tmp_path):
     off = np.abs(peer - ours).max(axis=(1, 2)) / scale
     assert (off < difference).all()
     assert np.abs(elastic - ours)[-1].max() > 3 * difference * scale[-1]  # and friction is met
+    end = int(np.argmax(staged.mesh.points @ (1.0, 0.0, 1.0)))
+    stages = np.arange(1, len(ours) + 1)
+    verification(
+        "calculix-contact", f"{along} elements", stages, exact=peer[:, end, 0],
+        found=ours[:, end, 0],
+    )  # fmt: skip
