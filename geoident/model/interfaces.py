@@ -68,9 +68,10 @@ class Interface:
             )
         cohesion = numbers.get("R_inter", 1.0) * numbers.get("cohesion", 0.0)
         apex = cohesion / np.tan(friction) if friction > 0.0 else np.inf
-        if self.yields and not numbers["tensile_strength"] <= apex * (1.0 + 1e-12):
+        tensile = numbers["tensile_strength"]
+        if self.yields and not tensile <= apex * (1.0 + 1e-12):
             return (
-                f"tensile_strength is {numbers['tensile_strength']:.6g}, beyond the tip of "
-                f"Coulomb's cone, cohesion / tan(friction), {apex:.6g}"
+                f"tensile_strength is {tensile / 1e3:.6g} kPa, beyond the tip of "
+                f"Coulomb's cone, cohesion / tan(friction), {apex / 1e3:.6g} kPa"
             )
         return None

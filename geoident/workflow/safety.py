@@ -194,9 +194,11 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
     case = model.case
     if case.interfaces:
         message = "the strength of interfaces is not divided by a factor of safety yet"
-        raise InputError(
-            [case.source.fault(("interfaces",), code="beside-interface", message=message)]
+        hint = "Leave out '--safety'; or the interfaces, for a factor of the ground alone."
+        fault = case.source.fault(
+            ("interfaces",), code="beside-interface", message=message, hint=hint
         )
+        raise InputError([fault])
     names = [stage.name for stage in case.stages]
     for name in wanted:
         if name not in names:

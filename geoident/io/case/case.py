@@ -574,7 +574,9 @@ def build_case(
     }
     if section.mesh is not None or "mesh" in wrong:
         _refuse_opening_supports(section.structures, context)
-    interfaces = build_interfaces(section.interfaces, materials, context.at("interfaces"))
+    interfaces = build_interfaces(
+        section.interfaces, materials, section.parameters, context.at("interfaces")
+    )
     channels = build_channels(section.gauges, structures, context.at("gauges"))
     gauges_wrong = bool(section.gauges) and not channels  # nobody knows the channels
     known = dict.fromkeys(name for c in channels for name in (c.gauge, c.name))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import Angle, CaseNumber, Count, Multiple, Name, Stress, WallSubgrade
 from geoident.model.case import Material
@@ -104,13 +105,17 @@ class InterfaceSection(Section):
 
 
 def build_interfaces(
-    sections: Mapping[str, InterfaceSection], materials: Mapping[str, Material], context: Context
+    sections: Mapping[str, InterfaceSection],
+    materials: Mapping[str, Material],
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
 ) -> dict[str, Interface]:
     """The interfaces of a case by name; those with a fault are left out.
 
     Args:
         sections: name to section.
         materials: of the ground, whose strength some reduce.
+        parameters: of the case, whose starts the numbers must bear.
         context: of the key `interfaces`.
     """
     made: dict[str, Interface] = {}
@@ -122,6 +127,11 @@ def build_interfaces(
             message = f"the interface '{other}' is along '{section.along}' already"
             place.at("along").refuse("duplicate", message, "Name another group, or remove one.")
         given = section.interface(materials, place)
-        if given is not None:
+        starts = numbers_at_start(section.numbers, parameters)
+        breach = None if given is None or starts is None else given.breach(starts)
+        if breach is not None:
+            hint = "Correct the number or its unit, or the start of its parameter."
+            place.refuse("out-of-range", breach, hint)
+        elif given is not None:
             made[name] = given
     return made
