@@ -224,6 +224,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
                     (structures.BARS_TITLE, False),
                 )
             ),
+            TitledTable(structures.SHELLS_TITLE, structures.shell_table(ends.shells)),
             appendix=True,
         ),
         section(

@@ -110,6 +110,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(decisions.NAME, *decisions.decision_parts(result)),
         section(trough.NAME, *_troughs(result)),
         section(structures.TITLE, structures.force_table(ends.members).text),
+        section(structures.SHELLS_TITLE, structures.shell_table(ends.shells).text),
         section(structures.REACTIONS_TITLE, structures.reaction_table(ends.reactions).text),
         section(extent.TITLE, extent.extent_table(ends.yielded).text),
         section("Scan", grid_text(result)),

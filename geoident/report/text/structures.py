@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.model.results.result import MemberForces, ShellForces, SupportReactions
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.rows import objects
 
 NAME = "Structures"
 LININGS_TITLE = "Walls and linings (kN/m, kNm/m; tension positive)"
+SHELLS_TITLE = "Shells (kN/m, kNm/m; n tension positive, m with tension on the inside)"
 BARS_TITLE = "Struts, anchors and bolts (kN each; tension positive)"
 TITLE = f"{NAME} (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
 REACTIONS_TITLE = "Reactions of supports (kN; per metre in plane strain; on the ground)"
@@ -90,6 +91,31 @@ def force_table(forces: MemberForces | None, *, per_metre: bool | None = None) -
             row += [] if used is None else [percent_used(used[members, stage])]
             rows.append(row)
     return TextTable(tuple(header), rows, right="ll" + "r" * (len(header) - 2))
+
+
+def shell_table(forces: ShellForces | None) -> TextTable:
+    """The extremes over the faces of each shell at each stage at which it stands."""
+    header = ["structure", "stage", "n_11 from", "to", "n_22 from", "to", "|n_12| up to"]
+    header += [f"|m_{part}| up to" for part in ("11", "22", "12")]
+    if forces is None:
+        return TextTable(tuple(header), [])
+    names, rows = np.array(forces.structures), []
+    greatest = [_largest(np.nan_to_num(each)) for each in (forces.normal, forces.moment)]
+    for name in dict.fromkeys(forces.structures):
+        faces = np.flatnonzero(names == name)
+        for stage in np.flatnonzero(np.isfinite(forces.normal[faces[0], 0])).tolist():
+            n, m = (
+                np.where(np.abs(part) > _ROUNDING * scale, part, 0.0)
+                for part, scale in zip(
+                    (forces.normal[faces, :, stage], forces.moment[faces, :, stage]),
+                    greatest,
+                    strict=True,
+                )
+            )
+            cells = [*_range(n[:, 0]), *_range(n[:, 1]), _force(_largest(n[:, 2]))]
+            cells += [_force(_largest(m[:, part])) for part in range(3)]
+            rows.append([name, forces.stages[stage], *cells])
+    return TextTable(tuple(header), rows, right="ll" + "r" * 8)
 
 
 STRENGTH_NOTE = (

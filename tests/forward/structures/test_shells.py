@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from geoident.errors import InputError
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
+from geoident.model.creep import StiffnessTable
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Shell
@@ -16,6 +20,7 @@ from tests.support.derivatives import assert_exact
 from tests.support.force_gauges import gauge
 from tests.support.meshes import box
 from tests.support.shelled import tunnel_slice
+from tests.support.yielding import Cavity, mohr, mohr_limit, rock
 
 NOTHING = np.empty(0)
 ZERO = Scalar(0.0)
@@ -70,6 +75,32 @@ def test_a_square_plate_bends_as_timoshenko_has_it(kind, clamped, deflection, mo
     assert np.abs(shells.normal).max() < 1e-6 * np.abs(shells.moment).max()
 
 
+@pytest.mark.slow  # 2 s; the closed forms of plates above are quick
+@pytest.mark.parametrize(("kind", "n"), [("hex8", 32), ("hex20", 16)])
+def test_the_roof_of_scordelis_and_lo(kind, n, verification):
+    """A quarter of it, as the inside of soft ground: 0.3024 ft (lb, ft; weight 90 lb/ft2)."""
+    grid = box(kind, (n, n, 1))
+    angle, along, out = grid.points.T
+    angle, r = np.radians(40.0) * angle, 25.0 + 0.5 * out
+    x = np.column_stack([r * np.sin(angle), r * np.cos(angle), 25.0 * (1.0 - along)])
+    roof = _shell("z0", 0.25, axis=(0.0, 0.0, 1.0), E=Scalar(4.32e8), nu=ZERO,
+                  weight=Scalar(90.0), mirrored_on=("x0", "y1"))  # fmt: skip
+    edge = (25.0 * float(np.sin(np.radians(40.0))), 25.0 * float(np.cos(np.radians(40.0))), 0.0)
+    staged = model(
+        replace(grid, points=x),
+        materials={"air": material("air", 1.0, 0.0)},
+        groups={"all": "air"},
+        supports=(Support("x0", (0,)), Support("y1", (2,)), Support("y0", (0, 1))),
+        gravity=(0.0, -10.0, 0.0),
+        structures={"roof": roof},
+        stages=(Stage("build", build=("roof",)),),
+        channels=(displacement("w", edge, (0.0, -1.0, 0.0)),),
+    )
+    found = staged.survey(NOTHING, fields=False).computed[0]
+    verification("roof", kind, ["middle of the free edge"], exact=[0.3024], found=found)
+    assert found[0] == pytest.approx(0.3024, rel=0.02)
+
+
 RADIUS, P0, E_ROCK, NU_ROCK = 3.0, 5e6, 2e9, 0.3
 SIDES = ("x0", "y0", "z0", "z1")
 
@@ -95,7 +126,7 @@ def _lined(kind, n, thickness, stages, *, reach=40, **changes):
     return model(mesh, **{**settings, **changes})
 
 
-def _thin_ring(thickness):
+def _thin_ring(thickness, E=E):
     """Mean and amplitude of N and of M (times cos 2a); see `test_structures._ring_in_ground`."""
     EA = E * thickness / (1 - NU**2)
     EI = EA * thickness**2 / 12
@@ -156,6 +187,52 @@ def test_a_shell_built_after_all_motion_bears_nothing_and_leaves_no_trace():
     assert np.abs(found.shells.normal[..., 1]).max() < 1e-9 * P0 * RADIUS
     u = found.fields.displacement
     np.testing.assert_allclose(u[3], u[1], atol=1e-10 * np.abs(u).max())
+
+
+def test_one_that_ages_meets_every_load_with_its_stiffness_of_that_day():
+    """In elastic ground each part of the release is that of a thin ring of its own modulus."""
+    day = 86400.0
+    ageing = StiffnessTable((0.0, 10.0 * day), (Scalar(5e9), Scalar(E)))
+    shell = _shell("wall", 0.3, axis=(0.0, 0.0, 1.0), mirrored_on=SIDES, ageing=ageing)
+    stages = (
+        Stage("open", excavate=("core",), release={"core": Scalar(0.2)}, lasts=day),
+        Stage("line", build=("lining",), release={"core": Scalar(0.5)}, lasts=10.0 * day),
+        Stage("advance", release={"core": Scalar(1.0)}, lasts=day),
+    )
+    staged = _lined("hex8", 8, 0.3, stages, structures={"lining": shell})
+    found = staged.survey(NOTHING, fields=False).shells
+    twice = np.cos(2 * np.arctan2(found.centres[:, 1], found.centres[:, 0]))
+    young, old = (np.array(_thin_ring(0.3, modulus)) for modulus in (5e9, E))
+    for stage, (mean, vary, bent) in ((1, 0.3 * young), (2, 0.3 * young + 0.5 * old)):
+        exact = mean + vary * twice
+        np.testing.assert_allclose(found.normal[:, 1, stage], exact, atol=0.01 * abs(mean))
+        moment = found.moment[:, 1, stage]
+        assert moment @ twice / (twice @ twice) == pytest.approx(bent, rel=0.03)
+
+
+def test_ground_that_yields_squeezes_it_as_convergence_and_confinement_have_it():
+    """Mohr-Coulomb, all-round stress: the ring meets the ground's closed reaction curve."""
+    cavity = Cavity(pressure=P0, E=E_ROCK, nu=NU_ROCK, radius=RADIUS)
+    limit = mohr_limit(c := 0.5e6, phi := float(np.radians(25.0)))
+    stages = (
+        Stage("open", excavate=("core",), release={"core": Scalar(0.7)}),
+        Stage("line", build=("lining",), release={"core": Scalar(1.0)}),
+    )
+    staged = _lined(
+        "hex8", 8, 0.3, stages, reach=20,
+        materials={"rock": rock(E_ROCK, NU_ROCK, mohr(c, phi))},
+        in_situ=ConstantStress((Scalar(-P0),) * 3 + (ZERO,) * 3),
+    )  # fmt: skip
+    found = staged.survey(NOTHING, fields=True)
+    assert found.yielded is not None
+    stiff = E * 0.3 / (1 - NU**2) / RADIUS**2
+
+    def wall(p):
+        return float(cavity.closed_form(limit, 1.0 - p / P0).wall_inwards.value)
+
+    built = wall(0.3 * P0)
+    pressure = brentq(lambda p: stiff * (wall(p) - built) - p, 0.0, 0.3 * P0)
+    np.testing.assert_allclose(-found.shells.normal[:, 1, 1] / RADIUS, pressure, rtol=0.02)
 
 
 def test_its_weight_is_that_of_its_area_in_plan():

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.model.results.result import MemberForces, ShellForces, SupportReactions
 from geoident.report.text.structures import (
     force_table,
     reaction_table,
     reaction_tables_by_stage,
+    shell_table,
     structures_list,
 )
 
@@ -39,6 +40,27 @@ def test_extremes_of_each_structure_at_each_stage_at_which_it_stands_are_shown()
     header = ("structure", "stage", "N from", "N to", "|M| up to", "|Q| up to")
     assert force_table(forces()).header == header
     assert force_table(None).text == ""
+
+
+def test_extremes_over_the_faces_of_each_shell_are_shown():
+    """Two faces of a vault and a slab of one, which stands from the second stage; no rounding."""
+    normal = 1e3 * np.array([[[1.0, 2], [-3, -4], [0.5, -6]], [[-1, 3], [-5, 7], [0, 1e-14]],
+                             [[NAN, 1e-14], [NAN, -2], [NAN, 0]]])  # fmt: skip
+    shells = ShellForces(
+        structures=("vault", "vault", "slab"),
+        numbers=np.array([1, 2, 1]),
+        stages=("first", "second"),
+        centres=np.zeros((3, 3)),
+        axes=np.broadcast_to(np.eye(3), (3, 3, 3)),
+        normal=normal,
+        moment=normal * [[[1.0], [10.0], [-1.0]]],
+    )
+    assert [list(row) for row in shell_table(shells).rows] == [
+        ["vault", "first", "-1", "1", "-5", "-3", "0.5", "1", "50", "0.5"],
+        ["vault", "second", "2", "3", "-4", "7", "6", "3", "70", "6"],
+        ["slab", "second", "0", "0", "-2", "-2", "0", "0", "20", "0"],
+    ]
+    assert shell_table(None).text == ""
 
 
 def test_programs_get_every_piece():
