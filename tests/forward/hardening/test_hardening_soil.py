@@ -90,6 +90,73 @@ def test_first_loading_in_the_oedometer_has_its_modulus_and_ratio(tmp_path, veri
 
 
 @pytest.mark.slow
+def test_a_cube_in_space_is_the_same_as_the_specimen_about_an_axis(tmp_path):
+    """Two of its principal stresses are equal at all times."""
+    cell, strains = 300e3, (0.002, 0.01, 0.03)
+    section, cube = tmp_path / "section", tmp_path / "cube"
+    section.mkdir()
+    cube.mkdir()
+    yy, xx, _ = read(element(section, HOSTUN + CAP, pressed(*strains), side=cell))
+    write_msh(box("hex8", (1, 1, 1)), cube / "m.msh", ["x0", "y0", "z0", "z1"])
+    steps = "\n".join(
+        f"  - {{name: stage {n}, supports: {{z1: {{z: {-1e3 * strain!r} mm}}}}}}"
+        for n, strain in enumerate(strains, 1)
+    )
+    (cube / "case.yaml").write_text(f"""\
+format: geoident-case/1
+analysis: solid
+mesh: {{file: m.msh}}
+materials:
+  sand: {{E: 60 MPa, nu: 0.2, yield: {{type: hardening-soil, {HOSTUN}{CAP}}}}}
+groups: {{all: sand}}
+supports: {{x0: x, y0: y, z0: z, z1: z}}
+in_situ: {{model: constant, xx: {-cell} Pa, yy: {-cell} Pa, zz: {-cell} Pa}}
+stages:
+{steps}
+gauges:
+  zz: {{kind: stress, point: [0.4 m, 0.5 m, 0.6 m], components: [zz], accuracy: 1 kPa}}
+  xx: {{kind: stress, point: [0.4 m, 0.5 m, 0.6 m], components: [xx], accuracy: 1 kPa}}
+""")
+    upright, across = read(cube / "case.yaml")
+    np.testing.assert_allclose(across, -cell, rtol=1e-6)
+    np.testing.assert_allclose(upright, yy, rtol=1e-6)
+    np.testing.assert_allclose(xx, -cell, rtol=1e-6)
+
+
+SUBMERGED = """\
+format: geoident-case/1
+analysis: plane-strain
+mesh: {{file: m.msh}}
+materials:
+  sand:
+    {{E: 60 MPa, nu: 0.2, density: {density} kg/m3, yield: {{type: hardening-soil, {law}}}}}
+groups: {{all: sand}}
+supports: {{x0: x, x1: x, y0: [x, y]}}
+gravity: 9.81 m/s2
+in_situ: {{model: geostatic, K0: 0.5, surface: 5 m}}
+{water}
+stages:
+  - {{name: load, loads: {{q: {{on: y1, pressure: 100 kPa}}}}}}
+gauges:
+  S: {{kind: settlement, point: [1 m, 5 m], accuracy: 0.1 mm}}
+"""
+
+
+@pytest.mark.slow
+def test_water_at_rest_leaves_the_effective_stress(tmp_path):
+    """A submerged layer settles as one without water of the weight under water."""
+    law = "E50: 20 MPa, Eoed: 16 MPa, m: 0.65, cohesion: 1 kPa, friction: 34 deg"
+    write_msh(box("quad8", (2, 5), size=(2.0, 5.0)), tmp_path / "m.msh", ["x0", "x1", "y0", "y1"])
+    found = []
+    for density, water in ((2000, "water: {table: 5 m}"), (1000, "")):
+        path = tmp_path / f"{density}.yaml"
+        path.write_text(SUBMERGED.format(density=density, law=law, water=water))
+        found.append(read(path).item())
+    assert found[0] == pytest.approx(found[1], rel=1e-8)
+    assert found[0] == pytest.approx(0.0426, rel=0.01)
+
+
+@pytest.mark.slow
 def test_the_cap_softens_a_drained_triaxial_test_as_published(tmp_path):
     path = element(
         tmp_path, HOSTUN + CAP, pressed(0.5 * STRENGTH * 300e3 / 33.45e6, 0.108), side=300e3
