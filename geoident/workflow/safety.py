@@ -194,7 +194,7 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
     case = model.case
     if case.interfaces:
         message = "the strength of interfaces is not divided by a factor of safety yet"
-        hint = "Leave out '--safety'; or the interfaces, for a factor of the ground alone."
+        hint = "Leave out the interfaces for a factor of the ground alone."
         fault = case.source.fault(
             ("interfaces",), code="beside-interface", message=message, hint=hint
         )
