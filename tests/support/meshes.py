@@ -48,7 +48,7 @@ def from_grid(kind: str, points: np.ndarray, n: tuple[int, ...]) -> Mesh:
     linear = _LINEAR.get(kind, kind)
     if linear == "pyramid5":
         points, cells = _with_centres(points, cells)
-    return build(kind, points, _split(cells, linear))
+    return build(kind, points, split_cells(cells, linear))
 
 
 def build(kind: str, points: np.ndarray, cells: np.ndarray) -> Mesh:
@@ -132,8 +132,8 @@ def opening(
         inner = outer
     joined = np.vstack(all_cells)
     if linear == "tet4":
-        points, joined = _cut_by_centres(points, joined)
-    joined = _split(joined, linear)
+        points, joined = cut_by_centres(points, joined)
+    joined = split_cells(joined, linear)
     if kind != linear:
         points, joined = elevate(points, joined, kind)
     block = ElementBlock(kind, joined, np.arange(1, len(joined) + 1))
@@ -165,7 +165,7 @@ def _cells(n: tuple[int, ...]) -> np.ndarray:
     return np.stack([(start + np.array(c)) @ strides for c in corners[len(n)]], axis=1)
 
 
-def _split(cells: np.ndarray, kind: str) -> np.ndarray:
+def split_cells(cells: np.ndarray, kind: str) -> np.ndarray:
     """Cells as they are, or cut into triangles or (Kuhn's) tetrahedra."""
     if kind == "tri3":
         return np.vstack([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
@@ -195,7 +195,7 @@ def _with_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np
     return np.vstack([points, points[cells].mean(axis=1)]), np.column_stack([cells, middles])
 
 
-def _cut_by_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cut_by_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hexahedra to 24 tetrahedra each, by centres of cells and faces: conforming on any grid."""
     faces = CELLS["hex8"].faces
     corners = cells[:, faces]
@@ -231,7 +231,7 @@ def mixed_box(order: int, *, distortion: float = 0.0) -> Mesh:
         top = inwards[cut, 4]
         tets += [np.stack([ring[0], ring[k], ring[k + 1], top], axis=1) for k in (1, 2)]
     linear = {
-        "wedge6": _split(cells[layer == 0], "wedge6"),
+        "wedge6": split_cells(cells[layer == 0], "wedge6"),
         "hex8": cells[layer == 1],
         "pyramid5": np.vstack(pyramids),
         "tet4": np.vstack(tets),
@@ -260,7 +260,7 @@ def gaping_box(rows: int = 1) -> Mesh:
     grid = box("hex8", (2, rows, 1))
     bricks = grid.blocks[0].nodes
     left = grid.points[bricks].mean(axis=1)[:, 0] < 0.5
-    tets = _split(bricks[~left], "tet4")
+    tets = split_cells(bricks[~left], "tet4")
     blocks = (
         ElementBlock("hex8", bricks[left], np.arange(1, 1 + rows)),
         ElementBlock("tet4", tets, np.arange(1 + rows, 1 + 7 * rows)),

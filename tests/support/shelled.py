@@ -10,7 +10,7 @@ from geoident.fem.faces import face_table, patches
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 
-from .meshes import _cut_by_centres, _split, build, opening
+from .meshes import build, cut_by_centres, opening, split_cells
 
 
 def tunnel_slice(
@@ -37,9 +37,9 @@ def tunnel_slice(
         faces = np.sort(cells[:, CELLS["hex8"].faces], axis=2).reshape(-1, 4)
         faces = np.unique(faces, axis=0)  # whose centres follow the points
         first = len(points)
-        points, cells = _cut_by_centres(points, cells)
+        points, cells = cut_by_centres(points, cells)
         _put_on_circles(points, first + np.arange(len(faces)), faces, radius)
-    mesh = build(kind, points, _split(cells, linear))
+    mesh = build(kind, points, split_cells(cells, linear))
     (block,), x = mesh.blocks, mesh.points.copy()
     for k, ends in enumerate(CELLS[kind].edges):
         middles = block.nodes[:, CELLS[kind].n_corners + k]

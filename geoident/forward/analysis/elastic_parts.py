@@ -61,7 +61,8 @@ class TimePart:
         self,
         operators: PoreOperators,
         blocks: PoreBlocks | None,
-        n_parts: int,
+        *,
+        n_parts: int = 1,
         columns: slice = slice(None),
     ) -> WaterInPart:
         """What the water does in it.
@@ -69,7 +70,7 @@ class TimePart:
         Args:
             operators: Q, S and H.
             blocks: the matrices; None where no pressure is free.
-            n_parts: number of the parts of all steps of the stage, about.
+            n_parts: number of the parts of all steps of the stage, about, where ground yields.
             columns: of the state and its derivatives.
         """
         step, begun = self.step, self.step.before.p[:, columns]
@@ -142,7 +143,7 @@ class ElasticParts:
         if lags is not None and (lags.blocks is not blocks or lags.part.step.h != part.step.h):
             self.finish()
             lags = None
-        water = part.water(self._operators, blocks, 1, _STATE)
+        water = part.water(self._operators, blocks, columns=_STATE)
         state = forces[:, _STATE] + water.pushed(), water.right(task.motion)
         sides = [_of_unknowns(task, blocks, *state)]
         if lags is not None:
@@ -173,7 +174,7 @@ class ElasticParts:
     def _slopes(self, lags: _Lagging) -> Floats:
         """Right sides (k, n) of the derivatives of a part, at whose beginning they are known."""
         task, part, du = lags.task, lags.part, lags.du
-        water = part.water(self._operators, lags.blocks, 1)
+        water = part.water(self._operators, lags.blocks)
         forces = (lags.forces + water.pushed())[:, _SLOPES]
         flow = water.right(task.motion)[:, _SLOPES]
         self._take_stiffness(task, du, forces)

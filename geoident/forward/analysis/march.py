@@ -210,7 +210,7 @@ class StepEquations:
             task = begun.task
         blocks = self._blocks_of(part.held, task)
         if self._plastic is not None and begun is not None:
-            water = part.water(self._operators, blocks, self.n_parts)
+            water = part.water(self._operators, blocks, n_parts=self.n_parts)
             du, dp = self._yielding(self._plastic, replace(task, water=water), before)
             return InTime(before.u + du, before.p + dp, begun.crept())
         forces = comes * self.rest

@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -152,6 +152,10 @@ class TestSection(Section):
     begun: ClassVar[str] = "consolidated"
     """What is said of the stage at whose end gauges read zero."""
 
+    if TYPE_CHECKING:  # each kind of test has its own
+        readings: RowsSection
+        accuracy: Section
+
     material: Name = Field(description="The material that is tested, one of `materials`.")
 
     @property
@@ -181,9 +185,9 @@ class TestSection(Section):
 
     def check(self, faults: SectionFaults) -> None:
         """What was read has an accuracy."""
-        readings, accuracy = getattr(self, "readings"), getattr(self, "accuracy")  # noqa: B009
-        for column in type(accuracy).model_fields:
-            if getattr(readings, column) is not None and getattr(accuracy, column) is None:
+        for column in type(self.accuracy).model_fields:
+            read = getattr(self.readings, column) is not None
+            if read and getattr(self.accuracy, column) is None:
                 message = f"the accuracy of '{column}', which was read, is missing"
                 hint = f"Add the standard deviation of one value: accuracy: {{{column}: ...}}."
                 faults.add(("accuracy",), "missing-key", message, hint)
