@@ -331,6 +331,7 @@ def test_commands_on_fits_of_stages_are_refused(fitted, command):
     assert "structure in service" in done.output
 
 
+@pytest.mark.slow  # two fits; one that goes on follows
 def test_an_interrupted_fit_goes_on_where_it_was(tmp_path):
     """As with Ctrl-C: what was computed is kept, and the answer is that of a whole fit."""
     path = write(tmp_path, years=7.0, case=without_temperatures(CASE))

@@ -39,6 +39,7 @@ def fitted(folder, steps):
     return read_project_result(folder / "project.fit.h5")
 
 
+@pytest.mark.slow  # of one case: tests/workflow/moments
 def test_coarse_steps_are_told_of_each_section_and_counted(tmp_path):
     """Without their errors the models do not fit, and E is off by ten standard deviations."""
     result = fitted(tmp_path, 1)
