@@ -2,7 +2,8 @@
 
 *Splitting.* Every node on the faces gets as many copies as there are bodies of elements around it
 that hang together through other faces. So a face that ends inside the ground leaves its end joined,
-and where faces meet or cross each part has nodes of its own: nothing is said of sides.
+and where faces meet or cross each part has nodes of its own: nothing is said of sides. A beam on
+such faces has nodes of its own wherever the sides part, and faces on both sides of it.
 
 *Elements.* With n the normal out of the first side, s along the face, the jumps of the displacement
 
@@ -32,7 +33,7 @@ from geoident.fem.kinematics import Kinematics
 from geoident.fem.structures import Members
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
-from geoident.model.mesh import Mesh, spans
+from geoident.model.mesh import Mesh, nodes_in, spans
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,21 @@ class JointFaces:
         first: (n, n_a) nodes on the side of the first elements, the normal points out of these.
         second: (n, n_a) the nodes that stood there before the split, on the other side.
         elements: (n, 2) elements on the first and on the second side.
+        beams: groups of the beams that are between the sides.
+        side: of beams, which of the elements the faces join with them, 0 or 1.
     """
 
     kind: str
     first: Ints
     second: Ints
     elements: Ints
+    beams: tuple[str, ...] = ()
+    side: int = 0
+
+    @property
+    def inner(self) -> Ints:
+        """Nodes (n, n_a) of the beams."""
+        return self.first if self.side else self.second
 
     def of(self, mask: Bools) -> JointFaces:
         """Some of them, by a mask (n,)."""
@@ -76,10 +86,15 @@ class SplitMesh:
     original: Ints
 
 
-def split(mesh: Mesh, groups: Sequence[str]) -> SplitMesh:
+def split(mesh: Mesh, groups: Sequence[str], beams: Sequence[str] = ()) -> SplitMesh:
     """Split a mesh along groups of faces; what is no group, or has one side only, stays as it is.
 
-    Faces that other groups have there go with the first side.
+    Faces that other groups have there go with the first side; beams get nodes of their own.
+
+    Args:
+        mesh: the mesh.
+        groups: along which it is split.
+        beams: groups of lines on which beams are.
     """
     known = [name for name in groups if name in mesh.facet_groups]
     if not known:
@@ -94,21 +109,38 @@ def split(mesh: Mesh, groups: Sequence[str]) -> SplitMesh:
     cut = np.zeros(table.n_faces, dtype=bool)
     cut[np.concatenate(list(faces_of.values()))] = True
     copies = _Copies(mesh, table, cut)
+    beams = [name for name in beams if name in mesh.facet_groups]
+    between = _Between(mesh, table, copies, face_of_facet, beams, cut)
     blocks = tuple(
         replace(block, nodes=copies.of(np.arange(span.start, span.stop), block.nodes))
         for block, span in spans(mesh.blocks)
     )
     behind = np.full(table.n_faces, -1)
     behind[table.face[::-1]] = table.element[::-1]  # of several the first in the table
-    facets = tuple(
-        replace(block, nodes=copies.of(behind[face_of_facet[span]], block.nodes))
-        for block, span in spans(mesh.facets)
-    )
-    points = np.concatenate([mesh.points, mesh.points[copies.original]])
+    facets = []
+    for block, span in spans(mesh.facets):
+        nodes = copies.of(behind[face_of_facet[span]], block.nodes)
+        inner = between.of(block.nodes, nodes)
+        facets.append(replace(block, nodes=np.where(between.facets[span, None], inner, nodes)))
+    original = np.concatenate([np.arange(mesh.n_nodes), copies.original, between.original])
     named = {name: copies.with_copies(nodes) for name, nodes in mesh.node_groups.items()}
-    whole = replace(mesh, points=points, blocks=blocks, facets=facets, node_groups=named)
-    joints = {name: _joints(mesh, table, copies, faces) for name, faces in faces_of.items()}
-    original = np.concatenate([np.arange(mesh.n_nodes), copies.original])
+    whole = replace(
+        mesh,
+        points=mesh.points[original],
+        blocks=blocks,
+        facets=tuple(facets),
+        node_groups=named,
+        inner=between.pairs(original),
+    )
+    joints = {}
+    for name, faces in faces_of.items():
+        parts = []
+        for own in np.unique(between.beams[faces], axis=0):
+            some = faces[(between.beams[faces] == own).all(axis=1)]
+            on = tuple(beam for beam, there in zip(beams, own, strict=True) if there)
+            for part in _joints(mesh, table, copies, some):
+                parts += between.two_sides(part, original, on) if on else [part]
+        joints[name] = tuple(parts)
     return SplitMesh(whole, joints, original)
 
 
@@ -171,6 +203,66 @@ class _Copies:
         first = int(self._number.max(initial=-1)) + 1 - len(self.original)
         more = first + np.flatnonzero(np.isin(self.original, nodes))
         return np.concatenate([nodes, more])
+
+
+class _Between:
+    """The nodes of beams between the two sides of a split mesh.
+
+    Args:
+        mesh: before the split.
+        table: its faces.
+        copies: which copy of a node each element has.
+        face_of_facet: (n_facets,) identity of the face of each facet, or -1.
+        beams: groups of the facets on which beams are.
+        cut: (n_faces,) along which the mesh is split.
+
+    Attributes:
+        facets: (n_facets,) which are of beams.
+        beams: (n_faces, n_beams) which beams are on each face.
+        original: (k,) of which node each of theirs, behind all others, is a copy.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        table: FaceTable,
+        copies: _Copies,
+        face_of_facet: Ints,
+        beams: Sequence[str],
+        cut: Bools,
+    ) -> None:
+        self.facets: Bools = np.zeros(len(face_of_facet), dtype=bool)
+        self.beams: Bools = np.zeros((table.n_faces, len(beams)), dtype=bool)
+        inner = [np.empty(0, dtype=np.int64)]
+        for number, name in enumerate(beams):
+            own = mesh.facet_groups[name]
+            faces = face_of_facet[own]
+            self.facets[own] = True
+            self.beams[faces[faces >= 0], number] = True
+            inner.append(nodes_in(mesh.facets, own[(faces >= 0) & cut[faces]]))
+        # where the sides do not part, as at a tip in the ground, the beam is joined to both
+        self.original: Ints = np.intersect1d(np.concatenate(inner), copies.original)
+        self._number = np.full(mesh.n_nodes, -1)
+        first = mesh.n_nodes + len(copies.original)
+        self._number[self.original] = first + np.arange(len(self.original))
+
+    def of(self, nodes: Ints, others: Ints) -> Ints:
+        """Nodes of before the split as beams have them, and others where beams have none."""
+        return np.asarray(np.where(self._number[nodes] >= 0, self._number[nodes], others))
+
+    def pairs(self, original: Ints) -> Ints:
+        """(k, 2) nodes of the ground, each with that of beams there; see `Mesh.inner`."""
+        ground = np.arange(len(original) - len(self.original))
+        inner = self._number[original[ground]]
+        return np.stack([ground, inner], axis=1)[inner >= 0]
+
+    def two_sides(self, part: JointFaces, original: Ints, on: tuple[str, ...]) -> list[JointFaces]:
+        """The faces between the first side and beams, and between these and the second side."""
+        inner = self.of(original[part.first], part.first)
+        return [
+            replace(part, second=inner, beams=on, side=0),
+            replace(part, first=inner, beams=on, side=1),
+        ]
 
 
 def _joints(mesh: Mesh, table: FaceTable, copies: _Copies, faces: Ints) -> tuple[JointFaces, ...]:

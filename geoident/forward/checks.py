@@ -82,6 +82,7 @@ from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar, Values
+from geoident.model.structures import Beam
 
 
 def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
@@ -122,7 +123,8 @@ def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     along = tuple(one.along for one in case.interfaces.values())
     if not along or groups:  # of both together the case is refused
         return whole
-    parted = _split_of(upright, along, lambda: split(upright, along))
+    beams = tuple(one.group for one in case.structures.values() if isinstance(one, Beam))
+    parted = _split_of(upright, (along, beams), lambda: split(upright, along, beams))
     return replace(
         whole,
         mesh=parted.mesh,

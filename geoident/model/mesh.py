@@ -50,6 +50,7 @@ class Mesh:
         file: where it came from, for messages.
         rotations_of: (k,) nodes, ascending, at which shells turn. The last k nodes of ``points``
             are no places: their three unknowns are the rotations there.
+        inner: (k, 2) a node of the ground, and that which a beam between interfaces has there.
     """
 
     points: Floats
@@ -60,6 +61,7 @@ class Mesh:
     node_groups: Mapping[str, Ints] = field(default_factory=dict)
     file: str = ""
     rotations_of: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    inner: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     @property
     def dim(self) -> int:
@@ -118,6 +120,12 @@ def with_rotations(mesh: Mesh, nodes: Ints) -> Mesh:
     """The same mesh with unknowns for the rotations at some nodes (k,), ascending."""
     points = np.concatenate([mesh.points, mesh.points[nodes]])
     return replace(mesh, points=points, rotations_of=nodes)
+
+
+def and_inner(mesh: Mesh, nodes: Ints) -> Ints:
+    """Some nodes (k,) with those that beams between interfaces have there, ascending."""
+    outer, inner = mesh.inner.T
+    return np.union1d(nodes, inner[np.isin(outer, nodes)])
 
 
 def motions_of_nodes(mesh: Mesh, u: Floats) -> Floats:

@@ -25,6 +25,7 @@ from geoident.forward.actions.edges import HELD_EDGES, loaded_edges
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.structures.placing import onto_beams, site_on_beam
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
@@ -40,8 +41,13 @@ _NO_FORCE = 1e-9
 """Part of the largest force below which a force is rounding."""
 
 
-def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools) -> NodalForces:
-    """Nodal forces of a load on the ground that is there.
+def load_forces(
+    on_mesh: CaseOnMesh,
+    load: FaceLoad | PointForce,
+    present: Bools,
+    standing: frozenset[str] = frozenset(),
+) -> NodalForces:
+    """Nodal forces of a load on the ground that is there, or on beams between it and interfaces.
 
     A point force is shared by the nodes of the element around it, or evenly by those of a group.
 
@@ -49,6 +55,7 @@ def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools
         on_mesh: the case on its mesh.
         load: the load.
         present: (n_elements,) which elements are there.
+        standing: names of the structures that stand.
 
     Raises:
         ValueError: a face of the load is not free (`load_place_faults`).
@@ -59,12 +66,17 @@ def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools
         if isinstance(load.place, str):
             nodes = group_nodes(mesh, load.place)
             shares[nodes] = 1 / len(nodes)
-        elif (site := on_mesh.locator.best(load.place, present)) is not None:
-            shares[site.nodes] = site.shapes
+        else:
+            site = site_on_beam(on_mesh, load.place, standing)
+            site = site or on_mesh.locator.best(load.place, present)
+            if site is not None:
+                shares[site.nodes] = site.shapes
         return partial(_along_axes, shares, load.value)
     faces = load_patches(mesh, on_mesh.table, load.group, present)
     if faces is None:
         raise ValueError(f"load on '{load.group}' has no free face (see load_place_faults)")
+    if len(mesh.inner):
+        faces = tuple(replace(p, nodes=onto_beams(on_mesh, p.nodes, standing)) for p in faces)
     if isinstance(load, Traction):
         for patch in faces:
             shares += traction_weights(mesh, patch, kinematics)
@@ -211,15 +223,16 @@ class Actions:
 
     def _all_load_forces(self) -> dict[tuple[int, str], NodalForces]:
         """The loads of every state; what acts on the same ground is prepared once."""
-        prepared: dict[tuple[FaceLoad | PointForce, bytes], NodalForces] = {}
+        prepared: dict[tuple[FaceLoad | PointForce, bytes, frozenset[str]], NodalForces] = {}
         result = {}
         for n, state in enumerate(self._sequence.states):
             present = self._sequence.present(n)
             for name, load in state.loads.items():
                 if isinstance(load, Seismic):
                     continue
-                key = (load, present.tobytes())
+                on = state.structures if len(self._mesh.inner) else frozenset[str]()
+                key = (load, present.tobytes(), on)
                 if key not in prepared:
-                    prepared[key] = load_forces(self._on_mesh, load, present)
+                    prepared[key] = load_forces(self._on_mesh, load, present, on)
                 result[n, name] = prepared[key]
         return result

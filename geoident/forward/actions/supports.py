@@ -11,7 +11,7 @@ from geoident.forward.stages import CaseOnMesh, listed
 from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath, Support
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.mesh import Mesh, and_inner, nodes_in
 from geoident.model.structures import Shell
 
 
@@ -61,12 +61,17 @@ def normal_axis(mesh: Mesh, nodes: Ints) -> int | None:
 
 
 def group_nodes(mesh: Mesh, name: str) -> Ints:
-    """Nodes (k,) of a group of facets, nodes or elements (searched in this order)."""
+    """Nodes (k,) of a group of facets, nodes or elements (searched in this order).
+
+    With those that beams between interfaces have there.
+    """
     if name in mesh.facet_groups:
-        return nodes_in(mesh.facets, mesh.facet_groups[name])
-    if name in mesh.node_groups:
-        return mesh.node_groups[name]
-    return nodes_in(mesh.blocks, mesh.groups[name])
+        nodes = nodes_in(mesh.facets, mesh.facet_groups[name])
+    elif name in mesh.node_groups:
+        nodes = mesh.node_groups[name]
+    else:
+        nodes = nodes_in(mesh.blocks, mesh.groups[name])
+    return and_inner(mesh, nodes)
 
 
 _NEAR_NODE = 1e-6

@@ -39,7 +39,7 @@ from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_ind
 from geoident.forward.structures.members import Structures
 from geoident.forward.structures.strain_points import MemberPoints
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.mesh import Mesh, and_inner, nodes_in
 from geoident.model.parameter import Values
 
 SystemKey = tuple[frozenset[int], int]
@@ -318,8 +318,8 @@ def _moved_to_end(order: Ints, nodes: Ints) -> Ints:
 
 
 def _touched(mesh: Mesh, present: Bools) -> Bools:
-    """(n_dofs,) degrees of freedom of the nodes of present elements."""
+    """(n_dofs,) degrees of freedom of the nodes of present elements, and of beams at these."""
     nodes = np.zeros(mesh.n_nodes, dtype=bool)
-    nodes[nodes_in(mesh.blocks, present)] = True
+    nodes[and_inner(mesh, nodes_in(mesh.blocks, present))] = True
     nodes[mesh.n_nodes - len(mesh.rotations_of) :] = nodes[mesh.rotations_of]
     return np.repeat(nodes, mesh.dim)

@@ -124,6 +124,9 @@ def joint_meters(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
             continue  # the interface is a fault of its own
         target = np.array(on_mesh.kinematics.in_section(channel.second)[0])
         place = nearest_place(mesh.points, parts, target)
+        if np.isin(place.first, mesh.inner).all() or np.isin(place.second, mesh.inner).all():
+            faults.append(_beside_beam(on_mesh, channel))
+            continue
         if place.distance > _OFF * place.size:
             faults.append(_off(on_mesh, channel, place))
             continue
@@ -156,6 +159,16 @@ def _stands(on_mesh: CaseOnMesh, place: PlaceOnInterface) -> Bools:
     """(n_states,) when the ground of both sides is there."""
     groups = on_mesh.sequence.group_of[place.elements]
     return np.array([all(int(g) in s.materials for g in groups) for s in on_mesh.sequence.states])
+
+
+def _beside_beam(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
+    return on_mesh.case.source.fault(
+        (*channel.key, "interface"),
+        code="beside-beam",
+        message=f"gauge '{channel.name}' reads across the interface '{channel.interface}', which a "
+        "beam divides: across which of its two sides is not said",
+        hint="Take an extensometer from a point of the beam to one of the ground.",
+    )
 
 
 def _off(on_mesh: CaseOnMesh, channel: Channel, place: PlaceOnInterface) -> Fault:

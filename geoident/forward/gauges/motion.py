@@ -19,6 +19,7 @@ from geoident.forward.gauges.placement import (
     point_fault,
 )
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.placing import site_on_beam
 from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Channel
 
@@ -47,7 +48,8 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
 
     They can be read while their points stand in ground that has been there since the zero, on the
     way of construction from one to the other; or that is placed right after the zero: what has
-    moved before is then no motion of theirs, and the readings count from the placing on.
+    moved before is then no motion of theirs, and the readings count from the placing on. A point
+    on a beam between interfaces that stands at the zero is one of this beam.
     """
     kinematics, mesh, sequence = on_mesh.kinematics, on_mesh.mesh, on_mesh.sequence
     rows = sp.lil_array((len(channels), mesh.points.size))
@@ -61,9 +63,13 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
         readable[row] = from_zero(on_mesh, channel)
         for point, vector in channel.motions:
             place, turned = kinematics.in_section(point)
-            sites = on_mesh.locator.sites(place)
+            sites, beside = on_mesh.locator.sites(place), None
+            on_beam = site_on_beam(on_mesh, place, sequence.states[zero].structures)
             site, stays = best_site(sites, sequence, zero)
-            beside = beside_fault(on_mesh, channel, point, sites)
+            if on_beam is not None:
+                site, stays = on_beam, np.ones(len(sequence.states), dtype=bool)
+            else:
+                beside = beside_fault(on_mesh, channel, point, sites)
             if site is None or beside is not None:
                 fault = beside or point_fault(on_mesh, channel, point, sites)
                 # once for the end of a casing, to which all its channels refer
@@ -77,7 +83,7 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
             readable[row] &= stays
             if is_beside(site):
                 snapped.append(channel.name)
-            if is_placed_after(sequence, zero, site):
+            if on_beam is None and is_placed_after(sequence, zero, site):
                 as_built.append(channel.name)
     return Placed(
         RelativeDisplacements(sp.csr_array(rows)),

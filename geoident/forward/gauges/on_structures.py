@@ -95,7 +95,7 @@ def place_on_beam(channel: Channel, on_mesh: CaseOnMesh) -> tuple[PlaceOnBeam, b
     present = present_throughout(on_mesh.sequence, channel.structure)
     if channel.towards is not None or present is None:
         return place, True
-    balance = facing_balance(on_mesh.mesh, edges[place.pieces], present)
+    balance = facing_balance(on_mesh, edges[place.pieces], present)
     return replace(place, turned=np.where(balance < 0, -1.0, 1.0)), bool(balance.all())
 
 

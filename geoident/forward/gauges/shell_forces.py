@@ -119,7 +119,7 @@ def shell_forces(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
         if present is None:
             continue
         if name not in shells:
-            members = placed(on_mesh, shell, present)
+            members = placed(on_mesh, name, present)
             assert isinstance(members, ShellMembers)
             shells[name] = members
         place = PlaceOnShell.nearest(on_mesh.mesh.points, shells[name], channel)

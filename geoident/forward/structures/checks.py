@@ -22,7 +22,7 @@ from geoident.forward.structures.placing import (
 from geoident.model.actions import FaceDistance, Release
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
-from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.mesh import Mesh, and_inner, nodes_in
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Beam, OpeningSupport, Shell, Structure, Struts
 
@@ -164,7 +164,7 @@ def _lines(on_mesh: CaseOnMesh, name: str, groups: frozenset[int]) -> bool:
     if isinstance(beam, OpeningSupport) or not mesh.blocks:
         return True  # of the one opening of a case without mesh
     within = nodes_in(mesh.blocks, np.isin(on_mesh.sequence.group_of, list(groups)))
-    return bool(np.isin(group_nodes(mesh, beam.group), within).all())
+    return bool(np.isin(group_nodes(mesh, beam.group), and_inner(mesh, within)).all())
 
 
 def _in_parts(release: Release | None) -> bool:
@@ -375,7 +375,8 @@ def _missing(
                         return ("ends", n, k), f"{what} {format_point(point)} lies"
         return None
     assert isinstance(structure, Beam | Shell)
-    lost = np.setdiff1d(group_nodes(mesh, structure.group), nodes_in(mesh.blocks, present))
+    there = and_inner(mesh, nodes_in(mesh.blocks, present))
+    lost = np.setdiff1d(group_nodes(mesh, structure.group), there)
     if len(lost) == 0:
         return None
     return ("on",), f"{len(lost)} nodes, the first near {format_point(mesh.points[lost[0]])}, lie"

@@ -7,13 +7,12 @@ have since the virgin state begins with the traction of the in-situ stress on th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.fem.faces import load_faces
-from geoident.fem.interfaces import JointPoints, joint_points
+from geoident.fem.interfaces import JointFaces, JointPoints, joint_points
 from geoident.forward.stages import CaseOnMesh, ConstructionState, listed
 from geoident.model.case import Case, KeyPath
 from geoident.model.interfaces import Interface
@@ -29,8 +28,10 @@ class InterfacePart:
         name: of the interface, with the two groups if it has several parts.
         interface: its name.
         given: what the case says of it.
-        groups: the indices of the two groups, ascending; one twice if it is on both sides.
+        groups: the indices of the two groups, ascending; one twice if it is on both sides. Beside
+            a beam that of the own side first.
         points: its points.
+        beams: the structures that are between the two sides; then it holds one side and these.
     """
 
     name: str
@@ -38,35 +39,41 @@ class InterfacePart:
     given: Interface
     groups: tuple[int, int]
     points: JointPoints
+    beams: frozenset[str] = frozenset()
 
     def stands(self, state: ConstructionState) -> bool:
-        """Whether the ground of both sides is there."""
-        return all(group in state.materials for group in self.groups)
+        """Whether what it holds together is there: of beams the ground beyond them stands for it.
+
+        Before a wall is built its nodes hang between the interfaces of both sides.
+        """
+        own, other = (group in state.materials for group in self.groups)
+        return own and (other or not self.beams.isdisjoint(state.structures))
 
 
 def interface_parts(on_mesh: CaseOnMesh) -> list[InterfacePart]:
     """All parts of interfaces that ever stand."""
     parts, sequence = [], on_mesh.sequence
     for name, given in on_mesh.case.interfaces.items():
-        faces = on_mesh.joints.get(given.along, ())
-        pairs = [np.sort(sequence.group_of[one.elements], axis=1) for one in faces]
+        own: dict[tuple[frozenset[str], tuple[int, int]], list[JointFaces]] = {}
+        for faces in on_mesh.joints.get(given.along, ()):
+            beams = frozenset(
+                beam
+                for beam, one in on_mesh.case.structures.items()
+                if isinstance(one, Beam) and one.group in faces.beams
+            )
+            pairs = sequence.group_of[faces.elements]
+            pairs = pairs[:, [faces.side, 1 - faces.side]] if beams else np.sort(pairs, axis=1)
+            for first, second in np.unique(pairs, axis=0).tolist():
+                some = faces.of((pairs == (first, second)).all(axis=1))
+                own.setdefault((beams, (first, second)), []).append(some)
         of_name = []
-        for first, second in np.unique(np.concatenate([np.empty((0, 2), int), *pairs]), axis=0):
-            between = (int(first), int(second))
-            if not any(set(between) <= state.materials.keys() for state in sequence.states):
-                continue
-            own = [
-                one.of((pair == between).all(axis=1))
-                for one, pair in zip(faces, pairs, strict=True)
-                if (pair == between).all(axis=1).any()
-            ]
-            points = joint_points(on_mesh.mesh, own, on_mesh.kinematics)
-            sides = f"{name} ({sequence.groups[between[0]]}/{sequence.groups[between[1]]})"
-            of_name.append((sides, between, points))
-        parts += [
-            InterfacePart(sides if len(of_name) > 1 else name, name, given, between, points)
-            for sides, between, points in of_name
-        ]
+        for (beams, groups), some_faces in sorted(own.items(), key=lambda one: one[0][1]):
+            sides = f"{name} ({'/'.join(sequence.groups[group] for group in groups)})"
+            points = joint_points(on_mesh.mesh, some_faces, on_mesh.kinematics)
+            part = InterfacePart(sides, name, given, groups, points, beams)
+            if any(part.stands(state) for state in sequence.states):
+                of_name.append(part)
+        parts += of_name if len(of_name) > 1 else [replace(part, name=name) for part in of_name]
     return parts
 
 
@@ -118,14 +125,6 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
         if material.soil is not None:
             message = f"interfaces beside {material.soil.description} are not computed yet"
             refuse(("materials", name, "yield"), message, "Use 'mohr-coulomb', or no interfaces.")
-    along = {given.along for given in case.interfaces.values()}
-    for name, structure in case.structures.items():
-        if isinstance(structure, Beam) and _shares(on_mesh, structure.group, along):
-            message = (
-                f"the structure '{name}' lies on an interface: between which sides is not said"
-            )
-            hint = "Model the wall by elements with an interface on each side, or move one of both."
-            refuse(("structures", name, "on"), message, hint)
     beside = {
         int(group)
         for faces in on_mesh.joints.values()
@@ -140,15 +139,6 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
             hint = "Excavate it whole, without 'release' or 'distance'; or move the interface."
             refuse(("stages", n), message, hint)
     return faults
-
-
-def _shares(on_mesh: CaseOnMesh, group: str, along: set[str]) -> bool:
-    """Whether a group of lines has faces of an interface."""
-    mesh, table = on_mesh.mesh, on_mesh.table
-    if group not in mesh.facet_groups:
-        return False
-    cut = [load_faces(mesh, table, name) for name in sorted(along & mesh.facet_groups.keys())]
-    return bool(np.isin(load_faces(mesh, table, group), np.concatenate(cut)).any())
 
 
 def inadmissible_interface(case: Case, values: Values) -> str | None:

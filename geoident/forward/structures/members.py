@@ -306,7 +306,8 @@ class Structures:
         """Whether a part that stands at a state did not stand at the one before."""
         if part.joint is None:
             return part.name in state.built
-        placed = not state.placed.isdisjoint(part.joint.groups)
+        groups = part.joint.groups[:1] if part.joint.beams else part.joint.groups
+        placed = not state.placed.isdisjoint(groups)
         return placed or not part.joint.stands(self._sequence.states[state.base])
 
     @property
@@ -418,7 +419,7 @@ def _placed_structures(on_mesh: CaseOnMesh) -> list[StructureMembers]:
     for name, structure in on_mesh.case.structures.items():
         present = present_throughout(on_mesh.sequence, name)
         if present is not None:
-            members = placed(on_mesh, structure, present)
+            members = placed(on_mesh, name, present)
             rows = slice(first, first + len(members.weight))
             first = rows.stop
             parts.append(StructureMembers(name, structure, members, rows))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Sequence
 
@@ -23,7 +24,10 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in, with_rotations
-from geoident.model.structures import Anchors, Bars, Beam, Shell, Structure
+from geoident.model.structures import Anchors, Bars, Beam, Shell
+
+_ON_BEAM = 0.01
+"""Distance from a piece of a beam, in parts of its length, up to which a point is on it."""
 
 _HeldPoint = tuple[str, tuple[float, ...]]
 
@@ -31,16 +35,18 @@ GROUT_POINTS = 10
 """Points, spread evenly along the grouted length of an anchor, at which it holds the ground."""
 
 
-def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members:
+def placed(on_mesh: CaseOnMesh, name: str, present: Bools) -> Members:
     """The members of a structure.
 
     Args:
         on_mesh: the case on its mesh.
-        structure: the structure.
+        name: of the structure.
         present: (n_elements,) what is there as long as it stands.
     """
+    structure = on_mesh.case.structures[name]
     if isinstance(structure, Bars):
-        return _bars(on_mesh, structure, present)
+        states = (s.structures for s in on_mesh.sequence.states if name in s.structures)
+        return _bars(on_mesh, structure, present, frozenset.intersection(*states))
     if isinstance(structure, Shell):
         return _shell(on_mesh, structure, present)
     assert isinstance(structure, Beam)
@@ -49,7 +55,7 @@ def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members
     # Where ground is on one side only it is on the left of pieces: bending moments are positive
     # with tension on the open side. Pieces between ground on both sides, as the embedded part of a
     # wall, go on in the direction of those that they follow on.
-    side = np.sign(facing_balance(mesh, edges, present)).astype(np.int64)
+    side = np.sign(facing_balance(on_mesh, edges, present)).astype(np.int64)
     edges = np.where(_going_on(edges, side)[:, None], edges[:, ::-1], edges)
     hinged, held = hinged_and_held(on_mesh, structure)
     if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
@@ -128,7 +134,62 @@ def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
     return nodes[[nearest]] if apart[nearest] <= 0.01 * shortest else nodes[:0]
 
 
-def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:
+def site_on_beam(
+    on_mesh: CaseOnMesh, point: tuple[float, ...], standing: frozenset[str]
+) -> Site | None:
+    """The place of a point on a beam that has nodes of its own between interfaces.
+
+    Args:
+        on_mesh: the case on its mesh.
+        point: (dim,) m.
+        standing: names of structures; others do not count.
+
+    Returns:
+        The place, of no element; None where no such beam is within 1 % of the length of a piece.
+    """
+    mesh = on_mesh.mesh
+    if not len(mesh.inner):
+        return None
+    for name in sorted(standing):
+        beam = on_mesh.case.structures[name]
+        if not isinstance(beam, Beam):
+            continue
+        pieces = straight_pieces(mesh, beam.group)
+        pieces = pieces[np.isin(pieces, mesh.inner[:, 1]).any(axis=1)]
+        first, along = mesh.points[pieces[:, 0]], np.diff(mesh.points[pieces], axis=1)[:, 0]
+        square = (along**2).sum(axis=1)
+        part = np.clip(((np.array(point) - first) * along).sum(axis=1) / square, 0.0, 1.0)
+        apart = np.linalg.norm(first + part[:, None] * along - point, axis=1) / np.sqrt(square)
+        n = int(np.argmin(apart))
+        if apart[n] <= _ON_BEAM:
+            shapes, slopes = np.array([1.0 - part[n], part[n]]), np.array([-1.0, 1.0])
+            return Site(-1, pieces[n], shapes, np.outer(slopes, along[n] / square[n]), 0.0)
+    return None
+
+
+def onto_beams(on_mesh: CaseOnMesh, nodes: Ints, standing: frozenset[str]) -> Ints:
+    """Nodes (n, n_a) of free faces, on the beams that stand there between interfaces.
+
+    Args:
+        on_mesh: the case on its mesh.
+        nodes: of faces of the ground.
+        standing: names of structures.
+    """
+    structures = on_mesh.case.structures.items()
+    groups = {one.group for name, one in structures if name in standing and isinstance(one, Beam)}
+    beside: dict[frozenset[int], dict[int, int]] = {}
+    for part in itertools.chain(*on_mesh.joints.values()):
+        if groups.intersection(part.beams):
+            outer = part.second if part.side else part.first
+            for own, inner in zip(outer.tolist(), part.inner.tolist(), strict=True):
+                beside[frozenset(own)] = dict(zip(own, inner, strict=True))
+    rows = nodes.tolist()
+    return np.array([[beside.get(frozenset(own), {}).get(n, n) for n in own] for own in rows])
+
+
+def _bars(
+    on_mesh: CaseOnMesh, structure: Bars, present: Bools, standing: frozenset[str]
+) -> Members:
     """Bars on the mesh; their members are numbered as the case gives them."""
     locator = on_mesh.locator
     ends = np.array(structure.ends, dtype=np.float64)
@@ -137,7 +198,10 @@ def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:
         extent = 2 * np.pi * ends[:, 0, 0]
 
     def holding(points: list[_HeldPoint]) -> list[Site]:
-        sites = [locator.best(point, present) for _, point in points]
+        sites = [
+            site_on_beam(on_mesh, point, standing) or locator.best(point, present)
+            for _, point in points
+        ]
         return [site for site in sites if site is not None]
 
     sites = [
@@ -206,14 +270,16 @@ def _going_on(edges: Ints, side: Ints) -> Bools:
     return np.asarray(decided < 0)
 
 
-def facing_balance(mesh: Mesh, edges: Ints, present: Bools) -> Floats:
+def facing_balance(on_mesh: CaseOnMesh, edges: Ints, present: Bools) -> Floats:
     """On which side of edges (n, 2) present ground is: (n,) positive for left, 0 for both or none.
 
     Args:
-        mesh: a plane mesh.
+        on_mesh: the case on a plane mesh.
         edges: (n, 2) nodes of the two ends of each.
         present: (n_elements,) which elements are there.
     """
+    mesh = on_mesh.unsplit.mesh
+    edges = edges if on_mesh.original is None else on_mesh.original[edges]
     balance = np.zeros(len(edges))
     along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
     for block, rows in rows_in(mesh.blocks, present):

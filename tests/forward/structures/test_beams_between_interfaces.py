@@ -1,0 +1,203 @@
+"""Beams on the lines of interfaces: closed forms, what their nodes are, exact derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cosh, radians, sqrt, tanh
+
+import numpy as np
+import pytest
+
+from geoident.errors import InputError
+from geoident.model.case import Stage, Support
+from geoident.model.in_situ import GeostaticStress
+from geoident.model.interfaces import Interface
+from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Beam, Bolts, Struts
+from tests.forward.structures.test_interfaces import meter
+from tests.forward.structures.test_structures import NU, P0, RADIUS, E, _lined, _stress, _tunnel
+from tests.support.cases import displacement, material, model
+from tests.support.derivatives import assert_exact
+from tests.support.force_gauges import gauge
+from tests.support.inner_faces import with_inner_faces
+from tests.support.meshes import box, regroup
+
+NOTHING, ZERO = np.empty(0), Scalar(0.0)
+
+
+def slipping_ring(K, EA, EI, k_n, k_s):
+    """N at spring line and crown, M at the crown of a ring on springs in ground that is unloaded.
+
+    The springs have the in-situ tractions t_0 and part by (t - t_0) / k. Mean stress: p R^2 / EA =
+    (p0 - p) (R / (2 G) + 1 / k_n). With cos 2a Michell's A / r^2 + B in the ground.
+    """
+    G, R, S = E / (2 * (1 + NU)), RADIUS, P0 * (1 - K) / 2
+    load = np.array([[-6 / R**4, -4 / R**2], [-6 / R**4, -2 / R**2]])  # of A and B
+    motion = np.array([[2 / R**3, 4 * (1 - NU) / R], [2 / R**3, -(2 - 4 * NU) / R]]) / (2 * G)
+    stretch, bend = np.array([1.0, 2.0]) / R, np.array([-4.0, -2.0]) / R**2
+    ring = EA * np.outer(stretch, stretch) + EI * np.outer(bend, bend)
+    more = np.eye(2) + ring @ np.diag([1 / k_n, 1 / k_s])
+    state = np.linalg.solve(ring @ motion - more @ load, np.array([S, -S]))
+    w, v = motion @ state - load @ state / [k_n, k_s]
+    mean = -P0 * (1 + K) / 2 * R / (1 + R * R / EA / (R / (2 * G) + 1 / k_n))
+    vary = EA * stretch @ [w, v]
+    return mean + vary, mean - vary, EI * bend @ [w, v]
+
+
+@pytest.mark.parametrize(("k_n", "k_s"), [(5e9, 5e8), (1e13, 1e4)])
+@pytest.mark.parametrize("along", ["wall", "own"])
+def test_a_lining_that_slips(k_n, k_s, along, verification):
+    """Springs, and full slip; the interface on the lines of the beam, or on lines of its own."""
+    mesh = _tunnel(8)
+    if along == "own":
+        mesh = with_inner_faces(mesh, own=lambda x: abs(np.linalg.norm(x, axis=-1) - RADIUS) < 1e-6)
+    EA, EI = 1.2e9, 4e8
+    staged = _lined(
+        mesh,
+        (Stage("open", excavate=("core",), build=("lining",)),),
+        in_situ=_stress(P0, 0.5 * P0),
+        lining=Beam("wall", EA=Scalar(EA), EI=Scalar(EI), clamped_on=("x0", "y0")),
+        interfaces={"slip": Interface(along, Scalar(k_n), Scalar(k_s))},
+    )
+    found = staged.survey(NOTHING, fields=False).members
+    spring, crown, moment = slipping_ring(0.5, EA, EI, k_n, k_s)
+    order = np.argsort(np.arctan2(found.ends[..., 1], found.ends[..., 0]).mean(axis=1))
+    axial, moments = found.axial[order, 0], found.moment[order].mean(axis=1)[:, 0]
+    assert axial[[0, -1]] == pytest.approx([spring, crown], rel=0.01)
+    assert moments[-1] == pytest.approx(abs(moment), rel=0.02)  # tension on the open side
+    if along == "wall":
+        variant = (
+            "no shear stiffness"
+            if k_s < 1e6
+            else f"k_n {k_n / 1e9:g} GPa/m, k_s {k_s / 1e9:g} GPa/m"
+        )
+        places = ["N at the spring line", "N at the crown", "M at the crown"]
+        verification(
+            "slipping-lining", variant, places,
+            exact=[spring, crown, abs(moment)], found=[*axial[[0, -1]], moments[-1]],
+        )  # fmt: skip
+
+
+# --- a strip in rigid rock -----------------------------------------------------------------------
+
+LENGTH, EA, BOND, COHESION = 2.0, 4e9, 5e8, 1e5
+
+
+def strip(pull: float, **limits) -> np.ndarray:
+    """Motion of the loaded and of the free end of a beam that is pulled along its interfaces."""
+    mesh = box("quad4", (40, 2), size=(LENGTH, 1.0))
+    mesh = with_inner_faces(mesh, strip=lambda x: abs(x[..., 1] - 0.5) < 1e-9)
+    ends = {"left": (0.0, 0.5), "right": (LENGTH, 0.5)}
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e16, 0.0)},
+        groups={"all": "rock"},
+        supports=(Support("y0", (0, 1)), Support("y1", (0, 1))),
+        interfaces={"bond": Interface("strip", Scalar(1e12), Scalar(BOND), **limits)},
+        structures={
+            "strip": Beam("strip", EA=Scalar(EA), EI=Scalar(1e6)),
+            "jack": Bolts((((LENGTH, 0.5), (LENGTH + 1.0, 0.5)),), spacing=Scalar(1.0),
+                          EA=Scalar(1e9), prestress=Scalar(pull), second_end="fixed"),
+        },
+        stages=(Stage("built", build=("strip",)), Stage("pull", build=("jack",))),
+        channels=tuple(displacement(n, at, (1.0, 0.0), zero="built") for n, at in ends.items()),
+    )  # fmt: skip
+    return staged.computed(NOTHING)[:, -1]
+
+
+def test_a_strip_is_pulled_out():
+    """Both sides hold it: lambda^2 = 2 k_s / EA; at the limit of both it moves as a whole."""
+    pull = 1e5
+    lam = sqrt(2 * BOND / EA)
+    whole = pull / (EA * lam * tanh(lam * LENGTH))
+    np.testing.assert_allclose(strip(pull), [whole / cosh(lam * LENGTH), whole], rtol=1e-3)
+    limits = {"cohesion": Scalar(COHESION), "friction": ZERO}
+    assert strip(0.999 * 2 * COHESION * LENGTH, **limits)[0] < COHESION / BOND * 1.001
+    assert np.isnan(strip(1.001 * 2 * COHESION * LENGTH, **limits)).all()
+
+
+# --- a wall in a pit -----------------------------------------------------------------------------
+
+STARTS = {
+    "E": 4e7, "k_n": 2e9, "k_s": 4e7, "c": 3e3, "phi": radians(24), "R": 0.7, "K0": 0.55, "EI": 5e6,
+    "P": 2e4,
+}  # fmt: skip
+AT_STRUT = (4.0, 7.5)
+
+
+def pit(kind="quad8", *, interface: Interface | None, along="slip", more=()):
+    """A wall that is braced by a jacked strut, two digs; its interface goes on below its tip."""
+    mesh = with_inner_faces(
+        box(kind, (8, 8), size=(8.0, 8.0)),
+        wall=lambda x: (abs(x[..., 0] - 4.0) < 1e-9) & (x[..., 1] > 2.9),
+        slip=lambda x: (abs(x[..., 0] - 4.0) < 1e-9) & (x[..., 1] > 0.9),
+    )
+    mesh = regroup(
+        mesh,
+        one=lambda x: (x[:, 0] < 4.0) & (x[:, 1] > 7.0),
+        two=lambda x: (x[:, 0] < 4.0) & (x[:, 1] > 5.0) & (x[:, 1] < 7.0),
+    )
+    one = {name: Scalar(1.0, name) for name in STARTS}
+    strut = Struts(
+        ((AT_STRUT, (0.0, 7.5)),), spacing=Scalar(2.0), EA=Scalar(2e8), prestress=one["P"],
+        second_end="symmetry",
+    )  # fmt: skip
+    return model(
+        mesh,
+        materials={"soil": material("soil", one["E"], 0.3, 1900.0)},
+        groups=dict.fromkeys(("rock", "one", "two"), "soil"),
+        supports=(Support("x0", (0,)), Support("x1", (0,)), Support("y0", (0, 1))),
+        gravity=(0.0, -9.81),
+        in_situ=GeostaticStress(one["K0"]),
+        parameters=tuple(Parameter(n, v, 0.1 * v, 10 * v) for n, v in STARTS.items()),
+        interfaces={} if interface is None else {"slip": replace(interface, along=along)},
+        structures={"wall": Beam("wall", EA=Scalar(2e9), EI=one["EI"]), "strut": strut},
+        stages=(
+            Stage("wall", build=("wall",)),
+            Stage("dig one", excavate=("one",)),
+            Stage("strut", build=("strut",)),
+            Stage("dig two", excavate=("two",)),
+        ),
+        channels=more
+        or (
+            displacement("top", (4.0, 8.0), (-1.0, 0.0), zero="wall"),
+            displacement("at strut", AT_STRUT, (-1.0, 0.0), zero="wall"),
+            displacement("behind", (5.0, 8.0), (0.0, -1.0), zero="wall"),
+            gauge("load-cell", "force", AT_STRUT, dimension="force", structure="strut"),
+            gauge(
+                "load-cell", "M", (4.0, 5.5), "M", dimension="moment per length", structure="wall"
+            ),
+        ),
+    )
+
+
+def slips(**limits) -> Interface:
+    one = {name: Scalar(1.0, name) for name in STARTS}
+    more = {"cohesion": one["c"], "friction": one["phi"], "R_inter": one["R"]} | limits
+    return Interface("slip", one["k_n"], one["k_s"], **more)
+
+
+def test_a_wall_between_stiff_interfaces_is_joined_to_the_ground():
+    """Motions, strut force and moment of the wall whose nodes are the ground's, in order 1 / k."""
+    start = np.array(list(STARTS.values()))
+    joined = pit(interface=None).computed(start)
+    rigid = [Interface("slip", Scalar(k), Scalar(k)) for k in (1e12, 1e14)]
+    for along in ("slip", "wall"):
+        found = [pit(interface=one, along=along).computed(start) for one in rigid]
+        size = np.nanmax(np.abs(joined), axis=1, keepdims=True)
+        off = [np.nanmax(np.abs(one - joined) / size) for one in found]
+        assert off[0] < 0.01
+        assert off[1] < 0.02 * off[0]
+
+
+def test_derivatives_where_a_wall_slips():
+    """By all constants to 1e-7; the strut of a wall that has no interface is stressed alike."""
+    staged, start = pit(interface=slips()), np.array(list(STARTS.values()))
+    pairs = [(c.name, s) for c in staged.case.channels for s in staged.case.stage_names[2:]]
+    assert_exact(staged.response(pairs), start, tuple(STARTS), step=2e-4)
+
+
+def test_a_joint_meter_does_not_know_the_side():
+    """It is refused where a beam divides the interface."""
+    with pytest.raises(InputError, match="across which of its two sides"):
+        pit(interface=slips(), more=(replace(meter("m", (4.0, 7.0), "slip"), interface="slip"),))
