@@ -290,6 +290,7 @@ class JointPoints:
         position: (m, dim) of the points, m.
         normal: (m, dim) out of the first side.
         slips: (dim - 1, m, dim) directions of the slips.
+        face: (m,) number of the face of each point, from 0; corners come first in a face.
         places: (k, dim) m, where the traction is asked for that a stress of the ground has there.
         beside: (k,) the elements on the first side of these places.
         mean: (m, k) that of a point from those at the places, so that the forces on the nodes are
@@ -300,6 +301,7 @@ class JointPoints:
     position: Floats
     normal: Floats
     slips: Floats
+    face: Ints
     places: Floats
     beside: Ints
     mean: sp.csr_array
@@ -329,6 +331,7 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
         for name in ("position", "normal", "weight", "places", "beside")
     )
     slips = np.concatenate([one.slips for one in of_parts], axis=1)
+    sizes = np.concatenate([np.full(one.count, len(one.weight) // one.count) for one in of_parts])
     mean = sp.csr_array(sp.block_diag([one.mean for one in of_parts]))
     jumps = [sp.vstack([one.jumps[k] for one in of_parts]) for k in range(mesh.dim)]
     members = Members(
@@ -342,6 +345,7 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
         position,
         normal,
         slips,
+        np.repeat(np.arange(len(sizes)), sizes),
         places,
         beside,
         mean,
@@ -350,8 +354,9 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
 
 @dataclass(frozen=True, eq=False)
 class _PartPoints:
-    """Points of faces of one kind; see `JointPoints`."""
+    """Points of so many faces of one kind; see `JointPoints`."""
 
+    count: int
     position: Floats
     normal: Floats
     weight: Floats
@@ -382,6 +387,8 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
         xi, rule = reference.nodes, None
     else:
         xi, rule = raised_rule(part.kind) if gauss else _simpson(part.kind)
+        if gauss:
+            xi, rule = xi[_ENDS_FIRST], rule[_ENDS_FIRST]
     shapes, position, across, along = on_faces(xi)
     size = np.linalg.norm(across, axis=2)
     normal = across / size[..., None]
@@ -416,6 +423,7 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
         jump.eliminate_zeros()
         jumps.append(jump)
     return _PartPoints(
+        n,
         position.reshape(-1, dim),
         normal.reshape(-1, dim),
         weight.ravel(),
@@ -427,6 +435,9 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
     )
 
 
+_ENDS_FIRST = [0, 2, 1]
+"""Order of the three Gauss points of a line, as that of other points."""
+
 _QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 """Vectors times it are turned to the right: the element is on the left of its sides."""
 
@@ -435,14 +446,18 @@ _FLAT = 1e-6
 
 
 def _simpson(kind: str) -> tuple[Floats, Floats]:
-    """Closed rule (points (q, dim), weights (q,)) of degree 3 with positive weights."""
-    cell = CELLS[kind]
-    if cell.shape.name == "tri":
-        corners = np.array(cell.shape.corners, float)
-        middles = (corners + np.roll(corners, -1, axis=0)) / 2
-        points = np.vstack([corners, middles, corners.mean(axis=0)])
-        return points, np.repeat([1 / 40, 1 / 15, 9 / 40], [3, 3, 1])
-    line = ((-1.0, 1 / 3), (0.0, 4 / 3), (1.0, 1 / 3))
-    pairs = list(product(line, repeat=cell.dim))
-    points = np.array([[x for x, _ in pair] for pair in pairs])
-    return points, np.array([np.prod([w for _, w in pair]) for pair in pairs])
+    """Closed rule (points (q, dim), weights (q,)) of degree 3 with positive weights.
+
+    Corners come first, then the middles of edges and the centre.
+    """
+    cell, nodes = CELLS[kind], reference_element(kind).nodes
+    if cell.dim == 1:
+        return nodes, np.array([1 / 3, 1 / 3, 4 / 3])
+    corner, edge, middle = _OF_TRIANGLES if cell.shape.name == "tri" else _OF_QUADRILATERALS
+    n = cell.n_corners
+    points = np.vstack([nodes, nodes[:n].mean(axis=0)])
+    return points, np.array([*[corner] * n, *[edge] * n, middle])
+
+
+_OF_TRIANGLES, _OF_QUADRILATERALS = (1 / 40, 1 / 15, 9 / 40), (1 / 9, 4 / 9, 16 / 9)
+"""Weights at corners, middles of edges and the centre."""

@@ -31,6 +31,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.response import Evaluation
 from geoident.model.results.costs import Counts
+from geoident.model.results.interfaces import InterfaceStates
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.result import FieldSeries, MemberForces, ShellForces, SupportReactions
 from geoident.model.results.yielded import Mechanism, YieldedGround
@@ -66,6 +67,8 @@ class Details:
     Args:
         fields: displacements and stresses of all states, or None.
         members: forces in linings and bolts, or None if there are none.
+        shells: those of shells.
+        interfaces: what interfaces carry and how far they moved, or None if there are none.
         activity: what the yield planes do in all stages, or None if nothing can yield.
         notes: what the user should know of the model at these parameters.
         reaction: of the ground around an opening in closed form, or None.
@@ -78,6 +81,7 @@ class Details:
     fields: FieldSeries | None = None
     members: MemberForces | None = None
     shells: ShellForces | None = None
+    interfaces: InterfaceStates | None = None
     activity: Activity | None = None
     notes: tuple[str, ...] = ()
     reaction: GroundReaction | None = None

@@ -40,6 +40,7 @@ from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
+from geoident.forward.structures.interface_states import InterfaceRecorder
 from geoident.forward.yielding.varied import inadmissible_strengths
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -286,6 +287,9 @@ class StagedKernel(ObservedModel):
         recorder = MeshRecorder(self.on_mesh, self.structures) if query.fields else None
         with_members = query.survey and query.last == len(self.bases) - 1
         members = MemberRecorder(self.structures, self.sequence, values) if with_members else None
+        joints = None
+        if with_members and self.structures.joints:
+            joints = InterfaceRecorder(self.structures, self.sequence, values)
         observed, equal = [], dict[str, int]()
         for end, seen, names in states:
             observed.append(seen)
@@ -294,6 +298,8 @@ class StagedKernel(ObservedModel):
                 recorder.add(end)
             if members is not None and self.structures.parts:
                 members.add(end.number, end.members)
+            if joints is not None:
+                joints.add(end.number, end.u[:, 0], end.members[:, 0])
             if each is not None:
                 each(end)
         seen_at = np.stack(observed)
@@ -306,6 +312,7 @@ class StagedKernel(ObservedModel):
                 details,
                 members=None if members is None else members.table(),
                 shells=None if members is None else members.shells(),
+                interfaces=None if joints is None else joints.table(),
                 notes=self._notes_at(values, findings, equal),
             )
         if recorder is not None:

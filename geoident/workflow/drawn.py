@@ -96,6 +96,7 @@ class DrawnPosterior:
             fields=None,
             members=None,
             shells=None,
+            interfaces=None,
             reactions=None,
             yielded=None,
             mechanism=None,

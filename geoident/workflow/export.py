@@ -15,6 +15,7 @@ from pathlib import Path
 
 from geoident.errors import GeoidentError, OutputError, Term, UsageError
 from geoident.io.result.hdf5 import refusal
+from geoident.io.result.interface_faces import write_interfaces_vtkhdf, write_interfaces_vtu
 from geoident.io.result.structure_lines import write_structures_vtkhdf
 from geoident.io.result.vtkhdf import (
     REFIT,
@@ -239,7 +240,8 @@ def _write_text(text: str, part: str) -> None:
 def export_vtu(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
 
-    Where there are structures, also those as lines: ``RESULT.structures.NN.vtu`` and their list.
+    Where there are structures, also those as lines: ``RESULT.structures.NN.vtu`` and their list;
+    likewise the faces of interfaces.
 
     Raises:
         InputError: the result has no fields.
@@ -257,21 +259,30 @@ def export_vtu(export: Export) -> tuple[str, ...]:
         for state, file in enumerate(files)
     }
     writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part, times)
-    return export.write(writers | _structure_writers(export, digits))
+    more: dict[Path, Writer] = {}
+    if result.members is not None:
+        write = partial(write_structures_vtu, result.members)
+        more |= _series_writers(export, "structures", result.members.stages, write, digits)
+    if result.interfaces is not None:
+        write = partial(write_interfaces_vtu, result.interfaces)
+        more |= _series_writers(export, "interfaces", result.interfaces.stages, write, digits)
+    return export.write(writers | more)
 
 
-def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
-    """Writers of ``FOLDER/RESULT.structures.NN.vtu`` and their list; none without structures."""
-    members, folder = export.result.members, export.folder
-    if members is None:
-        return {}
-    name = f"{stem(export.path)}.structures"
-    states = ("virgin", *members.stages)
+def _series_writers(
+    export: Export,
+    what: str,
+    stages: Sequence[str],
+    write: Callable[[int, str], None],
+    digits: int,
+) -> dict[Path, Writer]:
+    """Writers of ``FOLDER/RESULT.WHAT.NN.vtu``, by the number of the state, and of their list."""
+    name, folder = f"{stem(export.path)}.{what}", export.folder
+    states = ("virgin", *stages)
     times = _first(export.result.gauges.series_times, len(states))
     files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
     writers: dict[Path, Writer] = {
-        folder / file: partial(write_structures_vtu, members, state)
-        for state, file in enumerate(files)
+        folder / file: partial(write, state) for state, file in enumerate(files)
     }
     writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part, times)
     return writers
@@ -291,7 +302,8 @@ def state_names(result: Result) -> tuple[str, ...]:
 def export_vtkhdf(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
 
-    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines.
+    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines, and with
+    interfaces ``RESULT.interfaces.vtkhdf`` with their faces.
 
     In the folder of the result it is the sidecar that every fit has, a link to the result.
 
@@ -301,18 +313,23 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     path, folder = export.path, export.folder
     _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
-    members = export.result.members
-    lines: dict[Path, Writer] = {}
+    members, joints = export.result.members, export.result.interfaces
+    more: dict[Path, Writer] = {}
+    times = export.result.gauges.series_times
     if members is not None:
-        lines[folder / f"{stem(path)}.structures.vtkhdf"] = partial(
-            write_structures_vtkhdf, members, times=export.result.gauges.series_times
+        more[folder / f"{stem(path)}.structures.vtkhdf"] = partial(
+            write_structures_vtkhdf, members, times=times
+        )
+    if joints is not None:
+        more[folder / f"{stem(path)}.interfaces.vtkhdf"] = partial(
+            write_interfaces_vtkhdf, joints, times=times
         )
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():
-        return export.write({file: lambda part: copy_fields(path, part)} | lines)
+        return export.write({file: lambda part: copy_fields(path, part)} | more)
     own = sidecar_target(sidecar) == name
     written = export.write({file: lambda part: write_sidecar(part, name)}, own=own)
-    return (*written, *(export.write(lines) if lines else ()))
+    return (*written, *(export.write(more) if more else ()))
 
 
 def _fields(path: str, result: Result) -> FieldSeries:

@@ -17,6 +17,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.bridges.values import WrittenValue, read_values, values_of
 from geoident.io.result.hdf5 import hdf5_output
+from geoident.io.result.interface_faces import write_interfaces_vtkhdf
 from geoident.io.result.vtkhdf import add_principal_stresses, write_fields
 from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
@@ -103,6 +104,7 @@ class Simulated:
         computed: (n_channels, n_stages) by the model, without noise, SI.
         counts: what it cost.
         fields: the states, where they were asked for.
+        written: files that were written.
     """
 
     path: str
@@ -115,6 +117,7 @@ class Simulated:
     computed: Floats
     counts: Counts
     fields: FieldSeries | None = None
+    written: tuple[str, ...] = ()
 
 
 @one_thread()
@@ -162,9 +165,9 @@ def simulate(
     p = values_for(model, written)
     if draw:
         p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
-    field_files = None
+    fields, field_files = None, tuple[str, ...]()
     if to.fields is not None:
-        computed, field_files = _with_fields(model, p, to.fields, files, force=to.force)
+        computed, fields, field_files = _with_fields(model, p, to.fields, files, force=to.force)
     elif isinstance(model, ExternalModel):
         computed = model.computed(p)  # derivatives would take more runs
     else:
@@ -186,6 +189,7 @@ def simulate(
         p,
         computed,
         counts,
+        fields,
         field_files,
     )
 
@@ -213,8 +217,10 @@ def _refuse_names(to: Outputs, by: ComputedBy) -> None:
 
 def _with_fields(
     model: ObservedModel, p: Floats, file: str, inputs: Sequence[str], *, force: bool
-) -> tuple[Floats, FieldSeries]:
+) -> tuple[Floats, FieldSeries, tuple[str, ...]]:
     """What the channels read (n_channels, n_stages), SI, and the states, which are written.
+
+    Interfaces have a file of their own, ``FILE.interfaces.vtkhdf``. The last are the files.
 
     Raises:
         UsageError: the model has no mesh.
@@ -228,22 +234,29 @@ def _with_fields(
             survey, collapse = model.survey(p, fields=True), None
             fields, mechanism = survey.fields, None
         except CollapseError as error:
-            collapse, mechanism = error, error.motion
+            survey, collapse, mechanism = None, error, error.motion
             fields = model.fields_up_to_collapse(p)
         assert fields is not None
         with hdf5_output(temporary) as written:
-            times = StageTimes.of(model.case)
+            of_stages = StageTimes.of(model.case)
+            times = None if of_stages is None else of_stages.series
             write_fields(
                 written,
                 fields,
                 mechanism=mechanism if isinstance(mechanism, Mechanism) else None,
-                times=None if times is None else times.series,
+                times=times,
             )
             add_principal_stresses(written)
     if collapse is not None:
         collapse.add(f"Its mechanism and the stages before it, for ParaView: {file}")
         raise collapse
-    return survey.computed, fields
+    assert survey is not None
+    if survey.interfaces is None:
+        return survey.computed, fields, (file,)
+    beside = str(Path(file).with_suffix(".interfaces.vtkhdf"))
+    with atomic_output(beside, overwrite=force, inputs=inputs) as temporary:
+        write_interfaces_vtkhdf(survey.interfaces, temporary, times)
+    return survey.computed, fields, (file, beside)
 
 
 def with_starts(inputs: Inputs, written: Sequence[WrittenValue]) -> Inputs:

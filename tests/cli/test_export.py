@@ -26,7 +26,7 @@ MISSING = (
     *("face", "face-profile"),
     *("seasonal", "judged", "changes", "power", "decisions", "telling-readings", "plan"),
     *("plan-targets", "updates", "update-gauges", "update-readings", "update-parameters"),
-    *("update-predictions", "parameter-changes", "times", "settlement", "shells"),
+    *("update-predictions", "parameter-changes", "times", "settlement", "shells", "interfaces"),
 )
 """Tables of which a plain fit has nothing to say."""
 

@@ -89,6 +89,18 @@ def test_stiffness_and_friction_are_found_and_a_later_stage_predicted(tmp_path):
     said = run_command("check", str(tmp_path / "case.fit.h5"), "--mesh-error")
     assert "40 elements became 160" in said.output  # split anew after their edges are halved
     assert "Little of the accuracy of the readings is lost to mesh error" in said.output
+    said = run_command(
+        "report", str(tmp_path / "case.fit.h5"), "--no-page", "--figures", str(tmp_path / "figures")
+    )
+    assert said.exit_code == 0, said.output
+    drawn = {path.stem for path in (tmp_path / "figures").iterdir()}
+    assert {"interface-1", "interfaces", "model"} <= drawn
+    said = run_command("export", str(tmp_path / "case.fit.h5"), "--format", "vtu")
+    assert "case.fit.interfaces.pvd" in said.output
+    said = run_command("export", str(tmp_path / "case.fit.h5"), "--table", "interfaces")
+    assert said.stdout.splitlines()[0].endswith(
+        "t_n (kPa),t_s (kPa),opening (mm),slip (mm),slips,opens"
+    )
     said = run_command("predict", str(tmp_path / "case.fit.h5"))
     assert said.exit_code == 0, said.output
     rows = read_result(str(tmp_path / "case.predict.h5")).predictions.rows

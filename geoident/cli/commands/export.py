@@ -27,6 +27,7 @@ TABLES = (
     "sensitivity",
     "structures",
     "shells",
+    "interfaces",
     "reactions",
     "alarms",
     "decisions",

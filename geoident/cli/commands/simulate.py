@@ -130,7 +130,8 @@ def command(
             to=Outputs(file, fields, options.force),
         )
         if fields is not None and not options.quiet:
-            click.echo(f"also written: {fields}", err=True)
+            for path in simulated.written:
+                click.echo(f"also written: {path}", err=True)
         if simulated.note and not options.quiet:
             click.echo(simulated.note, err=True)
         _say(simulated, case, options)

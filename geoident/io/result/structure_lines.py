@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geoident.io.result.hdf5 import hdf5_output, texts
-from geoident.io.result.vtkhdf import HIDDEN_CELL, with_z, write_lines
+from geoident.io.result.vtkhdf import HIDDEN_CELL, LINE, with_z, write_cells
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import MemberForces
 
@@ -104,9 +104,11 @@ def write_structures_vtkhdf(
     }
     points = {name: np.stack([each.at_points[name] for each in states]) for name in first.at_points}
     with hdf5_output(str(path)) as file:
-        group = write_lines(
-            file, first.points, points_data=points, cells=series, static=cells, times=times
-        )
+        count = len(first.present)
+        group = write_cells(
+            file, first.points, np.full(count, LINE, dtype=np.uint8), np.full(count, 2),
+            points_data=points, cells=series, static=cells, times=times,
+        )  # fmt: skip
         names = texts(tuple(dict.fromkeys(forces.structures)))
         attributes = group["CellData/structure"].attrs
         attributes.create("names", names, dtype=h5py.string_dtype())

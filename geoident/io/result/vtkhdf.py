@@ -156,21 +156,25 @@ def write_fields(
     _write_mesh(file.create_group("mesh"), fields.mesh)
 
 
-def write_lines(
+def write_cells(
     file: h5py.File,
     points: Floats,
+    types: npt.NDArray[np.uint8],
+    sizes: Ints,
     *,
     points_data: Mapping[str, npt.NDArray[Any]],
     cells: Mapping[str, npt.NDArray[Any]],
     static: Mapping[str, npt.NDArray[Any]],
     times: Floats | None = None,
 ) -> h5py.Group:
-    """Writes ``/VTKHDF`` of straight lines, two points each, with one time step a state.
+    """Writes ``/VTKHDF`` of lines or faces with points of their own, one time step a state.
 
     Args:
         file: the file.
-        points: (2 n, 3) ends of the lines, m.
-        points_data: arrays (n_states, 2 n, ...).
+        points: (m, 3) of one cell after the other, m.
+        types: (n,) VTK's types of the cells.
+        sizes: (n,) numbers of points of the cells.
+        points_data: arrays (n_states, m, ...).
         cells: arrays (n_states, n).
         static: arrays (n,) that are the same at all states.
         times: (n_states,) of the states, days; None for their numbers.
@@ -178,25 +182,24 @@ def write_lines(
     Returns:
         The group.
     """
-    count = len(points) // 2
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
-    group["NumberOfPoints"] = np.array([2 * count], dtype=np.int64)
-    group["NumberOfCells"] = np.array([count], dtype=np.int64)
-    group["NumberOfConnectivityIds"] = np.array([2 * count], dtype=np.int64)
+    group["NumberOfPoints"] = np.array([len(points)], dtype=np.int64)
+    group["NumberOfCells"] = np.array([len(types)], dtype=np.int64)
+    group["NumberOfConnectivityIds"] = np.array([len(points)], dtype=np.int64)
     group["Points"] = points
     group["Points"].attrs["unit"] = "m"
-    group["Types"] = np.full(count, LINE, dtype=np.uint8)
-    group["Connectivity"] = np.arange(2 * count, dtype=np.int64)
-    group["Offsets"] = 2 * np.arange(count + 1, dtype=np.int64)
+    group["Types"] = types
+    group["Connectivity"] = np.arange(len(points), dtype=np.int64)
+    group["Offsets"] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     _write_data(group, "PointData", points_data)
     _write_data(group, "CellData", {**cells, **static})
     states = len(next(iter(cells.values())))
-    sizes = {f"PointData/{name}": 2 * count for name in points_data}
-    sizes |= {f"CellData/{name}": count for name in cells}
-    sizes |= {f"CellData/{name}": 0 for name in static}
-    _write_step_offsets(group, states, sizes, times)
+    counts = {f"PointData/{name}": len(points) for name in points_data}
+    counts |= {f"CellData/{name}": len(types) for name in cells}
+    counts |= {f"CellData/{name}": 0 for name in static}
+    _write_step_offsets(group, states, counts, times)
     return group
 
 

@@ -91,7 +91,7 @@ def write_vtu(
         at_points["temperature"] = fields.temperature[state, kept]
     if fields.excess is not None:
         at_points[EXCESS] = fields.excess[state, kept]
-    _write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
+    write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
 
 
 def write_structures_vtu(forces: MemberForces, state: int, path: str | Path) -> None:
@@ -116,10 +116,10 @@ def write_structures_vtu(forces: MemberForces, state: int, path: str | Path) -> 
     ends = np.repeat(present, 2)
     at_points = {k: v[ends] for k, v in lines.at_points.items()}
     cells = {k: v[present] for k, v in lines.of_cells.items()}
-    _write_grid(path, lines.points[ends], topology, at_points, cells)
+    write_grid(path, lines.points[ends], topology, at_points, cells)
 
 
-def _write_grid(
+def write_grid(
     path: str | Path, points: Floats, topology: Arrays, at_points: Arrays, cells: Arrays
 ) -> None:
     """Writes points (n, 3), the cells of them, and what is known at the points and of the cells."""

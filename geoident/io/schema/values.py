@@ -147,6 +147,7 @@ class CaseNumber:
         varied_by: the section of the field of which the number is the mean, of the growth that
             begins from it, or of the rock mass from which it follows; None for one number.
         may_be_tied: a parameter may stand in its place.
+        called: what people call such a quantity, of a tie.
     """
 
     text: str
@@ -156,6 +157,7 @@ class CaseNumber:
     unit: str = ""
     varied_by: Any = None
     may_be_tied: bool = False
+    called: str = ""
 
     @property
     def value(self) -> Scalar | float:
@@ -197,12 +199,16 @@ class QuantityType:
         tied: ``$parameter`` is allowed.
         above: the number must be larger, if it is given.
         below: the number must be smaller, if it is given.
+        known_as: what people call such a quantity, where the dimension has the name of another.
+        such_as: an example of it.
     """
 
     dimension: str | None
     tied: bool = False
     above: float | None = None
     below: float | None = None
+    known_as: str = ""
+    such_as: str = ""
 
     def parse(self, value: object) -> CaseNumber:
         """The number that a text says.
@@ -220,7 +226,10 @@ class QuantityType:
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
         if tie is not None and self.tied:
             factor = _factor(tie[1] or ("-1" if tie[2] else "1"), text)
-            return CaseNumber(text, factor, tie[3], self.dimension or "", may_be_tied=True)
+            words = self.words()
+            return CaseNumber(
+                text, factor, tie[3], self.dimension or "", may_be_tied=True, called=words
+            )
         if text.strip().startswith("$") or tie is not None:
             raise self._refuse_tie(text, well_formed=tie is not None)
         given = self._quantity(text)
@@ -229,6 +238,8 @@ class QuantityType:
 
     def words(self) -> str:
         """What is expected, for a message."""
+        if self.known_as:
+            return f"a {self.known_as}"
         return with_article(self.dimension) if self.dimension else "a number with its unit"
 
     def _quantity(self, text: str) -> CaseNumber:
@@ -236,10 +247,13 @@ class QuantityType:
             quantity = read_quantity(text, self.dimension or "")
         except UnitError as error:
             name = text.strip()
+            if self.known_as and self.dimension:
+                message = error.message.replace(with_article(self.dimension), self.words())
+                error = UnitError(message, f"Write it like {self.such_as}, traction by motion.")
             if not (self.tied and re.fullmatch(NAME_PATTERN, name)):
-                raise
+                raise error from None
             tie = f"To tie it to a parameter of this name write ${shorten(name)}."
-            raise UnitError(error.message, f"{tie} {error.hint}".strip()) from error
+            raise UnitError(error.message, f"{tie} {error.hint}".strip()) from None
         return CaseNumber(
             text, quantity.value, None, quantity.dimension, quantity.unit, may_be_tied=self.tied
         )
@@ -305,15 +319,13 @@ class QuantityType:
 
     def _example(self) -> str:
         """A number that is allowed there."""
-        return (
-            "15 GPa"
-            if self.dimension == "pressure" and self.above == 0
-            else _EXAMPLES[self.dimension]
-        )
+        if self.dimension == "pressure" and self.above == 0:
+            return "15 GPa"
+        return self.such_as or _EXAMPLES[self.dimension]
 
     def _short(self) -> str:
         """What is allowed there, in a few words."""
-        words = self.dimension if self.dimension != DIMENSIONLESS else "number"
+        words = self.known_as or self.dimension if self.dimension != DIMENSIONLESS else "number"
         return f"{words or 'quantity'}{' or `$parameter`' if self.tied else ''}"
 
     def _describe(self) -> str:
@@ -594,7 +606,12 @@ Area = Annotated[CaseNumber, QuantityType("area", tied=True, above=0.0)]
 Multiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=0.0)]
 AxialStiffness = Annotated[CaseNumber, QuantityType("force", tied=True, above=0.0)]
 WallStiffness = Annotated[CaseNumber, QuantityType("line load", tied=True, above=0.0)]
-WallSubgrade = Annotated[CaseNumber, QuantityType("unit weight", tied=True, above=0.0)]
+WallSubgrade = Annotated[
+    CaseNumber,
+    QuantityType(
+        "unit weight", tied=True, above=0.0, known_as="stiffness per area", such_as="100 MPa/m"
+    ),
+]
 WallMoment = Annotated[CaseNumber, QuantityType("moment per length", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
 Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]

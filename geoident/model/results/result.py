@@ -31,6 +31,7 @@ from geoident.model.results.in_service import (
     PowerRow,
     SeasonalFit,
 )
+from geoident.model.results.interfaces import InterfaceStates
 from geoident.model.results.left_out import LeftOutTable
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
@@ -1007,6 +1008,9 @@ class Result:
         default=None, metadata=column(group="structures", optional=True)
     )
     shells: ShellForces | None = field(default=None, metadata=column(group="shells", optional=True))
+    interfaces: InterfaceStates | None = field(
+        default=None, metadata=column(group="interfaces", optional=True)
+    )
     reactions: SupportReactions | None = field(
         default=None, metadata=column(group="reactions", optional=True)
     )
@@ -1142,6 +1146,7 @@ class Result:
             self,
             members=self.members and select(self.members, ("stage",), ends),
             shells=self.shells and select(self.shells, ("stage",), ends),
+            interfaces=self.interfaces and select(self.interfaces, ("stage",), ends),
             reactions=self.reactions and select(self.reactions, ("state",), states),
             yielded=self.yielded and select(self.yielded, ("state",), states),
             certificate=certificate,

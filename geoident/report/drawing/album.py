@@ -25,6 +25,7 @@ from geoident.report.drawing.gauges.course import (
 )
 from geoident.report.drawing.gauges.profiles import profile_pictures
 from geoident.report.drawing.in_service import time_pictures
+from geoident.report.drawing.interfaces import interface_map_pictures, interface_pictures
 from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.opening import advance_pictures, opening_pictures
 from geoident.report.drawing.overview import overview_pictures
@@ -95,7 +96,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
         ),
         fields,
         quality_pictures(result),
-        structure_pictures(result),
+        (*structure_pictures(result), *interface_pictures(result)),
         backtest_pictures(result),
         update_pictures(result),
     )
@@ -106,7 +107,7 @@ def _field_pictures(scene: Scene) -> tuple[Picture, ...]:
     """The figures of each sheet, and of the surface of a solid."""
     kinds = (
         displacement_pictures, temperature_pictures, stress_pictures, strength_pictures,
-        moved_pictures,
+        interface_map_pictures, moved_pictures,
     )  # fmt: skip
     every = (picture for view in scene.views for kind in kinds for picture in kind(view))
     return (*largest_pictures(scene), *every, *solid_pictures(scene))

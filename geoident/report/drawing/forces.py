@@ -45,7 +45,7 @@ _MOST_DRAWN = 4
 
 _MOST_NAMED = 12
 _KILO = 1e3
-_LINE_STYLES: Sequence[Any] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1, 1, 1)))
+LINE_STYLES: Sequence[Any] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1, 1, 1)))
 _PER_ROW = 3
 _REACH = 0.22
 """Largest force as drawn, by the diagonal of the line."""
@@ -245,7 +245,7 @@ class _Line:
 
 def _line(forces: MemberForces, name: str) -> _Line:
     members = np.flatnonzero(np.array(forces.structures) == name)
-    order, turned, label, along = _chain(forces.ends[members])
+    order, turned, label, along = chain(forces.ends[members])
     ends = forces.ends[members[order]]
     ends = np.where(turned[:, None, None], ends[:, ::-1], ends)
     return _Line(name, members[order], turned, label, along, ends)
@@ -270,7 +270,7 @@ def _quantities(forces: MemberForces, members: Ints) -> list[tuple[str, Floats]]
 def _beam_figure(members: MemberForces, line: _Line) -> Figure:
     """Forces against the coordinate of a line, a line for each stage."""
     stages = _spread(_present(members, line.members), _MOST_STAGES)
-    styles = [{"color": colour(k), "ls": _LINE_STYLES[k % 4]} for k in range(len(stages))]
+    styles = [{"color": colour(k), "ls": LINE_STYLES[k % 4]} for k in range(len(stages))]
     panels = _quantities(members, line.members)
     figure = Figure(figsize=(WIDTH, 3.6))
     for axes, (title, forces) in zip(
@@ -395,8 +395,8 @@ def _draw_bar_forces(axes: Axes, ends: Floats, forces: Floats, largest: float) -
     )
 
 
-def _chain(ends: Floats) -> tuple[Ints, Bools, str, Floats]:
-    """Pieces of a beam in their order along it.
+def chain(ends: Floats) -> tuple[Ints, Bools, str, Floats]:
+    """Pieces of a line in their order along it.
 
     Args:
         ends: (n, 2, dim) of the pieces, m.

@@ -1,4 +1,4 @@
-"""Structures in the picture of a case: where they stand, and how they end."""
+"""Structures and interfaces in the picture of a case: where they stand, and how they end."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ _WORDS: Mapping[type[Structure], tuple[str, dict[str, Any]]] = {
     Struts: ("strut", {"lw": 1.6, "ls": (0, (4, 1))}),
     Anchors: ("anchor (thick: grouted)", {"lw": 1.0}),
 }
+_INTERFACE: dict[str, Any] = {"color": "#a3182d", "lw": 1.6, "ls": (0, (5, 1, 1, 1))}
 _ENDS = {"fixed": ("fixed end", "s"), "symmetry": ("end on a plane of symmetry", "|")}
 
 
 def draw_structures(axes: Any, case: Case, mesh: Mesh, *, names: bool = True) -> list[Any]:
-    """Draws all structures of a case into the picture of its mesh; what the lines mean.
+    """Draws all structures and interfaces of a case into the picture of its mesh; what lines mean.
 
     Args:
         axes: of the plane or of space.
@@ -50,6 +51,16 @@ def draw_structures(axes: Any, case: Case, mesh: Mesh, *, names: bool = True) ->
         if names:
             middles = [line.mean(axis=0) for line in lines]
             place_labels(axes, [middles], [short(name)], avoid=lines, colour=INK)
+    for name, interface in case.interfaces.items():
+        if interface.along in mesh.facet_groups:
+            meanings["interface"] = key("interface", **_INTERFACE)
+            lines = _sides_of_faces(mesh, interface.along)
+            for line in lines:
+                axes.plot(*line.T, zorder=5.4, **_INTERFACE)
+            if names:
+                middles = [line.mean(axis=0) for line in lines]
+                colour = str(_INTERFACE["color"])
+                place_labels(axes, [middles], [short(name)], avoid=lines, colour=colour)
     return list(meanings.values())
 
 
@@ -58,13 +69,16 @@ def structure_lines(structure: Structure, mesh: Mesh) -> list[Floats]:
     if isinstance(structure, Beam):
         return list(mesh.points[straight_pieces(mesh, structure.group)])
     if isinstance(structure, Shell):
-        faces = corners_of(mesh, mesh.facet_groups[structure.group])
-        sides = {
-            tuple(sorted(s)) for own in faces for s in zip(own, own[1:] + own[:1], strict=True)
-        }
-        return list(mesh.points[np.array(sorted(sides))])
+        return _sides_of_faces(mesh, structure.group)
     assert isinstance(structure, Bars)
     return [np.array(pair, dtype=np.float64) for pair in structure.ends]
+
+
+def _sides_of_faces(mesh: Mesh, group: str) -> list[Floats]:
+    """Lines (2, dim), m, around the faces of a group, each once; in the plane the faces."""
+    faces = corners_of(mesh, mesh.facet_groups[group])
+    sides = {tuple(sorted(s)) for own in faces for s in zip(own, own[1:] + own[:1], strict=True)}
+    return list(mesh.points[np.array(sorted(sides))])
 
 
 def _draw_ends(axes: Any, bars: Bars) -> dict[str, Any]:

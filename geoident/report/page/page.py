@@ -27,6 +27,7 @@ from geoident.report.text import (
     backtest,
     decisions,
     extent,
+    interfaces,
     left_out,
     plan,
     posterior,
@@ -225,6 +226,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
                 )
             ),
             TitledTable(structures.SHELLS_TITLE, structures.shell_table(ends.shells)),
+            TitledTable(interfaces.TITLE, interfaces.interface_table(ends.interfaces)),
             appendix=True,
         ),
         section(

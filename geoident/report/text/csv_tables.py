@@ -170,6 +170,14 @@ def _shells(result: Result) -> CsvTable:
     return sheet(forces, "stage", "face", rows=forces.standing)
 
 
+def _interfaces(result: Result) -> CsvTable:
+    """Tractions of interfaces in kPa, openings and slips in mm, at their points."""
+    states = result.interfaces
+    if states is None:
+        return CsvTable()
+    return sheet(states, "stage", "joint", rows=states.standing)
+
+
 def _reactions(result: Result) -> CsvTable:
     """Resultants of supports on the ground, kN."""
     reactions = result.reactions
@@ -249,6 +257,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "sensitivity": _sensitivity,
     "structures": _structures,
     "shells": _shells,
+    "interfaces": _interfaces,
     "reactions": _reactions,
     "alarms": lambda result: sheet(
         result.alarms, ROW, labels={**LABELS, "stage": result.gauges.stages}

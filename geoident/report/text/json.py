@@ -123,7 +123,7 @@ def times_list(gauges: GaugeTable) -> list[dict[str, Any]]:
 def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
     """What only some results have; None where this one has it not."""
     names, reactions, fields = result.parameters.names, result.reactions, result.varied or None
-    shells = result.shells
+    shells, joints = result.shells, result.interfaces
     return {
         "accuracies": result.accuracies and accuracies_list(result.accuracies),
         "rivals": result.rivals and rivals_list(result.rivals, names),
@@ -137,6 +137,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "certificate": proof and certificate_object(proof),
         "structures": result.members and structures_list(result.members),
         "shells": shells and objects(shells, "stage", "face", rows=shells.standing),
+        "interfaces": joints and objects(joints, "stage", "joint", rows=joints.standing),
         "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
         "yielded": result.yielded and objects(result.yielded, "state"),
         "alarms": result.alarms and alarms_list(result),

@@ -64,7 +64,8 @@ def surveyed(
 def details_of(source: Survey | Result) -> dict[str, Any]:
     """What only some models know, and a result has: fields, forces in structures and others."""
     names = (
-        "fields", "members", "shells", "reactions", "yielded", "mechanism", "reaction", "advance"
+        "fields", "members", "shells", "interfaces", "reactions", "yielded", "mechanism",
+        "reaction", "advance",
     )  # fmt: skip
     return {name: getattr(source, name) for name in names}
 

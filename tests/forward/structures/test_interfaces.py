@@ -133,8 +133,8 @@ STRIP, THICK, BOND, PULL = 2.0, 0.01, 1e9, 4e5
 MODULUS = 4e11
 
 
-def strip(pull: float, **limits) -> np.ndarray:
-    """Slips at the loaded end, the middle and the free end of a strip that is bonded to rock."""
+def bonded_strip(pull: float, **limits):
+    """A strip that is bonded to rock, pulled at its right end."""
     mesh = on_level(box("quad4", (60, 2), size=(STRIP, 2 * THICK)), THICK)
     traction = Traction("end", (Scalar(pull / THICK), ZERO))
     ends = abs(mesh.points[:, 0] - STRIP) < 1e-9
@@ -142,7 +142,7 @@ def strip(pull: float, **limits) -> np.ndarray:
     high = [f for f in right if mesh.points[_facet(mesh, f)][:, 1].min() > 0.99 * THICK]
     assert ends.any()
     mesh = replace(mesh, facet_groups=mesh.facet_groups | {"end": np.array(high)})
-    staged = model(
+    return model(
         mesh,
         materials={"strip": material("strip", MODULUS, 0.0), "rock": RIGID},
         groups={"rock": "strip", "low": "rock"},
@@ -153,7 +153,11 @@ def strip(pull: float, **limits) -> np.ndarray:
             meter(f"m{n}", (x, THICK), "slip") for n, x in enumerate((STRIP, STRIP / 2, 0.0))
         ),
     )
-    return -pulled(staged)  # seen from below the strip moves to the right
+
+
+def strip(pull: float, **limits) -> np.ndarray:
+    """Slips at the loaded end, the middle and the free end of a strip."""
+    return -pulled(bonded_strip(pull, **limits))  # seen from below the strip moves to the right
 
 
 def _facet(mesh: Mesh, facet: int) -> np.ndarray:

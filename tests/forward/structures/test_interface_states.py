@@ -1,0 +1,95 @@
+"""Tables of interfaces against closed forms: tractions, jumps, how much of them slips and opens."""
+
+from __future__ import annotations
+
+from math import sqrt, tanh
+
+import numpy as np
+import pytest
+
+from geoident.model.actions import PointForce, Traction
+from geoident.model.case import Stage, Support
+from geoident.model.interfaces import Interface
+from geoident.model.parameter import Scalar
+from geoident.report.text.interfaces import interface_table
+from tests.forward.structures.test_interfaces import (
+    BOND,
+    MODULUS,
+    NOTHING,
+    RIGID,
+    STRIP,
+    THICK,
+    ZERO,
+    bonded_strip,
+    on_level,
+)
+from tests.support.cases import material, model
+from tests.support.meshes import KINDS, KINDS_2D, box
+
+
+def pulled_apart(kind: str):
+    """What the joint of a column carries that is pulled, then let go."""
+    dim = 2 if kind in KINDS_2D else 3
+    top, base = ("y1", "y0") if dim == 2 else ("z1", "z0")
+    load = Traction(top, (*(ZERO,) * (dim - 1), Scalar(2e5)))
+    staged = model(
+        on_level(box(kind, (2,) * dim), 0.5),
+        materials={"rock": material("rock", 1e9, 0.0)},
+        groups={"rock": "rock", "low": "rock"},
+        supports=(Support(base, tuple(range(dim))),),
+        interfaces={"joint": Interface("joint", Scalar(1e9), Scalar(3e8))},
+        stages=(
+            Stage("pull", loads={"pull": load}),
+            Stage("dig", excavate=("rock",), base="virgin"),
+        ),
+    )
+    return staged.survey(NOTHING, fields=False).interfaces
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_column_pulled_apart(kind):
+    """The traction and the opening on the whole area, in all kinds of elements; none when dug."""
+    states = pulled_apart(kind)
+    assert states.areas.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(states.normal_traction[:, 0], 2e5, rtol=1e-9)
+    np.testing.assert_allclose(states.opening[:, 0], 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(states.slip[:, 0], 0.0, atol=1e-13)
+    assert np.isnan(states.normal_traction[:, 1]).all()
+    assert [row[:2] for row in interface_table(states).rows] == [["joint", "pull"]]
+
+
+def test_the_part_of_a_bond_that_slips():
+    """A strip of limited bond, pulled with tau a + what the rest holds, slips along a."""
+    bond, slid = 1e5, 0.8
+    rate = sqrt(BOND / (MODULUS * THICK))
+    pull = bond / rate * tanh(rate * (STRIP - slid)) + bond * slid
+    limits = {"cohesion": Scalar(bond), "friction": ZERO, "tensile_strength": Scalar(1e9)}
+    states = bonded_strip(pull, **limits).survey(NOTHING, fields=False).interfaces
+    assert states.areas @ states.slips[:, 0] == pytest.approx(slid, abs=STRIP / 60)
+    assert np.abs(states.shear_traction[states.slips[:, 0], 0]) == pytest.approx(bond)
+    assert not states.parts.any()
+
+
+def test_the_part_of_a_base_that_opens():
+    """A rigid block under a force at e > b / 6 rests on 3 (b / 2 - e), its edge on 2 N / that."""
+    force, off = 3e5, 0.25
+    staged = model(
+        on_level(box("quad4", (80, 2), size=(1.0, 0.2)), 0.1),
+        materials={"stone": RIGID},
+        groups={"rock": "stone", "low": "stone"},
+        supports=(Support("y0", (0, 1)),),
+        interfaces={
+            "joint": Interface(
+                "joint", Scalar(1e9), Scalar(1e9), cohesion=Scalar(1e9), friction=ZERO
+            )
+        },
+        stages=(Stage("press", loads={"N": PointForce((0.5 + off, 0.2), (ZERO, Scalar(-force)))}),),
+    )
+    states = staged.survey(NOTHING, fields=False).interfaces
+    rests = 3.0 * (0.5 - off)
+    assert states.areas @ states.parts[:, 0] == pytest.approx(1.0 - rests, abs=1 / 80)
+    assert states.normal_traction.min() == pytest.approx(-2.0 * force / rests, rel=2e-3)
+    edge = states.opening[states.points[:, 0] < 1e-9, 0]  # turns about the end of the contact
+    expected = 2.0 * force / rests / 1e9 / rests * (1.0 - rests)
+    assert edge == pytest.approx(expected, rel=5e-3)
+    assert not states.slips.any()
