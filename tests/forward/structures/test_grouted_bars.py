@@ -265,7 +265,7 @@ def test_the_most_that_a_pile_bears():
 # --- derivatives -------------------------------------------------------------------------------
 
 STARTS = {"E": 4e9, "EA": 1e8, "k": 8e8, "bond": 1.1e5, "s": 1.4, "F": 2e5, "cap": 3e5,
-          "k_base": 5e7, "base": 1e3}  # fmt: skip
+          "k_base": 1e8, "base": 2e3}  # fmt: skip
 
 
 def sought(structure, stages, channels, names, kind="quad8", **changes):
@@ -334,8 +334,8 @@ def test_derivatives_of_piles_that_sink_in():
         inclined=True, pieces=7, kind=Piles, EA=Scalar(1.0, "EA"), k_grout=Scalar(1.0, "k"),
         bond=Scalar(0.62, "bond"), k_base=Scalar(1.0, "k_base"), base_capacity=Scalar(1.0, "base"),
     )  # fmt: skip
-    push, back = (HeadForce("bar", Scalar(-part, "F")) for part in (1.0, 0.5))
-    _check_slopes(pile, push, back, names)
+    push, more = (HeadForce("bar", Scalar(-part, "F")) for part in (0.93, 1.0))
+    _check_slopes(pile, push, more, names, forces=())  # statically determinate at last
 
 
 def test_derivatives_of_steel_that_yields():
@@ -349,7 +349,7 @@ def test_derivatives_of_steel_that_yields():
     _check_slopes(bolt, load, Traction("x1", (Scalar(5e6), ZERO)), names)
 
 
-def _check_slopes(bars, load, less, names):
+def _check_slopes(bars, load, less, names, forces=("N0.3", "N1.2", "N2.6")):
     staged = sought(
         bars,
         (Stage("load", loads={"p": load}), Stage("less", loads={"p": less})),
@@ -363,7 +363,7 @@ def _check_slopes(bars, load, less, names):
     )
     start = np.array([STARTS[n] for n in names])
     seen, acts = ("load", "less"), np.zeros(len(names))
-    for which in (("N0.3", "N1.2", "N2.6"), ("u", "deep", "x")):  # of forces, and of motions
+    for which in filter(None, (forces, ("u", "deep", "x"))):
         response = staged.response([(name, stage) for name in which for stage in seen])
         _, jacobian = response.evaluate(start)
         acts = np.maximum(acts, np.abs(jacobian).max(axis=0))
