@@ -257,8 +257,7 @@ def shell_members(
 
 def rotation_nodes(mesh: Mesh, nodes: Ints) -> Ints:
     """The nodes that stand for the rotations at some nodes (...)."""
-    first = mesh.n_nodes - len(mesh.rotations_of)
-    return np.asarray(first + np.searchsorted(mesh.rotations_of, nodes))
+    return np.asarray(mesh.n_places + np.searchsorted(mesh.rotations_of, nodes))
 
 
 def shell_area_shares(mesh: Mesh, members: ShellMembers) -> Floats:

@@ -69,6 +69,7 @@ from geoident.forward.structures.checks import (
     structure_notes,
     structure_place_faults,
 )
+from geoident.forward.structures.grouted import BarLines, bar_lines, with_bars
 from geoident.forward.structures.interfaces import inadmissible_interface, interface_faults
 from geoident.forward.structures.members import inadmissible as impossible_structure
 from geoident.forward.structures.placing import shell_groups, with_shells
@@ -107,13 +108,14 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
 
 
 _upright_of = OfMesh[Mesh]()
+_barred_of = OfMesh[Mesh]()
 _split_of = OfMesh[SplitMesh]()
 _loose_body_of = OfMesh[LooseBody | None]()
 
 
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     kinematics = kinematics_of(case.analysis)
-    groups = shell_groups(case, mesh)
+    groups, bars = shell_groups(case, mesh), bar_lines(case)
     upright = _upright_of(
         mesh,
         (case.analysis, groups),
@@ -122,16 +124,20 @@ def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     whole = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
     along = tuple(one.along for one in case.interfaces.values())
     if not along or groups:  # of both together the case is refused
-        return whole
+        return replace(whole, mesh=_with_bars(upright, bars))
     beams = tuple(one.group for one in case.structures.values() if isinstance(one, Beam))
     parted = _split_of(upright, (along, beams), lambda: split(upright, along, beams))
     return replace(
         whole,
-        mesh=parted.mesh,
+        mesh=_with_bars(parted.mesh, bars),
         joints=parted.joints,
         before=whole,
         original=parted.original,
     )
+
+
+def _with_bars(mesh: Mesh, bars: BarLines) -> Mesh:
+    return _barred_of(mesh, bars, lambda: with_bars(mesh, bars)) if bars else mesh
 
 
 def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:

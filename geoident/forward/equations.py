@@ -192,9 +192,9 @@ class _Exporter:
         }
         fresh = {self.set_of[group] for group in state.placed}
         for part, s, law in self.members:
-            if part.name in state.structures and part.name not in state.stressed:
+            if part.stands(state) and not part.stressed_in(state):
                 laws[s] = law
-                fresh |= {s} if part.name in state.built else set()
+                fresh |= {s} if part.given_as in state.built else set()
         base = -1 if number == first else state.base - first
         return LoadStage(state.name, base, laws, frozenset(fresh), system.dofs, self.affine(forces))
 

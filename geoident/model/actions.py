@@ -106,6 +106,19 @@ class PointForce:
 
 
 @dataclass(frozen=True)
+class HeadForce:
+    """A force from outside on the free head of each of the grouted bars of a structure.
+
+    Args:
+        structure: name of it.
+        value: of one bar along itself, N: it pulls the bar out of the ground; negative, it pushes.
+    """
+
+    structure: str
+    value: Scalar
+
+
+@dataclass(frozen=True)
 class Seismic:
     """Pseudo-static earthquake: a part of its own weight acts on all ground in each direction.
 
@@ -148,7 +161,7 @@ class Contraction:
 
 
 FaceLoad = Pressure | Traction | WaterPressure
-Load = FaceLoad | PointForce | Seismic
+Load = FaceLoad | PointForce | HeadForce | Seismic
 
 
 @dataclass(frozen=True)

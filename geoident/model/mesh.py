@@ -48,9 +48,12 @@ class Mesh:
         facet_groups: name to facet indices, sorted.
         node_groups: name to node indices, sorted (physical points, node sets).
         file: where it came from, for messages.
-        rotations_of: (k,) nodes, ascending, at which shells turn. The last k nodes of ``points``
-            are no places: their three unknowns are the rotations there.
+        rotations_of: (k,) nodes, ascending, at which shells turn. Nodes of ``points`` behind the
+            places stand for their rotations there: their three unknowns.
         inner: (k, 2) a node of the ground, and that which a beam between interfaces has there.
+        stations_by: (m,) for each station of grouted bars a node near it. The last m nodes of
+            ``points`` are these stations: their first unknown is the motion of the bar along
+            itself, the others are none.
     """
 
     points: Floats
@@ -62,6 +65,17 @@ class Mesh:
     file: str = ""
     rotations_of: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     inner: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    stations_by: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+
+    @property
+    def n_places(self) -> int:
+        """Number of nodes that are places of the ground; those behind them are not."""
+        return self.n_nodes - len(self.beside)
+
+    @property
+    def beside(self) -> Ints:
+        """For each node behind the places a place near it."""
+        return np.concatenate([self.rotations_of, self.stations_by])
 
     @property
     def dim(self) -> int:
@@ -128,10 +142,19 @@ def and_inner(mesh: Mesh, nodes: Ints) -> Ints:
     return np.union1d(nodes, inner[np.isin(outer, nodes)])
 
 
+def with_stations(mesh: Mesh, stations: Floats) -> Mesh:
+    """The same mesh with unknowns for the motion of bars at some stations (m, dim), m."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.3 s, for cases with such bars alone
+
+    by = cKDTree(mesh.points[: mesh.n_places]).query(stations)[1]
+    points = np.concatenate([mesh.points, stations])
+    return replace(mesh, points=points, stations_by=np.asarray(by, dtype=np.int64))
+
+
 def motions_of_nodes(mesh: Mesh, u: Floats) -> Floats:
-    """Displacements (n_nodes, dim) in u (n_dofs,); of nodes that stand for rotations zero."""
+    """Displacements (n_nodes, dim) in u (n_dofs,); of nodes that are no places zero."""
     motions = u.reshape(mesh.points.shape).copy()
-    motions[mesh.n_nodes - len(mesh.rotations_of) :] = 0.0
+    motions[mesh.n_places :] = 0.0
     return motions
 
 

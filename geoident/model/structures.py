@@ -260,6 +260,72 @@ class Anchors(Bars):
 
 
 @dataclass(frozen=True)
+class GroutedBars(Bars):
+    """Rock bolts that grout ties to the ground all along, and that slip in it.
+
+    Args:
+        k_grout: force per length of one bar, and per slip of it against the ground, Pa.
+        bond: force per length of one bar at which it slips, N/m; None: it never does.
+        free: length at the head that touches nothing, m.
+        head: joined, it moves with the ground where it lies, as by a plate; or free.
+        pieces: of its grouted length, each of one slip and one axial force in its middle.
+    """
+
+    k_grout: Scalar = field(kw_only=True)
+    bond: Scalar | None = field(default=None, kw_only=True)
+    free: float = field(default=0.0, kw_only=True)
+    head: Literal["joined", "free"] = field(default="joined", kw_only=True)
+    pieces: int = field(default=40, kw_only=True)
+
+    @property
+    def yields(self) -> bool:
+        """Whether its bars have a capacity, or its grout a bond."""
+        return self.capacity is not None or self.bond is not None
+
+
+@dataclass(frozen=True)
+class Piles(GroutedBars):
+    """Piles: they are pushed into the ground, along the shaft and at the toe.
+
+    Args:
+        k_base: force at the toe of one pile per motion of it into the ground, N/m; None: none.
+        base_capacity: force at which it sinks in, N; None: no limit. The toe is never pulled.
+    """
+
+    k_base: Scalar | None = field(default=None, kw_only=True)
+    base_capacity: Scalar | None = field(default=None, kw_only=True)
+
+    @property
+    def numbers(self) -> dict[str, Scalar]:
+        """Those of the shaft by their names in the case."""
+        names = {"k_grout": "k_shaft", "bond": "skin_friction"}
+        return {names.get(name, name): scalar for name, scalar in super().numbers.items()}
+
+    @property
+    def yields(self) -> bool:
+        """Whether shaft or pile do; a toe always does, since it lifts off."""
+        return super().yields or self.k_base is not None
+
+
+@dataclass(frozen=True)
+class PileToes(Bars):
+    """What holds the toes of piles: springs that press and do not pull.
+
+    Args:
+        stiffness: of one, N/m.
+        strength: of one, N; None: no limit.
+    """
+
+    stiffness: Scalar = field(kw_only=True)
+    strength: Scalar | None = field(default=None, kw_only=True)
+
+    @property
+    def yields(self) -> bool:
+        """They lift off."""
+        return True
+
+
+@dataclass(frozen=True)
 class Ring(_Structure):
     """A closed ring of shotcrete or concrete around an opening in closed form.
 
@@ -337,7 +403,7 @@ class SupportLine(_Structure):
 OpeningSupport = Ring | Ribs | BoltPattern | SupportLine
 """What supports an opening in closed form."""
 
-Structure = Beam | Shell | Bolts | Struts | Anchors | OpeningSupport
+Structure = Beam | Shell | Bars | OpeningSupport
 
 
 def ages(structure: Structure) -> bool:

@@ -142,7 +142,7 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
         title=case.title,
         analysis=case.analysis.value,
         mesh=inputs.loaded.mesh_path or "",
-        nodes=staged.mesh.n_nodes - len(staged.mesh.rotations_of) if staged else 0,
+        nodes=staged.mesh.n_places if staged else 0,
         elements=staged.mesh.n_elements if staged else 0,
         groups=_groups(case, staged) if staged else (),
         stages=_stages(case, model, readings),

@@ -26,7 +26,15 @@ from geoident.forward.actions.supports import group_nodes
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.placing import onto_beams, site_on_beam
-from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
+from geoident.model.actions import (
+    FaceLoad,
+    HeadForce,
+    PointForce,
+    Pressure,
+    Seismic,
+    Traction,
+    Water,
+)
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
@@ -102,7 +110,7 @@ class Actions:
 
     Args:
         on_mesh: the case on its mesh.
-        beside: what acts in a state beside loads and on what is no ground: weight of structures.
+        beside: what acts in a state on what is no ground: weight of structures, loads on them.
     """
 
     def __init__(
@@ -160,7 +168,7 @@ class Actions:
         yield from self._parts_of_groups(state, current.materials.keys())
         yield from self._beside(current)
         for name, load in current.loads.items():
-            if not isinstance(load, Seismic):
+            if not isinstance(load, Seismic | HeadForce):
                 yield f"the load '{name}'", self._loads[state, name]
 
     def _sum(self, parts: Iterable[ForcePart], point: ParameterPoint) -> Floats:
@@ -228,7 +236,7 @@ class Actions:
         for n, state in enumerate(self._sequence.states):
             present = self._sequence.present(n)
             for name, load in state.loads.items():
-                if isinstance(load, Seismic):
+                if isinstance(load, Seismic | HeadForce):
                     continue
                 on = state.structures if len(self._mesh.inner) else frozenset[str]()
                 key = (load, present.tobytes(), on)

@@ -8,7 +8,7 @@ from geoident.errors import Fault
 from geoident.fem.faces import load_faces, load_patches
 from geoident.fem.location import format_point
 from geoident.forward.stages import CaseOnMesh, listed
-from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
+from geoident.model.actions import FaceLoad, HeadForce, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath, Support
 from geoident.model.mesh import Mesh, and_inner, nodes_in
@@ -29,8 +29,9 @@ def fixed_dofs(on_mesh: CaseOnMesh, state: int = 0) -> Bools:
         for component in support.components:
             fixed[nodes, component] = True
     fixed[on_mesh.kinematics.on_axis(mesh.points), 0] = True
-    first = mesh.n_nodes - len(mesh.rotations_of)
-    fixed[first:] = _held_rotations(on_mesh)
+    stations = mesh.n_nodes - len(mesh.stations_by)
+    fixed[mesh.n_places : stations] = _held_rotations(on_mesh)
+    fixed[stations:] = np.arange(mesh.dim) > 0  # a bar moves along itself
     return fixed.ravel()
 
 
@@ -82,7 +83,7 @@ def support_nodes(mesh: Mesh, support: Support) -> Ints:
     """Nodes (k,) that a support holds; none where a point is no node."""
     if support.at is None:
         return group_nodes(mesh, support.group)
-    away = np.linalg.norm(mesh.points - np.array(support.at), axis=1)
+    away = np.linalg.norm(mesh.points[: mesh.n_places] - np.array(support.at), axis=1)
     nearest = int(np.argmin(away))
     if away[nearest] > _NEAR_NODE * np.ptp(mesh.points, axis=0).max():
         return np.empty(0, np.int64)
@@ -116,7 +117,8 @@ def support_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     for path, support in support_keys(on_mesh.case):
         if support.at is not None:
             if not len(support_nodes(mesh, support)):
-                away = np.linalg.norm(mesh.points - np.array(support.at), axis=1)
+                places = mesh.points[: mesh.n_places]
+                away = np.linalg.norm(places - np.array(support.at), axis=1)
                 nearest = format_point(mesh.points[int(np.argmin(away))])
                 message = f"no node of {mesh.file} is at {format_point(np.array(support.at))}"
                 hint = f"The nearest node is at {nearest}; write its coordinates."
@@ -149,7 +151,7 @@ def load_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     faults = []
     for path, load in load_keys(case):
         on = (*path, "on")
-        if isinstance(load, Seismic):
+        if isinstance(load, Seismic | HeadForce):
             continue
         if isinstance(load, PointForce):
             if isinstance(load.place, str) and load.place not in of_nodes:
@@ -174,6 +176,10 @@ def load_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         for name, load in state.loads.items():
             path = load_key(name, state.loads_since[name])
             if path in faults or isinstance(load, Seismic):
+                continue
+            if isinstance(load, HeadForce):
+                if load.structure not in state.structures:
+                    faults[path] = _head_fault(case, load, path, state.name)
                 continue
             if isinstance(load, PointForce):
                 if not _has_ground(on_mesh, load, present):
@@ -202,6 +208,16 @@ def _force_fault(case: Case, load: PointForce, path: KeyPath, stage: str) -> Fau
         code="no-ground-there",
         message=f"at stage '{stage}' {where} in no ground that is present",
         hint="correct the place, or 'remove' the force before its ground is gone",
+    )
+
+
+def _head_fault(case: Case, load: HeadForce, path: KeyPath, stage: str) -> Fault:
+    return case.source.fault(
+        (*path, "on"),
+        code="no-such-structure",
+        message=f"at stage '{stage}' the load acts on the heads of '{load.structure}', which does "
+        "not stand then",
+        hint=f"add 'build: [{load.structure}]', or 'remove' the load before it is dismantled",
     )
 
 

@@ -153,7 +153,7 @@ class StagedAnalysis:
     ) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
-        self.actions = Actions(on_mesh, systems.structures.weights)
+        self.actions = Actions(on_mesh, systems.structures.loads)
         self.thermal = ThermalStrains(on_mesh)
         self.motions = GivenMotions(on_mesh)
         points = on_mesh.discretization.points

@@ -287,7 +287,7 @@ class StageSystems:
                 node_of_rank=self._node_of_rank,
                 fixed=self._fixed[key[1]],
                 dim=self._mesh.dim,
-                places=None if len(self._mesh.rotations_of) else self._places,
+                places=None if len(self._mesh.beside) else self._places,
             )
         return self._patterns[key]
 
@@ -303,11 +303,11 @@ class StageSystems:
 
 
 def _elimination_order(mesh: Mesh) -> Ints:
-    """Nested dissection (n_nodes,); rotations of a node follow its displacements."""
+    """Nested dissection (n_nodes,); what is no place follows the place near it."""
     order = nested_dissection(mesh.points, *node_graph(mesh))
     place = np.empty(len(order))
     place[order] = np.arange(len(order))
-    place[mesh.n_nodes - len(mesh.rotations_of) :] = place[mesh.rotations_of] + 0.5
+    place[mesh.n_places :] = place[mesh.beside] + 0.5
     return np.argsort(place, kind="stable")
 
 
@@ -321,5 +321,7 @@ def _touched(mesh: Mesh, present: Bools) -> Bools:
     """(n_dofs,) degrees of freedom of the nodes of present elements, and of beams at these."""
     nodes = np.zeros(mesh.n_nodes, dtype=bool)
     nodes[and_inner(mesh, nodes_in(mesh.blocks, present))] = True
-    nodes[mesh.n_nodes - len(mesh.rotations_of) :] = nodes[mesh.rotations_of]
+    first = mesh.n_places + len(mesh.rotations_of)
+    nodes[mesh.n_places : first] = nodes[mesh.rotations_of]
+    nodes[first:] = True  # a bar stands in ground that is there
     return np.repeat(nodes, mesh.dim)

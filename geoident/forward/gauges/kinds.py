@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.forward.gauges.bar_displacement import bar_displacements
 from geoident.forward.gauges.beam_tilt import tilts_of_beams
 from geoident.forward.gauges.beyond_mesh import beside_fault
 from geoident.forward.gauges.joint_meter import joint_meters
@@ -51,6 +52,7 @@ ON_STRUCTURES: Mapping[str, Placing] = {
     "strain": member_readings,
     "pressure-cell": pressures_on_beams,
     "tilt": tilts_of_beams,
+    "bar-displacement": bar_displacements,
 }
 """What they read on a structure."""
 

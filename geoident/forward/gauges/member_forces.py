@@ -1,6 +1,7 @@
 """Forces and strains of structures: load cells, strain gauges on bars and beams.
 
-A bar (bolt, strut, anchor) bears one axial force. A beam bears at a place along it, s the length of
+A bar (bolt, strut, anchor) bears one axial force, a grouted one another at each of its places. A
+beam bears at a place along it, s the length of
 arc with the inside of the beam to the right,
 
     N                       axial force, from the piece that holds the place (of a shell along
@@ -26,11 +27,12 @@ from geoident.forward.gauges.observation import AnalysisState, Observable
 from geoident.forward.gauges.on_structures import NOT_STANDING, PlaceOnBeam, standing
 from geoident.forward.gauges.placement import Placed
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.grouted import bar_share, place_along
 from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
-from geoident.model.structures import Beam
+from geoident.model.structures import Bars, Beam, GroutedBars
 
 
 class MemberReadings(Observable):
@@ -65,12 +67,27 @@ class MemberReadings(Observable):
             if channel.name not in self._places:
                 self._places[channel.name] = PlaceOnBeam.nearest(part.members.ends, channel)
             value = _of_beam(part, self._places[channel.name], channel, forces, state.point)
-        elif channel.kind == "load-cell":
-            value = state.structures.bar(part.name, channel.member, forces, state.point)
         else:
-            axial, _ = rigidities(part.structure, state.point)
-            value = _scaled(forces[part.rows.start + channel.member], 1.0 / axial)
+            assert isinstance(part.structure, Bars)
+            by = bar_share(part.structure, state.point)  # one bar bears its share
+            if channel.kind != "load-cell":
+                by = 1.0 / rigidities(part.structure, state.point)[0]
+            value = _scaled(_of_bar(part, channel, forces), by)
         return -value if channel.compression else value
+
+
+def _of_bar(part: StructureMembers, channel: Channel, forces: Floats) -> Floats:
+    """N of a bar, (1 + n + k,), as the analysis carries it: per metre, or of the whole turn.
+
+    Of a grouted bar that at a place: linear in each piece, with the force of the grout as slope.
+    """
+    first, bars = part.rows.start, part.structure
+    if not isinstance(bars, GroutedBars):
+        return np.asarray(forces[first + channel.member])
+    place = place_along(bars, channel.member, channel.second)
+    piece = first + channel.member * bars.pieces + place.piece
+    slope = forces[piece + len(part.members)]
+    return np.asarray(forces[piece] + (place.part - 0.5) * place.length * slope)
 
 
 def _of_beam(

@@ -134,7 +134,7 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
             f"it stands at: {', '.join(names)}"
         )
         hint = "zero it at one of these stages"
-        if channel.kind != "tilt":
+        if channel.kind not in ("tilt", "bar-displacement"):
             hint += ", or remove 'zero' to read what there is since then"
         yield fault("zero-before-structure", message, hint, "zero")
     if isinstance(structure, Bars):
@@ -146,7 +146,7 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
             message = f"reads a rotation of {of}, whose bars have none of their own"
             hint = "name a beam, or give the two points of 'between'"
             yield fault("wrong-structure", message, hint)
-        elif channel.quantity not in ("N", "", "axis"):
+        elif channel.quantity not in ("N", "", "axis", "slip"):
             message = f"reads '{channel.quantity}' of {of}; its bars bear only N"
             yield fault("wrong-structure", message, "remove the key, or name a beam")
         elif channel.member >= count:
@@ -201,6 +201,7 @@ _DIMENSIONS = {"N": "line load", "Q": "line load", "M": "moment per length"}
 def _dimension(channel: Channel, structure: Structure) -> str:
     """The dimension of what a channel reads of a structure."""
     same = {"strain": "strain", "pressure-cell": "pressure", "tilt": "angle"}
+    same["bar-displacement"] = "length"
     if channel.kind in same:
         return same[channel.kind]
     if channel.quantity in SHELL_FORCES:

@@ -94,9 +94,9 @@ class AffineAnalysis:
 
     def jacked(self, state: int) -> Ints:
         """Members (k,) whose force is given in a state."""
-        stressed = self.analysis.sequence.states[state].stressed
+        given = self.analysis.sequence.states[state]
         parts = self.analysis.systems.structures.parts
-        rows = [np.arange(p.rows.start, p.rows.stop) for p in parts if p.name in stressed]
+        rows = [np.arange(p.rows.start, p.rows.stop) for p in parts if p.stressed_in(given)]
         return self.points.n_ground + np.concatenate([np.empty(0, np.int64), *rows])
 
 

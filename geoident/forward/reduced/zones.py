@@ -149,12 +149,12 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
         histories: dict[str, StressHistory] = {}
         zones = []
         for part in analysis.systems.structures.parts:
-            if part.name not in state.structures:
+            if not part.stands(state):
                 continue
-            if part.name in state.stressed:
+            if part.stressed_in(state):
                 histories[part.name] = StressHistory(None, (), given=True)
                 continue
-            if part.name in state.built or part.name not in before:
+            if part.given_as in state.built or part.name not in before:
                 history = StressHistory(None, (Segment(part.name, state.base or None, number),))
             else:
                 history = before[part.name].went_on(part.name, state.base, number)

@@ -7,14 +7,15 @@ import numpy as np
 from geoident.fem.shells import ShellMembers
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.capacity import utilisation
+from geoident.forward.structures.grouted import bar_share
 from geoident.forward.structures.limits import limits
-from geoident.forward.structures.members import StructureMembers, Structures, bar_share
+from geoident.forward.structures.members import StructureMembers, Structures
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.results.result import MemberForces, ShellForces
-from geoident.model.structures import Bars, Beam
+from geoident.model.structures import Bars, Beam, GroutedBars
 
 _ROUNDING = 1e-9
 """Of the terms of a yield function: what is left of one that is zero."""
@@ -54,10 +55,11 @@ class MemberRecorder:
         tables = []
         for part in self._parts:
             table = self._of_part(part, members[:, 0])
-            if part.name not in state.structures:
+            if not part.stands(state):
                 table[:] = np.nan
-            if isinstance(part.structure, Bars) and part.name in state.stressed:
-                table[5] = part.structure.sense * state.stressed[part.name].value(self._values)
+            if isinstance(part.structure, Bars) and part.stressed_in(state):
+                force = state.stressed[part.given_as].value(self._values)
+                table[5] = part.structure.sense * force
             tables.append(table)
         if tables:
             self._tables.append(np.concatenate(tables, axis=1))
@@ -86,6 +88,7 @@ class MemberRecorder:
             hoop=table[4],
             prestress=table[5],
             utilisation=table[6] if np.isfinite(table[6]).any() else None,
+            grout=table[7] if np.isfinite(table[7]).any() else None,
             per_metre=np.concatenate(
                 [np.full(len(part.members), isinstance(part.structure, Beam)) for part in parts]
             ),
@@ -110,11 +113,14 @@ class MemberRecorder:
         )
 
     def _of_part(self, part: StructureMembers, forces: Floats) -> Floats:
-        """N, M at both ends, Q, N_t, N from a jack, utilisation: (7, n_members); of a bar N."""
-        table = np.full((7, len(part.members)), np.nan)
+        """N, M at both ends, Q, N_t, N from a jack, utilisation, q of grout: (8, n_members)."""
+        table = np.full((8, len(part.members)), np.nan)
         if isinstance(part.structure, Bars):
             share = bar_share(part.structure, ParameterPoint(self._values, ())).value
-            table[0] = forces[part.rows] * share
+            each = forces[part.rows].reshape(-1, len(part.members)) * share
+            table[0] = each[0]
+            if isinstance(part.structure, GroutedBars):
+                table[7] = each[1]
             return table
         section = part.section_forces(forces)
         table[:4] = section.axial, section.first, section.second, section.shear

@@ -16,7 +16,9 @@ The limit of a rectangular section, ideally plastic with the strengths f_c and f
     N_0 = (f_t - f_c) h / 2 ,   N_p = (f_c + f_t) h / 2 ,   M_p = (f_c + f_t) h^2 / 8 ,
 
 as `capacity` has it. Chords between `_CHORDS` + 1 points of it are the planes, which are exact at
-these points and elsewhere at most M_p / 64 on the safe side. A bar has the one stress N.
+these points and elsewhere at most M_p / 64 on the safe side. A bar has the one stress N, a grouted
+one s = (N, q) with E = diag(EA, k_grout), |N| <= capacity and |q| <= bond; the toe of a pile
+presses, -base_capacity <= N <= 0.
 
 A point of an interface has the tractions s = (t_n, t_s), two t_s in a solid, and E = diag(k_n, k_s,
 k_s). Coulomb's limit |t_s| + t_n tan phi <= c is two planes, in a solid a polygon
@@ -34,11 +36,12 @@ import numpy as np
 
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
-from geoident.forward.structures.members import StructureMembers, bar_share, rigidities
+from geoident.forward.structures.grouted import bar_share
+from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.forward.yielding.facets import polygon_shrinkage
 from geoident.model.dual import Dual, ParameterPoint, stacked
 from geoident.model.interfaces import Interface
-from geoident.model.structures import Bars, Beam, Interaction, Structure
+from geoident.model.structures import Bars, Beam, GroutedBars, Interaction, PileToes, Structure
 
 _CHORDS = 8
 """Chords of the parabola of a section from pure tension to pure compression."""
@@ -102,7 +105,9 @@ class StructureLaws:
     def elasticity(self, name: str) -> Dual:
         """E (s, s) of its members; components that they do not have are as stiff as others."""
         axial, bending = rigidities(self._structures[name], self._point)
-        bears = [axial] if isinstance(self._structures[name], Bars) else [axial, bending, bending]
+        bears = [axial, bending, bending]
+        if isinstance(self._structures[name], Bars):
+            bears = bears[: 2 if isinstance(self._structures[name], GroutedBars) else 1]
         columns = np.zeros((self._n_strain, self._n_strain, self._point.n_columns))
         for k in range(self._n_strain):
             columns[k, k] = bears[k].columns if k < len(bears) else 0.0
@@ -142,11 +147,29 @@ def _of_interface(given: Interface, point: ParameterPoint, *, solid: bool) -> Yi
 
 
 def _of_bars(bars: Bars, point: ParameterPoint) -> YieldPlanes:
-    """|N| <= capacity, of the forces that are carried per metre."""
-    assert bars.capacity is not None
-    limit = point.number(bars.capacity) / bar_share(bars, point)
-    normals = Dual.constant(np.array([[1.0], [-1.0]]), point.n_columns - 1)
-    return YieldPlanes(normals, stacked([limit, limit]), names=("tension", "compression"))
+    """|N| <= capacity and |q| <= bond, of the forces that are carried per metre."""
+    share = bar_share(bars, point)
+    normals: list[list[float]] = []
+    distances: list[Dual] = []
+    names: list[str] = []
+    if isinstance(bars, PileToes):
+        normals, distances, names = [[1.0]], [point.constant(0.0)], ["lifting off"]
+        if bars.strength is not None:
+            normals.append([-1.0])
+            distances.append(point.number(bars.strength) / share)
+            names.append("sinking in")
+    grouted = isinstance(bars, GroutedBars)
+    if bars.capacity is not None:
+        zero = [0.0] * grouted
+        normals += [[1.0, *zero], [-1.0, *zero]]
+        distances += [point.number(bars.capacity) / share] * 2
+        names += ["tension", "compression"]
+    if isinstance(bars, GroutedBars) and bars.bond is not None:
+        normals += [[0.0, 1.0], [0.0, -1.0]]
+        distances += [point.number(bars.bond) / share] * 2
+        names += ["slip to the toe", "slip to the head"]
+    directions = Dual.constant(np.array(normals), point.n_columns - 1)
+    return YieldPlanes(directions, stacked(distances), names=tuple(names))
 
 
 def _of_section(structure: Structure, point: ParameterPoint) -> YieldPlanes:

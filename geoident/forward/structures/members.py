@@ -25,7 +25,7 @@ would give off most of the force where the grout begins, the more the finer the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -44,6 +44,7 @@ from geoident.fem.structures import (
 )
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.end_moments import EndMoments, end_moments
+from geoident.forward.structures.grouted import bar_share, grouted_rows, parts_of
 from geoident.forward.structures.interfaces import InterfacePart, interface_parts
 from geoident.forward.structures.placing import (
     bears_on,
@@ -52,12 +53,13 @@ from geoident.forward.structures.placing import (
     present_throughout,
     toothed,
 )
+from geoident.model.actions import HeadForce
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
-from geoident.model.structures import Bars, Beam, Shell, Structure
+from geoident.model.structures import Bars, Beam, GroutedBars, PileToes, Shell, Structure
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ class StructureMembers:
         rows: where its rows lie among those of all structures.
         end_moments: of a beam, how moments at the ends of its pieces are found.
         joint: of an interface, where it is; its members are its points.
+        whole: the structure of the case of which it is a part; empty where it is all of it.
     """
 
     name: str
@@ -79,12 +82,24 @@ class StructureMembers:
     rows: slice
     end_moments: EndMoments | None = None
     joint: InterfacePart | None = None
+    whole: str = ""
+
+    @property
+    def given_as(self) -> str:
+        """Name of the structure in the case."""
+        return self.whole or self.name
 
     def stands(self, state: ConstructionState) -> bool:
         """Whether it stands at a state."""
         if self.joint is not None:
             return self.joint.stands(state)
-        return self.name in state.structures
+        return self.given_as in state.structures
+
+    def stressed_in(self, state: ConstructionState) -> bool:
+        """Whether its force is given in a state; of grouted bars that of the free lengths is."""
+        if isinstance(self.structure, GroutedBars | PileToes):
+            return False
+        return self.given_as in state.stressed
 
     def section_forces(self, forces: Floats) -> SectionForces:
         """Forces in the sections of a beam without the teeth of its elements (see `end_moments`).
@@ -119,7 +134,7 @@ class Structures:
     """
 
     def __init__(self, on_mesh: CaseOnMesh) -> None:
-        self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
+        self._sequence, self._mesh, self._on_mesh = on_mesh.sequence, on_mesh.mesh, on_mesh
         self._dim = on_mesh.mesh.dim
         self._gravity = np.array(on_mesh.case.gravity or (0.0,) * self._dim)
         self.parts = tuple(_placed_structures(on_mesh))
@@ -157,26 +172,6 @@ class Structures:
     def keys(self, state: ConstructionState) -> frozenset[int]:
         """Keys of the structures that work with their stiffness at a state."""
         return frozenset(self.key(n) for n, _ in self._stiff(state))
-
-    def bar(self, name: str, number: int, members: Floats, point: ParameterPoint) -> Floats:
-        """Axial force N of one bar, N, tension positive: (1 + n + k,), with its derivatives.
-
-        The run carries it per metre out of plane or of the whole turn; one bar bears its share,
-        which may itself depend on parameters (a spacing).
-
-        Args:
-            name: of the structure: bolts, struts or anchors.
-            number: of the bar in it, from 0.
-            members: (n_rows, 1 + n + k) what the analysis carries.
-            point: the parameters, and the n of them by which the analysis differentiates.
-        """
-        part = self.part(name)
-        assert isinstance(part.structure, Bars)
-        smeared = members[part.rows.start + number]
-        share, n = bar_share(part.structure, point), point.n_columns
-        force = smeared * share.value
-        force[:n] = (Dual(smeared[:n]) * share).columns
-        return np.asarray(force)
 
     def part(self, name: str) -> StructureMembers:
         """The members of a structure that ever stands."""
@@ -245,15 +240,31 @@ class Structures:
             result[part.rows] = each[part.members.rigidity]
         return result
 
-    def weights(
+    def loads(
         self, state: ConstructionState
     ) -> Iterator[tuple[str, Callable[[ParameterPoint], Floats]]]:
-        """What the structures that stand at a state weigh: a name, its forces (n_dofs, 1 + n)."""
+        """What acts at a state on the structures that stand: a name, its forces (n_dofs, 1 + n).
+
+        Their weight, and forces on the heads of grouted bars.
+        """
+        for load_name, load in state.loads.items():
+            if isinstance(load, HeadForce):
+                yield f"the load '{load_name}'", partial(self._on_heads, load)
         for part in self.parts:
-            one, stands = part.structure, part.name in state.structures
+            one, stands = part.structure, part.stands(state)
             if stands and isinstance(one, Beam | Shell) and one.has_weight:
                 name = f"the weight of the structure '{part.name}'"
                 yield name, partial(self._weight_of, part)
+
+    def _on_heads(self, load: HeadForce, point: ParameterPoint) -> Floats:
+        """Forces (n_dofs, 1 + n) on first stations, whose motion counts into the ground."""
+        bars = self.part(load.structure).structure
+        assert isinstance(bars, GroutedBars)
+        rows = grouted_rows(self._on_mesh, load.structure, bars)
+        forces = np.zeros((self._mesh.points.size, point.n_columns))
+        force = point.number(load.value) / bar_share(bars, point)
+        forces[rows.nodes[:, 0] * self._dim] = -np.outer(rows.extent, force.columns)
+        return forces
 
     def _weight_of(self, part: StructureMembers, point: ParameterPoint) -> Floats:
         """Nodal forces (n_dofs, 1 + n) of the weight of a beam or shell, N."""
@@ -299,13 +310,13 @@ class Structures:
         anew = np.zeros(self.n_rows, dtype=bool)
         for part in self.parts:
             stays = part.stands(state) and not self._is_built(part, state)
-            anew[part.rows] = not stays or part.name in state.stressed
+            anew[part.rows] = not stays or part.stressed_in(state)
         return anew
 
     def _is_built(self, part: StructureMembers, state: ConstructionState) -> bool:
         """Whether a part that stands at a state did not stand at the one before."""
         if part.joint is None:
-            return part.name in state.built
+            return part.given_as in state.built
         groups = part.joint.groups[:1] if part.joint.beams else part.joint.groups
         placed = not state.placed.isdisjoint(groups)
         return placed or not part.joint.stands(self._sequence.states[state.base])
@@ -330,9 +341,12 @@ class Structures:
         """Forces q (n_rows, 1 + n) of some bars, structure to the force of one bar; others zero."""
         result = np.zeros((self.n_rows, point.n_columns))
         for part in self.parts:
-            if part.name in forces and isinstance(part.structure, Bars):
-                force = point.number(forces[part.name]).times(part.structure.sense)
-                result[part.rows] = (force / bar_share(part.structure, point)).columns
+            name, bars = part.given_as, part.structure
+            if name not in forces or isinstance(bars, GroutedBars | PileToes):
+                continue
+            if isinstance(bars, Bars):
+                force = point.number(forces[name]).times(bars.sense)
+                result[part.rows] = (force / bar_share(bars, point)).columns
         return result
 
     def yielding(self, state: ConstructionState) -> list[StructureMembers]:
@@ -342,23 +356,15 @@ class Structures:
     def _stiff(self, state: ConstructionState) -> Iterator[tuple[int, StructureMembers]]:
         """Parts that stand and whose force is not given."""
         return (
-            (n, p)
-            for n, p in enumerate(self.parts)
-            if p.stands(state) and p.name not in state.stressed
+            (n, p) for n, p in enumerate(self.parts) if p.stands(state) and not p.stressed_in(state)
         )
-
-
-def bar_share(bars: Bars, point: ParameterPoint) -> Dual:
-    """The force of one bar per generalized force q of all: the spacing, or 1 / number, or 1."""
-    if bars.spacing is not None:
-        return point.number(bars.spacing)
-    return point.constant(1.0) if bars.number is None else 1.0 / point.number(bars.number)
 
 
 def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple[Dual, ...]:
     """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives.
 
-    About an axis EA of bars is that of all around it, or per metre of circumference. Those of a
+    About an axis EA of bars is that of all around it, or per metre of circumference. Grouted bars
+    have EA and k_grout, the toes of piles one spring. Those of a
     shell are four, see `fem.shells`; of an interface k_n and k_s, Pa/m.
     """
     if isinstance(structure, Interface):
@@ -380,6 +386,9 @@ def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple
             modulus = modulus / (1.0 - nu * nu)
         return modulus * t, (modulus * t * t * t).times(1 / 12)
     assert isinstance(structure, Bars)
+    share = bar_share(structure, point)
+    if isinstance(structure, PileToes):
+        return point.number(structure.stiffness) / share, none
     if structure.EA is not None:
         axial = point.number(structure.EA)
     elif structure.E is not None and structure.diameter is not None:
@@ -389,7 +398,9 @@ def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple
         axial = point.number(structure.E) * point.number(structure.area)
     else:
         axial = none
-    return axial / bar_share(structure, point), none
+    if isinstance(structure, GroutedBars):
+        return axial / share, point.number(structure.k_grout) / share
+    return axial / share, none
 
 
 def inadmissible(case: Case, values: Values) -> str | None:
@@ -418,11 +429,18 @@ def _placed_structures(on_mesh: CaseOnMesh) -> list[StructureMembers]:
     parts = []
     for name, structure in on_mesh.case.structures.items():
         present = present_throughout(on_mesh.sequence, name)
-        if present is not None:
-            members = placed(on_mesh, name, present)
+        if present is None:
+            continue
+        pieces: Iterable[tuple[str, Structure, Members]]
+        if isinstance(structure, GroutedBars):
+            pieces = parts_of(on_mesh, name, structure, present)
+        else:
+            pieces = [(name, structure, placed(on_mesh, name, present))]
+        for own_name, what, members in pieces:
             rows = slice(first, first + len(members.weight))
             first = rows.stop
-            parts.append(StructureMembers(name, structure, members, rows))
+            whole = "" if own_name == name else name
+            parts.append(StructureMembers(own_name, what, members, rows, whole=whole))
     bearing = [bears_on(mesh, part.members) for part in parts]
     for n, part in enumerate(parts):
         nodes, beam = part.members.nodes, part.structure

@@ -20,11 +20,12 @@ from geoident.fem.shells import (
 from geoident.fem.structures import Members, bars, beams, grouted_parts, shells
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
+from geoident.forward.structures import grouted
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in, with_rotations
-from geoident.model.structures import Anchors, Bars, Beam, Shell
+from geoident.model.structures import Anchors, Bars, Beam, GroutedBars, Shell
 
 _ON_BEAM = 0.01
 """Distance from a piece of a beam, in parts of its length, up to which a point is on it."""
@@ -222,6 +223,8 @@ def held_points(
         structure: with the bar.
         ends: of the bar, (dim,) each, m.
     """
+    if isinstance(structure, GroutedBars):
+        return grouted.held_points(structure, ends)
     if isinstance(structure, Anchors):
         _, points = grouted_parts(np.array([ends]), structure.grouted, GROUT_POINTS)
         grout = [("the grouted length at", tuple(point)) for point in points[0].tolist()]

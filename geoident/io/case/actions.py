@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from pydantic import Field
 
@@ -11,6 +13,7 @@ from geoident.io.schema.values import (
     Coefficient,
     Coefficients,
     Coordinates,
+    Force,
     Forces,
     Length,
     LevelOrGroup,
@@ -26,6 +29,7 @@ from geoident.io.schema.values import (
 )
 from geoident.model.actions import (
     Drain,
+    HeadForce,
     HeadLine,
     Load,
     PointForce,
@@ -99,7 +103,10 @@ class WaterLoadSection(Section):
 
 
 class LoadSection(Section):
-    """A load: a pressure, a traction or water on faces, a force, or a pseudo-static earthquake."""
+    """A load: a pressure, a traction or water on faces, a force, or a pseudo-static earthquake.
+
+    A pull or a push acts from outside on the free head of each bar of grouted bolts or piles.
+    """
 
     one_of = (
         Alternatives(
@@ -109,6 +116,8 @@ class LoadSection(Section):
             "force",
             "line_force",
             "seismic",
+            "pull",
+            "push",
             hint="Give each load a name and a mapping of its own.",
         ),
     )
@@ -116,7 +125,7 @@ class LoadSection(Section):
     on: Name | None = Field(
         None,
         description="Group of lines (2-D) or surfaces (solid) in the mesh; for a force a group of "
-        "nodes, which share it equally.",
+        "nodes, which share it equally; for a pull or push a structure.",
     )
     at: Coordinates | None = Field(None, description="Point on which a force acts.")
     pressure: Stress | None = Field(None, description="Positive pushes onto the ground.")
@@ -135,6 +144,12 @@ class LoadSection(Section):
         description="Parts of its own weight that act on all ground in the coordinate directions.",
         examples=["[0.1, 0]"],
     )
+    pull: Force | None = Field(
+        None,
+        description="Force on each head of grouted bolts or piles, out of the ground.",
+        examples=["80 kN"],
+    )
+    push: Force | None = Field(None, description="The same into the ground.", examples=["600 kN"])
 
     def check(self, faults: SectionFaults) -> None:
         """The load stands in a place of its kind."""
@@ -144,6 +159,8 @@ class LoadSection(Section):
             expected, good = "neither 'on' nor 'at'", not places
         elif kind in ("force", "line_force"):
             expected, good = "'at' with a point, or 'on' with a group", len(places) == 1
+        elif kind in ("pull", "push"):
+            expected, good = "'on' with a structure", places == ["on"]
         else:
             expected, good = "'on' with a group of faces", places == ["on"]
         if not good:
@@ -167,6 +184,10 @@ class LoadSection(Section):
             return self.water.to_model(WaterPressure, context.at("water"), group=group)
         if self.seismic is not None:
             return Seismic(scalars("seismic", self.seismic))
+        if self.pull is not None:
+            return HeadForce(group, self.pull.scalar)
+        if self.push is not None:
+            return HeadForce(group, replace(self.push.scalar, factor=-self.push.scalar.factor))
         key, given, wanted, unit = "force", self.force, "line_force", "kN/m"
         if given is None:
             key, given, wanted, unit = "line_force", self.line_force, "force", "kN"

@@ -19,6 +19,7 @@ from geoident.io.case.fit import AxisSection
 from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
 from geoident.io.case.stages import ABSENT, Begin, check_sequence, refuse_group
+from geoident.io.case.structures import BoltSection, PileSection
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
@@ -207,6 +208,32 @@ def _check_structures(section: CaseSection, faults: Faults) -> None:
             faults.add_unknown(place, "structure", structure, section.structures)
 
 
+def _check_heads(section: CaseSection, faults: Faults) -> None:
+    """Pulls and pushes act on free heads of grouted bars."""
+    lasting = {n: load for n, load in section.loads.items() if isinstance(load, LoadSection)}
+    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), lasting)]
+    loads += [(("stages", n, "loads"), stage.loads) for n, stage in enumerate(section.stages)]
+    for path, given in loads:
+        for name, load in given.items():
+            if (load.pull is None and load.push is None) or load.on is None:
+                continue
+            place, bars = (*path, name, "on"), section.structures.get(load.on)
+            if bars is None:
+                faults.add_unknown(place, "structure", load.on, section.structures)
+            elif not (
+                isinstance(bars, PileSection)
+                or (isinstance(bars, BoltSection) and bars.k_grout is not None)
+            ):
+                message = f"'{load.on}' are no grouted bolts or piles, whose heads a load pulls"
+                hint = "Bars that are held at their ends are stressed by 'prestress'."
+                faults.add(place, "wrong-structure", message, hint)
+            elif bars.head != "free":
+                message = f"the heads of '{load.on}' are joined to the ground, which a load on "
+                message += "them loads"
+                hint = "Write 'head: free' in the structure, or load the ground there."
+                faults.add(place, "wrong-structure", message, hint)
+
+
 def _check_interfaces(section: CaseSection, faults: Faults) -> None:
     """The interfaces that gauges span."""
     for name, gauge in section.gauges.items():
@@ -332,6 +359,7 @@ _CHECKS: tuple[tuple[_Check, set[str], bool], ...] = (
     (_check_compression, {"parameters"}, True),
     (_check_stage_names, {"stages"}, False),
     (_check_structures, {"structures"}, False),
+    (_check_heads, {"structures", "stages", "loads"}, True),
     (_check_interfaces, {"interfaces"}, False),
     (_check_grid, {"parameters"}, False),
     (_check_external_fit, set(), False),

@@ -18,14 +18,17 @@ from geoident.io.case.ground import MaterialSection
 from geoident.io.case.heat import StageHeatValue, build_heat
 from geoident.io.case.hydraulic import StageDrainedValue, build_drained
 from geoident.io.case.structures import (
+    UNSTRESSED_PILE,
     AnchorSection,
     BeamSection,
     BoltSection,
     OpeningSupportSection,
+    PileSection,
     StructureSection,
     StrutSection,
     beyond_capacity,
     negative_force,
+    unstressed,
 )
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
 from geoident.io.schema.section import Context, Section, SectionFaults
@@ -418,7 +421,11 @@ class _Ground:
                 hint = "Leave out the prestress, or dismantle the structure at a later stage."
             self.faults.add(place, "no-such-structure", message, hint, key=True)
         fault = negative_force(force)
-        if fault is None and isinstance(section, BoltSection | StrutSection | AnchorSection):
+        if isinstance(section, PileSection):
+            self.faults.add(place, "wrong-structure", *UNSTRESSED_PILE, key=True)
+        elif isinstance(section, BoltSection) and (refusal := unstressed(section)):
+            self.faults.add(place, "wrong-structure", *refusal, key=True)
+        elif fault is None and isinstance(section, BoltSection | StrutSection | AnchorSection):
             fault = beyond_capacity(force, section.capacity)
         if fault:
             self.faults.add(place, "out-of-range", *fault)

@@ -19,6 +19,7 @@ from geoident.io.schema.values import (
     BendingStiffness,
     CaseNumber,
     Coordinates,
+    Count,
     Density,
     DirectionVector,
     FixedSize,
@@ -41,9 +42,12 @@ from geoident.io.schema.values import (
 from geoident.model.case import Analysis
 from geoident.model.structures import (
     Anchors,
+    Bars,
     Beam,
     BoltPattern,
     Bolts,
+    GroutedBars,
+    Piles,
     Ribs,
     Ring,
     SectionLimits,
@@ -300,7 +304,7 @@ class _BarSection(Section):
 
     what: ClassVar[str]
     """What one of them is."""
-    builds: ClassVar[type[Bolts | Struts | Anchors]]
+    builds: ClassVar[type[Bars]]
     one_of = (
         Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
     )
@@ -350,7 +354,7 @@ class _BarSection(Section):
         if self.prestress is not None and (fault := negative_force(self.prestress)):
             faults.add(("prestress",), "out-of-range", *fault)
 
-    def for_model(self, context: Context) -> Bolts | Struts | Anchors:
+    def for_model(self, context: Context) -> Bars:
         """The bars; about an axis they are smeared over their ring."""
         if context.analysis is Analysis.AXISYMMETRIC:
             self._check_ring(context)
@@ -365,6 +369,9 @@ class _BarSection(Section):
             message = f"'spacing' in a solid, where every {self.what} is modelled by itself"
             hint = f"Remove it, and list all {self.what}s under 'ends'."
             context.at("spacing").refuse("wrong-dimension", message, hint, key=True)
+        return self._built(context)
+
+    def _built(self, context: Context) -> Bars:
         return self.to_model(self.builds, context)
 
     def _check_ring(self, context: Context) -> None:
@@ -410,12 +417,137 @@ def negative_force(given: CaseNumber) -> tuple[str, str] | None:
     )
 
 
+_HEAD = (
+    "`joined`, the head moves with the ground where it lies, as by a plate or where a lining is "
+    "built; `free`, nothing but a load holds it. `joined` if missing."
+)
+_PIECES = (
+    "Into how many pieces the grouted length of each bar is divided; 40 if missing. A piece is "
+    "much shorter than sqrt(EA / k), on which the force of a long bar decays."
+)
+Pieces = Annotated[int, Count(2, 1000)]
+
+
 class BoltSection(_BarSection):
-    """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh."""
+    """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh.
+
+    With `k_grout` grout ties them to the ground along their length, with a stiffness and a
+    strength: they slip where the bond is used up.
+    """
 
     what, builds = "bolt", Bolts
 
     kind: Literal["bolt"]
+    k_grout: Modulus | None = Field(
+        None,
+        description="Stiffness of the grout: force per length of one bar and per slip of it "
+        "against the ground. Without it the bar is held at its ends only.",
+        examples=["500 MPa"],
+    )
+    bond: WallStiffness | None = Field(
+        None,
+        description="Strength of the grout: force per length of one bar at which it slips. It "
+        "never does if missing.",
+        examples=["150 kN/m"],
+    )
+    free: FixedSize | None = Field(
+        None,
+        description="Length from the head that touches nothing; none if missing. A grouted bolt "
+        "that is stressed has one.",
+        examples=["0.5 m"],
+    )
+    head: Literal["joined", "free"] | None = Field(None, description=_HEAD)
+    pieces: Pieces | None = Field(None, description=_PIECES)
+
+    def check(self, faults: SectionFaults) -> None:
+        """What grout has needs grout; a free length leaves a part of the bar, and has a plate."""
+        super().check(faults)
+        if self.k_grout is None:
+            for key in ("bond", "free", "head", "pieces"):
+                if getattr(self, key) is not None:
+                    message = f"'{key}' without 'k_grout', the stiffness of the grout"
+                    hint = "Add 'k_grout: 500 MPa', or leave it out: held at its ends only."
+                    faults.add((key,), "missing-key", message, hint)
+            return
+        if self.prestress is not None and (fault := unstressed(self)):
+            faults.add(("prestress",), "wrong-structure", *fault)
+        if self.free is None:
+            return
+        if self.head == "free":
+            message = "'free' of a bolt whose head is free: a length that bears nothing"
+            faults.add(("free",), "wrong-pair", message, "Leave it out, or let 'head: joined'.")
+        for n, (head, toe) in enumerate(self.ends):
+            length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
+            if 0.0 < length <= self.free.factor:
+                message = f"the bolt is {length:.6g} m long, of which '{self.free.text}' are free: "
+                message += "no grouted length is left"
+                faults.add(("ends", n), "zero-length", message, "Give head and toe.")
+
+    def _built(self, context: Context) -> Bars:
+        return self.to_model(Bolts if self.k_grout is None else GroutedBars, context)
+
+
+def unstressed(section: BoltSection) -> tuple[str, str] | None:
+    """Why no jack can stress bolts, and the remedy; None where one can."""
+    if section.k_grout is None or section.free is not None:
+        return None
+    message = "the bolt is grouted from its head on: a jack has no free length to stretch"
+    return message, "Add 'free: 0.5 m', from the plate to the grout."
+
+
+class PileSection(_BarSection):
+    """Piles: bars that the ground holds along their shafts and presses on at their toes.
+
+    They bear axial forces only, no bending and no force across them; the first of the ends is the
+    head. The toe is never pulled.
+    """
+
+    what, builds = "pile", Piles
+
+    kind: Literal["pile"]
+    k_shaft: Modulus = Field(
+        description="Stiffness of the shaft: force per length of one pile and per slip of it "
+        "against the ground.",
+        examples=["60 MPa"],
+    )
+    skin_friction: WallStiffness | None = Field(
+        None,
+        description="Strength of the shaft: force per length of one pile at which it slips. It "
+        "never does if missing.",
+        examples=["120 kN/m"],
+    )
+    k_base: WallStiffness | None = Field(
+        None,
+        description="Stiffness of the toe: force per motion of it into the ground there; nothing "
+        "presses on it if missing.",
+        examples=["50 MN/m"],
+    )
+    base_capacity: AxialStiffness | None = Field(
+        None,
+        description="Force at which the toe sinks in; it never does if missing.",
+        examples=["800 kN"],
+    )
+    head: Literal["joined", "free"] | None = Field(None, description=_HEAD)
+    pieces: Pieces | None = Field(None, description=_PIECES)
+
+    def check(self, faults: SectionFaults) -> None:
+        """Piles are not stressed; what a toe bears needs a toe."""
+        super().check(faults)
+        if self.prestress is not None:
+            faults.add(("prestress",), "wrong-structure", *UNSTRESSED_PILE)
+        if self.base_capacity is not None and self.k_base is None:
+            message = "'base_capacity' without 'k_base', the stiffness of the toe"
+            faults.add(("base_capacity",), "missing-key", message, "Add 'k_base: 50 MN/m'.")
+
+    def _built(self, context: Context) -> Bars:
+        bond = None if self.skin_friction is None else self.skin_friction.scalar
+        return self.to_model(Piles, context, k_grout=self.k_shaft.scalar, bond=bond)
+
+
+UNSTRESSED_PILE = (
+    "piles are not stressed by jacks",
+    "Load the heads by a load '{on: PILES, push: 500 kN}', or use 'kind: anchor'.",
+)
 
 
 class StrutSection(_BarSection):
@@ -582,6 +714,7 @@ StructureSection = Annotated[
     BeamSection
     | ShellSection
     | BoltSection
+    | PileSection
     | StrutSection
     | AnchorSection
     | RingSection

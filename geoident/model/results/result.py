@@ -730,6 +730,8 @@ class MemberForces:
         utilisation: (n_members, n_stages) the part of the strength of a lining that N and M use at
             its weaker end, about an axis also N_t; 1 at the limit, infinite where no strength
             could bear them. NaN where no strength is given; None where none of any is.
+        grout: (n_members, n_stages) force per length, N/m, with which grout holds a piece of one
+            bar, dN/ds from head to toe; NaN where there is none; None without any grout.
     """
 
     structures: tuple[str, ...] = field(metadata=column("member", name="structure"))
@@ -791,6 +793,10 @@ class MemberForces:
     )
     utilisation: Floats | None = field(
         default=None, metadata=column("member", "stage", unit="1", optional=True)
+    )
+    grout: Floats | None = field(
+        default=None,
+        metadata=column("member", "stage", dimension="line load", shown="kN/m", optional=True),
     )
 
     @property

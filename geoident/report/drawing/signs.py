@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from geoident.model.results.result import Result
-from geoident.model.structures import Anchors, Beam, Bolts, Struts
+from geoident.model.structures import Anchors, Beam, Bolts, GroutedBars, Struts
 from geoident.report.drawing.scene import case_of
 from geoident.report.drawing.style import (
     ACCENT,
@@ -148,7 +148,11 @@ def _satellite(axes: Axes) -> None:
 
 _TURN, _DEPTH = np.linspace(0.0, 2.0 * np.pi, 80), np.linspace(0.1, _SKY, 30)
 _BOLT, _STRUT, _LINING = "bolt, anchor: tension", "strut: compression", "beam: N, M, Q"
-_ON: dict[str, tuple[type, ...]] = {_BOLT: (Bolts, Anchors), _STRUT: (Struts,), _LINING: (Beam,)}
+_ON: dict[str, tuple[type, ...]] = {
+    _BOLT: (Bolts, Anchors, GroutedBars),
+    _STRUT: (Struts,),
+    _LINING: (Beam,),
+}
 """Panels of load cells, and the structures that they are of."""
 
 _DOWN: Any = (_MOTION, (_settle,), (_word, 0.8, 0.2, "down; distortion: second point down"))
@@ -206,6 +210,12 @@ SIGNS: dict[str, dict[str, Any]] = {
     "joint-meter": {"joint meter: opening": (
         _FORCE, (_box, (-1.0, -0.7), (0.9, 1.4), _GROUND), (_box, (0.1, -0.7), (0.9, 1.4), _GROUND),
         (_arrow, (-0.15, 0.2), (-0.7, 0.2)), (_arrow, (0.15, 0.2), (0.7, 0.2)),
+    )},
+    "bar-displacement": {"bar: bolts outwards, piles inwards": (
+        _FORCE, (_box, (-0.3, -0.8), (1.5, 1.6), _GROUND), (_box, (-0.7, 0.3), (1.6, 0.14), _STEEL),
+        (_arrow, (-0.75, 0.37), (-1.3, 0.37)), (_word, 0.5, 0.65, "bolt"),
+        (_box, (-0.7, -0.4), (1.6, 0.14), _STEEL), (_arrow, (-1.3, -0.33), (-0.75, -0.33)),
+        (_word, 0.5, -0.6, "pile"),
     )},
     "thermometer": {"thermometer: temperature": (
         _FORCE, (_box, (-0.12, -0.6), (0.24, 1.2), _STEEL), (_word, 0.5, 0.4, "T"),

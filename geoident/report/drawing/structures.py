@@ -12,7 +12,17 @@ from geoident.forward.structures.placing import hinge_nodes, straight_pieces
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
-from geoident.model.structures import Anchors, Bars, Beam, Bolts, Shell, Structure, Struts
+from geoident.model.structures import (
+    Anchors,
+    Bars,
+    Beam,
+    Bolts,
+    GroutedBars,
+    Piles,
+    Shell,
+    Structure,
+    Struts,
+)
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import key, short
 
@@ -23,6 +33,8 @@ _WORDS: Mapping[type[Structure], tuple[str, dict[str, Any]]] = {
     Bolts: ("bolt", {"lw": 1.0}),
     Struts: ("strut", {"lw": 1.6, "ls": (0, (4, 1))}),
     Anchors: ("anchor (thick: grouted)", {"lw": 1.0}),
+    GroutedBars: ("bolt (thick: grouted)", {"lw": 1.0}),
+    Piles: ("pile", {"lw": 1.0}),
 }
 _INTERFACE: dict[str, Any] = {"color": "#a3182d", "lw": 1.6, "ls": (0, (5, 1, 1, 1))}
 _ENDS = {"fixed": ("fixed end", "s"), "symmetry": ("end on a plane of symmetry", "|")}
@@ -84,9 +96,10 @@ def _sides_of_faces(mesh: Mesh, group: str) -> list[Floats]:
 def _draw_ends(axes: Any, bars: Bars) -> dict[str, Any]:
     """Grouted lengths, and marks at ends that the mesh does not hold."""
     for first, second in np.array(bars.ends):
-        if isinstance(bars, Anchors):
-            along = (second - first) / np.linalg.norm(second - first)
-            grout = np.stack([second - bars.grouted * along, second])
+        if isinstance(bars, Anchors | GroutedBars):
+            length = float(np.linalg.norm(second - first))
+            grouted = bars.grouted if isinstance(bars, Anchors) else length - bars.free
+            grout = np.stack([second - grouted / length * (second - first), second])
             axes.plot(*grout.T, color=INK, lw=3.2, alpha=0.55, zorder=5.5)
     if bars.second_end not in _ENDS:
         return {}

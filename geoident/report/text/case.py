@@ -118,6 +118,7 @@ _QUANTITIES = {
     ("convergence", "length"): ("change of length", ""),
     ("settlement", "length"): ("settlement", "downwards"),
     ("joint-meter", "length"): ("motion across the joint", "opening, or slip to the left"),
+    ("bar-displacement", "length"): ("motion of the bar", "bolts outwards, piles inwards"),
     ("inclinometer", "length"): (ACROSS, ""),
     ("tilt", "angle"): ("tilt", "top towards its direction"),
     ("levelling", "length"): ("settlement", "downwards"),

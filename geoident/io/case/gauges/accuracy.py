@@ -71,6 +71,7 @@ TYPICAL: Mapping[str, UsualErrors] = {
     "displacement": UsualErrors(1e-3, epoch=0.5e-3, unit="mm"),
     "target": UsualErrors(1e-3, epoch=0.5e-3, unit="mm"),
     "joint-meter": UsualErrors(5e-5, unit="mm"),
+    "bar-displacement": UsualErrors(5e-5, unit="mm"),
     "distortion": UsualErrors(5e-5, unit="mrad"),
     "line-of-sight": UsualErrors(2e-3, epoch=1e-3, unit="mm"),
     "inclinometer": UsualErrors(1e-4, along=2e-4, unit="mm"),

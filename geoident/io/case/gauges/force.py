@@ -186,7 +186,11 @@ class LoadCellSection(ValueGauge):
     bar: Annotated[int, Count()] | None = Field(
         None, description="Which of its bars, counted from 1; may be missing if it has one."
     )
-    point: Coordinates | None = Field(None, description="Where on a beam or a shell.")
+    point: Coordinates | None = Field(
+        None,
+        description="Where on a beam or a shell; on a grouted bar, where its grout begins if "
+        "missing.",
+    )
     quantity: Literal["N", "M", "Q", "n_11", "n_22", "n_12", "m_11", "m_22", "m_12"] = Field(
         "N",
         description="Axial force, bending moment or shear force of a beam; of a shell a normal "
@@ -202,7 +206,7 @@ class LoadCellSection(ValueGauge):
         """Dimension of what it reads: of one bar a force, of a beam a force or moment per metre."""
         if isinstance(self.accuracy, CaseNumber) and self.accuracy.text != ESTIMATE:
             return self.accuracy.dimension
-        if self.point is None:
+        if self.point is None or self.bar is not None:
             return "force"
         return "moment per length" if self.quantity[0] in "Mm" else "line load"
 

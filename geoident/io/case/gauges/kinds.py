@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from geoident.io.case.frames import refuse_no_direction
+from geoident.io.case.gauges.bar_displacement import BarDisplacementSection
 from geoident.io.case.gauges.force import ForceSection
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
@@ -131,6 +132,7 @@ GaugeSection = Annotated[
     | TargetSection
     | MotionSection
     | JointMeterSection
+    | BarDisplacementSection
     | PlainReadingSection,
     Field(discriminator="kind"),
 ]

@@ -6,15 +6,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from geoident.io.case.gauges.gauge import GaugeBase, subtract, unit_vector
-from geoident.io.case.gauges.value import ValueGauge
+import numpy as np
+
+from geoident.io.case.gauges.gauge import GaugeBase, Motion, subtract, unit_vector
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
 from geoident.model.gauges import SHELL_FORCES, Channel
 from geoident.model.structures import (
     Bars,
     Beam,
+    GroutedBars,
     OpeningSupport,
+    Piles,
     Shell,
     Structure,
     Struts,
@@ -24,7 +27,7 @@ TOWARDS = "A point on the inside of the beam; needed where ground is on both sid
 
 
 def on_structure(
-    section: ValueGauge,
+    section: GaugeBase,
     name: str,
     point: list[CaseNumber] | None,
     bar: int | None,
@@ -47,9 +50,9 @@ def on_structure(
     inside = None if towards is None else context.at("towards").vector(towards)
     member = 0 if bar is None else bar - 1
     point_or_none = place or (0.0,) * context.dim
-    return section.at_point(
-        name, point_or_none, None, context, member=member, towards=inside, **given
-    )
+    motion = Motion(None, point_or_none, (0.0,) * context.dim)
+    own = {"quantity": "", "member": member, "towards": inside, **given}
+    return section.make_channel(name, name, motion, context.path, **own)
 
 
 def on_structures(
@@ -87,6 +90,9 @@ def on_structures(
             if getattr(section, "point", None) is None:
                 message = f"'{channel.structure}' is a beam; where on it is missing"
                 place.refuse("missing-key", message, "Add 'point'.", key=True)
+            elif channel.kind == "bar-displacement":
+                message = f"'{channel.structure}' is a beam, which moves with the ground"
+                place.at("structure").refuse("wrong-structure", message, "Name grouted bars.")
             elif getattr(section, "bar", None) is not None:
                 message = f"'{channel.structure}' is a beam, which has no bars"
                 place.at("bar").refuse("wrong-structure", message, "Remove it.", key=True)
@@ -130,7 +136,11 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
     if channel.kind == "pressure-cell":
         message = f"'{name}' are bars, on which the ground does not press"
         place.at("on").refuse("wrong-structure", message, "Name a beam, or give 'normal'.")
-    elif getattr(section, "point", None) is not None:
+    elif channel.kind == "bar-displacement" and not isinstance(bars, GroutedBars):
+        message = f"'{name}' are bars that are held at their ends, where they move with the ground"
+        hint = "Add 'k_grout' to the bolts, or read the displacement of the ground."
+        place.at("structure").refuse("wrong-structure", message, hint)
+    elif not isinstance(bars, GroutedBars) and getattr(section, "point", None) is not None:
         message = f"'{name}' are bars, whose force is the same along each"
         hint = "Remove 'point', and say with 'bar' which of them."
         place.at("point").refuse("wrong-structure", message, hint, key=True)
@@ -145,6 +155,8 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
         place.at("bar").refuse("no-such-bar", message, "They count from 1.")
     else:
         first, second = bars.ends[channel.member]
+        if isinstance(bars, GroutedBars):
+            return _on_grouted(channel, section, bars, place)
         counts = getattr(section, "sign", None)
         pushed = isinstance(bars, Struts) if counts is None else counts == "compression"
         return replace(
@@ -155,3 +167,35 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
             compression=pushed and channel.kind == "load-cell",
         )
     return None
+
+
+_OFF_BAR = 1e-3
+"""Distance from a bar, in parts of its length, that is no longer on it."""
+
+
+def _on_grouted(
+    channel: Channel, section: GaugeBase, bars: GroutedBars, place: Context
+) -> Channel | None:
+    """A channel at a place of a grouted bar; None, with a fault, where that is not on it."""
+    head, toe = np.array(bars.ends[channel.member])
+    along, length = (toe - head) / np.linalg.norm(toe - head), float(np.linalg.norm(toe - head))
+    at, given = bars.free, getattr(section, "point", None)
+    if given is not None:
+        at = float((channel.second - head) @ along)
+        off = float(np.linalg.norm(head + np.clip(at, 0.0, length) * along - channel.second))
+        if off > _OFF_BAR * length:
+            message = f"the point lies {off:.3g} m off bar {channel.member + 1} of the structure "
+            message += f"'{channel.structure}'"
+            hint = "Give a point of the straight line between its ends."
+            place.at("point").refuse("off-bar", message, hint, key=True)
+            return None
+    pushed = getattr(section, "sign", None) == "compression"
+    way = getattr(section, "positive", None) if channel.kind == "bar-displacement" else None
+    inwards = isinstance(bars, Piles) if way is None else way == "in"
+    return replace(
+        channel,
+        first=None,
+        second=tuple((head + at * along).tolist()),
+        direction=tuple((along if inwards else -along).tolist()),
+        compression=pushed and channel.kind == "load-cell",
+    )

@@ -45,7 +45,8 @@ class StrainSection(ValueGauge):
     * `between` two points: the mean strain from one to the other;
     * `along` a line with `every` or `at`: mean strains over the length `base` around each station,
       as a fibre optic cable reads them: channels GAUGE.2.5, with the station in metres along it;
-    * `structure` with `bar`, or with `point` and `fibre`: of a bar, or of a fibre of a beam.
+    * `structure` with `bar`, or with `point` and `fibre`: of a bar, or of a fibre of a beam; of a
+      grouted bar at a `point` of it, or where its grout begins.
 
     Of the ground it is the change since `zero`; of a structure the value since it was built.
     """
@@ -58,7 +59,7 @@ class StrainSection(ValueGauge):
             "between",
             "along every base?",
             "along at base",
-            "structure bar?",
+            "structure bar? point?",
             "structure point fibre depth? towards?",
             hint="Give the keys of one of these ways.",
         ),

@@ -12,6 +12,8 @@ from matplotlib.transforms import ScaledTranslation
 from geoident.fem.faces import face_table, load_patches
 from geoident.forward.actions.supports import all_supports, group_nodes, support_nodes
 from geoident.model.actions import (
+    FaceLoad,
+    HeadForce,
     Load,
     PointForce,
     Pressure,
@@ -25,6 +27,7 @@ from geoident.model.case import Case
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar, Values
+from geoident.model.structures import Bars
 from geoident.report.drawing.model.construction import Construction, stress_text
 from geoident.report.drawing.style import key
 from geoident.report.text.layout import number
@@ -125,7 +128,7 @@ def shown_loads(
     for n, name, load in _all_loads(case):
         acting.setdefault((name, _place(load), type(load)), []).append((n, load))
     return tuple(
-        _shown(name, loads, mesh, made, values, several=len(case.stages) > 1)
+        _shown(name, loads, case, mesh, made, values, several=len(case.stages) > 1)
         for (name, _, _), loads in acting.items()
     )
 
@@ -141,12 +144,15 @@ def _place(load: Load) -> str:
     """The group or the point where a load acts; nothing for one that acts on all ground."""
     if isinstance(load, Seismic):
         return ""
+    if isinstance(load, HeadForce):
+        return load.structure
     return str(load.place) if isinstance(load, PointForce) else str(load.group)
 
 
 def _shown(
     name: str,
     loads: list[tuple[int, Load]],
+    case: Case,
     mesh: Mesh,
     made: Construction,
     values: Values,
@@ -159,7 +165,10 @@ def _shown(
     if several:
         numbers = sorted({n for n, _ in loads})
         label += " (from the beginning)" if numbers == [0] else f" ({_stages(numbers)})"
-    tips, arrows = _arrows(load, mesh, made, stage, values)
+    if isinstance(load, HeadForce):
+        tips, arrows = _on_heads(load, case, values)
+    else:
+        tips, arrows = _arrows(load, mesh, made, stage, values)
     longest = float(np.linalg.norm(arrows, axis=1).max(initial=0.0)) or 1.0
     level = load.level.value(values) if isinstance(load, WaterPressure) else None
     return ShownLoad(label, tips, arrows / longest, level is not None, level)
@@ -189,6 +198,8 @@ def _size(load: Load, values: Values) -> float:
             return load.level.value(values)
         case Traction() | PointForce():
             return float(np.linalg.norm(_vector(load.value, values)))
+        case HeadForce():
+            return load.value.value(values)
         case Seismic():
             return float(np.linalg.norm(_vector(load.factors, values)))
 
@@ -198,7 +209,7 @@ def _words(load: Load, low: float, high: float) -> str:
     match load:
         case WaterPressure():
             return f"water to {_range(low, high, 4)} m"
-        case PointForce():
+        case PointForce() | HeadForce():
             return f"{_range(low / 1e3, high / 1e3, 3)} kN"
         case Seismic():
             return f"{_range(low, high, 3)} of the weight"
@@ -218,8 +229,21 @@ def _vector(numbers: tuple[Scalar, ...], values: Values) -> Floats:
     return np.array([scalar.value(values) for scalar in numbers])
 
 
+def _on_heads(load: HeadForce, case: Case, values: Values) -> tuple[Floats, Floats]:
+    """The same of a pull or push on the heads of bars."""
+    bars = case.structures[load.structure]
+    assert isinstance(bars, Bars)
+    head, toe = np.array(bars.ends, dtype=np.float64).swapaxes(0, 1)
+    along = (head - toe) / np.linalg.norm(head - toe, axis=1)[:, None]
+    return head, along * np.sign(load.value.value(values))
+
+
 def _arrows(
-    load: Load, mesh: Mesh, made: Construction, stage: int, values: Values
+    load: FaceLoad | PointForce | Seismic,
+    mesh: Mesh,
+    made: Construction,
+    stage: int,
+    values: Values,
 ) -> tuple[Floats, Floats]:
     """Tips (k, dim), m, and sizes with directions (k, dim) of the arrows of a load."""
     none = np.empty((0, mesh.dim))

@@ -9,16 +9,17 @@ from geoident.report.text.layout import TextTable
 
 _KINDS = {
     "beam": "wall or lining", "bolt": "bolts", "strut": "struts", "anchor": "anchors",
+    "pile": "piles",
     "ring": "ring", "ribs": "ribs", "bolting": "bolts", "support-line": "support line",
 }  # fmt: skip
 _ALL_ROUND = ("ring", "ribs", "bolting", "support-line")
 _STIFFNESS = (
     "E", "nu", "thickness", "diameter", "length", "area", "EA", "EI", "stiffness", "head_stiffness",
-    "density", "weight",
+    "density", "weight", "k_grout", "k_shaft", "k_base",
 )  # fmt: skip
 _DETAILS = (
     "spacing", "rows", "number", "grouted", "prestress", "strength", "capacity", "hardening_time",
-    "hardening_distance",
+    "hardening_distance", "bond", "skin_friction", "base_capacity", "free", "head",
 )  # fmt: skip
 
 
