@@ -170,16 +170,12 @@ def _staged(model: ObservedModel) -> StagedModel:
     """The model, if its strength can be reduced.
 
     Raises:
-        UsageError: it has no mesh, or water takes time to leave its ground.
+        UsageError: it has no mesh.
     """
     if not isinstance(model, StagedModel):
         raise UsageError(
             "Strength is reduced in cases that geoident computes on a mesh, stage by stage; this "
             "one is computed in another way."
-        )
-    if model.case.consolidates:
-        raise UsageError(
-            "In this case water takes time to leave the ground; its strength is not reduced."
         )
     return model
 
@@ -192,13 +188,6 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
         InputError: nothing in one of them has strength that could be divided.
     """
     case = model.case
-    if case.interfaces:
-        message = "the strength of interfaces is not divided by a factor of safety yet"
-        hint = "Leave out the interfaces for a factor of the ground alone."
-        fault = case.source.fault(
-            ("interfaces",), code="beside-interface", message=message, hint=hint
-        )
-        raise InputError([fault])
     names = [stage.name for stage in case.stages]
     for name in wanted:
         if name not in names:
@@ -210,12 +199,13 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
     states = sorted({1 + names.index(name) for name in wanted or names[-1:]})
     for state in (model.sequence.states[n] for n in states):
         present = [case.materials[name] for name in dict.fromkeys(state.materials.values())]
-        if not any(reducible(material) for material in present):
+        parts = (part for part in model.structures.parts if part.joint is not None)
+        slips = any(part.structure.yields and part.stands(state) for part in parts)
+        if not slips and not any(reducible(material) for material in present):
             planes = any(material.yields for material in present)
-            message = f"at stage '{state.name}' no ground has a strength that could be divided"
+            message = f"at stage '{state.name}' no ground and no interface has a strength that "
+            message += "could be divided"
             message += ": given planes have no cohesion and friction" if planes else ""
-            soil = any(material.soil is not None for material in present)
-            message += ": that of hardening soil is not, yet" if soil else ""
             hint = "Give 'yield: {type: mohr-coulomb, cohesion: ..., friction: ...}' in a material."
             fault = case.source.fault(
                 ("materials",), code="no-strength", message=message, hint=hint

@@ -132,4 +132,6 @@ def test_nothing_yields(tmp_path):
     path.write_text(path.read_text().replace("su: " + PRIOR, "d: " + su))
     ended = run_command("simulate", path, "--safety")
     assert ended.exit_code == 3
-    assert "no ground has a strength that could be divided" in " ".join(ended.output.split())
+    assert "no ground and no interface has a strength that could be divided" in " ".join(
+        ended.output.split()
+    )

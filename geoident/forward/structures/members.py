@@ -80,6 +80,12 @@ class StructureMembers:
     end_moments: EndMoments | None = None
     joint: InterfacePart | None = None
 
+    def given(self, case: Case) -> Structure | Interface:
+        """What a case of this mesh says of it, which may be other numbers."""
+        if self.joint is not None:
+            return case.interfaces[self.joint.interface]
+        return case.structures[self.name]
+
     def stands(self, state: ConstructionState) -> bool:
         """Whether it stands at a state."""
         if self.joint is not None:

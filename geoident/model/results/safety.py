@@ -22,9 +22,9 @@ class SafetyFactor:
         lower: largest factor with which an equilibrium was found.
         upper: smallest factor with which none was found; infinite where there was one with all.
         proven: whether there is none at ``upper``: the ground collapses. Else none was found.
-        associated: whether the flow of all ground that yields is associated.
+        associated: whether the flow of all that yields is associated.
         kept: what yields and keeps its strength: materials of planes without c and phi, structures.
-        unyielding: materials that never yield.
+        unyielding: materials, structures and interfaces that never yield.
         mechanism: how the ground moves at ``upper``; None where nothing is known.
         place: where it shears most, a clause; empty where nothing is known.
         factors: (k,) with which an equilibrium was found, ascending, from that at which the search
