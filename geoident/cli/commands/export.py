@@ -31,6 +31,7 @@ TABLES = (
     "alarms",
     "decisions",
     "telling-readings",
+    "safety",
     "plan",
     "plan-targets",
     "convergence",
