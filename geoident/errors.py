@@ -72,6 +72,7 @@ class Term(Enum):
     WANTED = ("--for", "wanted")
     BUDGET = ("--budget", "budget")
     DRAWS = ("--draws 0", "draws=0")
+    SAFETY = ("predict --safety", "safety")
     KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
 
     def __str__(self) -> str:

@@ -9,7 +9,7 @@ from geoident.api.calling import AnyPath, processes, spoken
 from geoident.api.cases import CaseFile, origin_of
 from geoident.api.results import FitResult
 from geoident.io.result.file import read_identity
-from geoident.model.results.safety import SafetyBand, SafetyFactor
+from geoident.model.results.safety import StageSafety
 from geoident.report.text.safety import safety_text
 from geoident.workflow.running.control import Control
 from geoident.workflow.safety import DRAWS, Safety, SafetyRequest, safety_of_case, safety_of_fit
@@ -22,19 +22,23 @@ class SafetyResult:
         found: by the command.
 
     Attributes:
-        factors: stage to its factor of safety, with bracket and mechanism.
+        factors: stage to its factor of safety, with its bracket.
         bands: stage to what the fit makes of it; empty for a case.
+        mechanism: how the ground moves as the stage of the smallest factor fails, or None.
+        path: of the result of a fit, or None.
         status: ``done``, ``poor-fit`` or ``not-determined``.
     """
 
     def __init__(self, found: Safety) -> None:
         self._found = found
-        self.factors: dict[str, SafetyFactor] = {one.stage: one for one in found.factors}
-        self.bands: dict[str, SafetyBand] = {one.best.stage: one for one in found.bands}
+        self.factors: dict[str, StageSafety] = {one.stage: one for one in found.rows}
+        self.bands = {name: one for name, one in self.factors.items() if one.of_fit}
+        self.mechanism = found.mechanism
+        self.path = None if found.finished is None else found.finished.paths[0]
         self.status = found.status
 
     def __str__(self) -> str:
-        return safety_text(self._found.factors, self._found.bands, poor=self._found.poor)
+        return safety_text(self._found.rows, self._found.names, poor=self._found.poor)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{stage!r}: {one.value:.3g}" for stage, one in self.factors.items())
@@ -49,7 +53,9 @@ def safety(
     draws: int = DRAWS,
     seed: int | None = None,
     fields: AnyPath | None = None,
+    output: AnyPath | None = None,
     force: bool = False,
+    fresh: bool = False,
     jobs: int | None = 1,
     solver: str = "auto",
 ) -> SafetyResult:
@@ -61,7 +67,9 @@ def safety(
         draws: of the posterior of a fit at which the factor is computed.
         seed: of these; that of the fit if None.
         fields: file for all states and the mechanism, such as ``case.vtkhdf``.
+        output: file or existing folder of the result of a fit; beside it if None.
         force: replace what stands there.
+        fresh: compute again what is up to date.
         jobs: processes for the draws; None for all cores, where that saves time.
         solver: name of the sparse solver, or ``auto``.
 
@@ -77,8 +85,9 @@ def safety(
     of_fit = not isinstance(of, CaseFile) and read_identity(path) is not None
     if of_fit or isinstance(of, FitResult):
         asked = SafetyRequest(
-            path, chosen, solver=solver, fields=file, force=force, draws=draws, seed=seed
-        )
+            path, chosen, solver=solver, fields=file, force=force, draws=draws, seed=seed,
+            output=None if output is None else os.fspath(output), fresh=fresh,
+        )  # fmt: skip
         return SafetyResult(safety_of_fit(asked, Control(jobs=processes(jobs))))
     origin = origin_of(of)
     asked = SafetyRequest(

@@ -39,16 +39,21 @@ def say_safety(
     code = ExitCode.DONE if found.status == "done" else ExitCode.NOT_CONVERGED
     if options.as_json:
         about = safety_object(
-            found.factors,
-            found.bands,
+            found.rows,
+            found.names,
             case=asked.path,
             output=asked.fields,
+            result=None if found.finished is None else found.finished.paths[0],
             status=found.status,
             exit_code=int(code),
         )
         click.echo(dumps(about))
     else:
-        click.echo(safety_text(found.factors, found.bands, poor=found.poor))
+        click.echo(safety_text(found.rows, found.names, poor=found.poor))
+    if found.finished is not None:
+        stands = "up to date" if found.finished.up_to_date else "also written"
+        for line in (f"{stands}: {found.finished.paths[0]}", *found.finished.remarks):
+            terminal.inform(line)
     if asked.fields is not None:
         terminal.inform(f"also written: {asked.fields}")
     if picture := _drawn(found, options):
@@ -58,8 +63,7 @@ def say_safety(
 
 def _drawn(found: Safety, options: Options) -> str:
     """A line that names the picture of the mechanism, or says why there is none."""
-    critical = found.critical
-    if critical.mechanism is None:
+    if found.mechanism is None:
         return ""
 
     try:
@@ -68,7 +72,7 @@ def _drawn(found: Safety, options: Options) -> str:
     except ImportError:
         return "A picture of the mechanism needs matplotlib: pip install 'geoident[report]'."
     place: Path = target(found.path, "safety").path.with_suffix(".png")
-    picture = mechanism_picture(critical.mechanism, ("x", "y", "z"), critical.upper)
+    picture = mechanism_picture(found.mechanism, ("x", "y", "z"), found.critical.upper)
     try:
         write_remade(
             {str(place): image(picture, "png")},

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from geoident.errors import InputError, ModelError, UsageError
+from geoident.errors import ExitCode, InputError, ModelError, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel
@@ -24,15 +24,29 @@ from geoident.io.text.atomic import atomic_output
 from geoident.io.text.wording import nearest
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.results.result import Result
-from geoident.model.results.safety import SafetyBand, SafetyFactor
+from geoident.model.results.result import FieldSeries, Result
+from geoident.model.results.safety import SafetyFactor, StageSafety, alike, depends_on
 from geoident.model.results.times import StageTimes
+from geoident.model.results.yielded import Mechanism
 from geoident.workflow.estimating.fields import require_same_modes
-from geoident.workflow.estimating.from_fit import known_by_fit, read_fit, require_same_mesh
+from geoident.workflow.estimating.finished import Finished, job_at_hand
+from geoident.workflow.estimating.from_fit import (
+    FitTask,
+    known_by_fit,
+    plan_on_fit,
+    read_fit,
+    require_same_mesh,
+)
 from geoident.workflow.factors_at_draws import factors_at_draws
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs, require_stages
-from geoident.workflow.running.result_files import files_of_result
+from geoident.workflow.running.jobs import (
+    NO_READINGS,
+    Request,
+    build_model,
+    job_provenance,
+    load_inputs,
+    require_stages,
+)
 from geoident.workflow.running.workers import ModelParts
 from geoident.workflow.simulate import values_for, with_starts
 
@@ -58,6 +72,8 @@ class SafetyRequest:
         force: replace what stands there.
         draws: of the posterior at which the factor is computed.
         seed: of these; None for that of the fit.
+        output: file or folder of the result of a fit; beside it if None.
+        fresh: compute again what is up to date.
     """
 
     path: str
@@ -70,6 +86,8 @@ class SafetyRequest:
     force: bool = False
     draws: int = DRAWS
     seed: int | None = None
+    output: str | None = None
+    fresh: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,31 +96,31 @@ class Safety:
 
     Args:
         path: of the case or fit.
-        case: the case.
-        factors: of its stages.
-        bands: of the same, where there is a fit.
-        poor: the model of the fit does not fit the readings.
+        rows: of its stages.
+        names: of the n parameters.
+        mechanism: of the smallest factor, or None.
+        status: how sure it is: ``done``, ``poor-fit`` or ``not-determined``.
         files_read: paths that no output may replace.
+        finished: the result, of a fit.
     """
 
     path: str
-    case: Case
-    factors: tuple[SafetyFactor, ...]
-    bands: tuple[SafetyBand, ...]
-    poor: bool
+    rows: tuple[StageSafety, ...]
+    names: tuple[str, ...]
+    mechanism: Mechanism | None
+    status: str
     files_read: tuple[str, ...]
+    finished: Finished | None = None
 
     @property
-    def status(self) -> str:
-        """How sure it is: ``done``, ``poor-fit`` or ``not-determined``."""
-        if self.poor:
-            return "poor-fit"
-        return "not-determined" if any(band.left_open for band in self.bands) else "done"
+    def poor(self) -> bool:
+        """Whether the model of the fit does not fit the readings."""
+        return self.status == "poor-fit"
 
     @property
-    def critical(self) -> SafetyFactor:
-        """The smallest factor."""
-        return min(self.factors, key=lambda one: one.value)
+    def critical(self) -> StageSafety:
+        """The stage of the smallest factor."""
+        return min(self.rows, key=lambda one: one.value)
 
 
 @one_thread()
@@ -125,61 +143,137 @@ def safety_of_case(asked: SafetyRequest, control: Control) -> Safety:
     p = values_for(model, written)
     files = inputs.files if asked.values is None else (*inputs.files, asked.values)
     factors = _factors(model, p, states, control)
-    found = Safety(asked.path, model.case, factors, (), False, files)
+    rows = tuple(StageSafety.of(one) for one in factors)
+    mechanism = _mechanism(factors)
     if asked.fields is not None:
-        _write_fields(model, p, found, asked)
-    return found
+        fields = model.fields_up_to_collapse(p)
+        _write_fields(model.case, fields, mechanism, asked, files)
+    return Safety(asked.path, rows, model.names, mechanism, "done", files)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyTask(FitTask):
+    """Factors of a fit that can be computed.
+
+    Args:
+        asked: what was asked for.
+    """
+
+    asked: SafetyRequest
+
+
+def plan_safety(asked: SafetyRequest) -> SafetyTask:
+    """Read a fit, and look at what stands where the result goes.
+
+    Raises:
+        InputError: the result is no fit, or its mesh has changed.
+        OutputError: the result could not be written, or another one would be lost.
+    """
+    fit, inputs = read_fit(asked.path, "predicted")
+    require_same_mesh(fit, inputs, "Run the fit again.")
+    request = Request(
+        asked.path,
+        output=asked.output,
+        seed=fit.provenance.seed if asked.seed is None else asked.seed,
+        solver=asked.solver,
+        force=asked.force,
+        fresh=asked.fresh,
+    )
+    purpose = f"{asked.stages} {asked.draws}"
+    return SafetyTask(
+        fit=fit, job=plan_on_fit("safety", purpose, request, fit, inputs), asked=asked
+    )
 
 
 @one_thread()
 def safety_of_fit(asked: SafetyRequest, control: Control) -> Safety:
     """Factors of safety at the values of a fit, and what their posterior makes of them.
 
+    They are written, beside the fit if nothing else is said; those that are up to date are kept.
+
     Raises:
         InputError: the result is no fit, or nothing in its case has strength to be divided.
         UsageError: there is no such stage, or the case is not computed stage by stage on a mesh.
         ModelError: the model has no solution even with much more strength.
-        OutputError: the fields cannot be written.
+        OutputError: the result or the fields cannot be written.
     """
-    fit, inputs = read_fit(asked.path, "predicted")
-    require_same_mesh(fit, inputs, "Run the fit again.")
-    model = _staged(build_model(inputs, solver=asked.solver))
-    case, p = inputs.case, fit.parameters.values
+    task = plan_safety(asked)
+    finished = job_at_hand(task.job)
+    if finished is None:
+        task.require_free()
+        finished = task.write(_result(task, control))
+    found = finished.result
+    if asked.fields is not None:
+        assert found.fields is not None
+        case = task.job.inputs.case
+        _write_fields(case, found.fields, found.mechanism, asked, task.files_read)
+    return Safety(
+        asked.path, found.safety, found.parameters.names, found.mechanism, found.status,
+        task.files_read, finished,
+    )  # fmt: skip
+
+
+def _result(task: SafetyTask, control: Control) -> Result:
+    """The fit with factors of safety in place of what a search ends with."""
+    fit, case, asked = task.fit, task.job.inputs.case, task.asked
+    model = _staged(build_model(task.job.inputs, solver=asked.solver))
     states = _states(model, asked.stages)
-    require_same_modes(fit, model, case, p)
+    require_same_modes(fit, model, case, fit.parameters.values)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    p = p[order]
+    parameters = fit.parameters.picked(order)
+    p = parameters.values
     assessment = _assessment(fit, model, case, p)
     parts = ModelParts.of(model, case, asked.solver)
     assert parts is not None  # a staged model has them
     at_draws = partial(factors_at_draws, model, parts, control)
     factors = _factors(model, p, states, control)
-    seed = fit.provenance.seed if asked.seed is None else asked.seed
-    bands = tuple(
-        _band(model, p, state, best, assessment, asked.draws, seed, at_draws)
-        for state, best in zip(states, factors, strict=True)
+    seed = task.job.request.seed
+    rows = alike(
+        [
+            _band(model, p, state, best, assessment, asked.draws, seed, at_draws)
+            for state, best in zip(states, factors, strict=True)
+        ]
     )
-    files = (*files_of_result(fit, asked.path), *inputs.files)
-    found = Safety(asked.path, case, factors, bands, fit.status == "poor-fit", files)
-    if asked.fields is not None:
-        _write_fields(model, p, found, asked)
-    return found
+    status = "not-determined" if any(row.undetermined for row in rows) else "done"
+    if fit.status == "poor-fit":
+        status = "poor-fit"
+    return Result(
+        kind="safety",
+        status=status,
+        exit_code=ExitCode.DONE if status == "done" else ExitCode.NOT_CONVERGED,
+        method="strength reduction",
+        reason=f"Factors of safety from {asked.path} ({fit.status}).",
+        objective=fit.objective,
+        findings=fit.findings,
+        case_text=task.job.inputs.loaded.text,
+        case_resolved=task.job.inputs.loaded.resolved,
+        provenance=job_provenance(task.job),
+        parameters=parameters,
+        gauges=fit.gauges,
+        counts=model.counts,
+        singular_values=fit.singular_values,
+        varied=fit.varied,
+        fields=model.fields_up_to_collapse(p),
+        mechanism=_mechanism(factors),
+        safety=rows,
+    )
+
+
+def _mechanism(factors: Sequence[SafetyFactor]) -> Mechanism | None:
+    """That of the smallest factor."""
+    return min(factors, key=lambda one: one.value).mechanism
 
 
 def _staged(model: ObservedModel) -> StagedModel:
     """The model, if its strength can be reduced.
 
     Raises:
-        UsageError: it has no mesh, or water takes time to leave its ground.
+        UsageError: it has no mesh.
     """
     if not isinstance(model, StagedModel):
         raise UsageError(
             "Strength is reduced in cases that geoident computes on a mesh, stage by stage; this "
             "one is computed in another way."
-        )
-    if model.case.consolidates:
-        raise UsageError(
-            "In this case water takes time to leave the ground; its strength is not reduced."
         )
     return model
 
@@ -192,13 +286,6 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
         InputError: nothing in one of them has strength that could be divided.
     """
     case = model.case
-    if case.interfaces:
-        message = "the strength of interfaces is not divided by a factor of safety yet"
-        hint = "Leave out the interfaces for a factor of the ground alone."
-        fault = case.source.fault(
-            ("interfaces",), code="beside-interface", message=message, hint=hint
-        )
-        raise InputError([fault])
     names = [stage.name for stage in case.stages]
     for name in wanted:
         if name not in names:
@@ -210,12 +297,13 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
     states = sorted({1 + names.index(name) for name in wanted or names[-1:]})
     for state in (model.sequence.states[n] for n in states):
         present = [case.materials[name] for name in dict.fromkeys(state.materials.values())]
-        if not any(reducible(material) for material in present):
+        parts = (part for part in model.structures.parts if part.joint is not None)
+        slips = any(part.structure.yields and part.stands(state) for part in parts)
+        if not slips and not any(reducible(material) for material in present):
             planes = any(material.yields for material in present)
-            message = f"at stage '{state.name}' no ground has a strength that could be divided"
+            message = f"at stage '{state.name}' no ground and no interface has a strength that "
+            message += "could be divided"
             message += ": given planes have no cohesion and friction" if planes else ""
-            soil = any(material.soil is not None for material in present)
-            message += ": that of hardening soil is not, yet" if soil else ""
             hint = "Give 'yield: {type: mohr-coulomb, cohesion: ..., friction: ...}' in a material."
             fault = case.source.fault(
                 ("materials",), code="no-strength", message=message, hint=hint
@@ -257,7 +345,7 @@ def _band(
     count: int,
     seed: int,
     at_draws: Callable[[Sequence[Floats], Floats, int, float], tuple[Floats, Ints]],
-) -> SafetyBand:
+) -> StageSafety:
     """What a posterior makes of the factor of a stage.
 
     Raises:
@@ -280,29 +368,27 @@ def _band(
         )
     band = scalar_band(z[known], y[known], many @ axes, 0.0, rng)
     lower, median, upper = np.exp(band.quantiles)
-    return SafetyBand(
-        best=best,
+    influence = np.asarray(axes @ band.surface.coefficients[1 : 1 + axes.shape[1]])
+    influence *= many.std(axis=0)
+    unknown = ~(np.array(assessment.determined) | np.array(assessment.from_prior))
+    felt = depends_on(model.names, influence)
+    return replace(
+        StageSafety.of(best),
         lower95=float(lower),
         median=float(median),
         upper95=float(upper),
         below_one=band.below,
         below_one_sd=band.below_sd,
-        names=model.names,
-        draws=np.array(points),
-        factors=np.exp(y),
-        bounded=bounded,
+        counted=int(np.count_nonzero(y[known] < 0.0)),
         surface="quadratic" if band.surface.quadratic else "linear",
         left=band.surface.left,
-        influence=np.asarray(axes @ band.surface.coefficients[1 : 1 + axes.shape[1]])
-        * many.std(axis=0),
-        undetermined=tuple(
-            name
-            for name, known_, prior in zip(
-                model.names, assessment.determined, assessment.from_prior, strict=True
-            )
-            if not (known_ or prior)
+        undetermined=", ".join(
+            n for n, open_ in zip(model.names, unknown, strict=True) if open_ and n in felt
         ),
-        counted=int(np.count_nonzero(y[known] < 0.0)),
+        influence=influence,
+        factors=np.exp(y),
+        bounded=bounded,
+        draws=np.array(points),
     )
 
 
@@ -321,16 +407,22 @@ def _axes(steps: Floats) -> Floats:
     return axes
 
 
-def _write_fields(model: StagedModel, p: Floats, found: Safety, asked: SafetyRequest) -> None:
+def _write_fields(
+    case: Case,
+    fields: FieldSeries,
+    mechanism: Mechanism | None,
+    asked: SafetyRequest,
+    files_read: Sequence[str],
+) -> None:
     """Write the states and the mechanism of the smallest factor."""
     assert asked.fields is not None
-    with atomic_output(asked.fields, overwrite=asked.force, inputs=found.files_read) as temporary:
-        fields, times = model.fields_up_to_collapse(p), StageTimes.of(model.case)
+    with atomic_output(asked.fields, overwrite=asked.force, inputs=files_read) as temporary:
+        times = StageTimes.of(case)
         with hdf5_output(temporary) as written:
             write_fields(
                 written,
                 fields,
-                mechanism=found.critical.mechanism,
+                mechanism=mechanism,
                 times=None if times is None else times.series,
             )
             add_principal_stresses(written)

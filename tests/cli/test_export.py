@@ -27,6 +27,7 @@ MISSING = (
     *("seasonal", "judged", "changes", "power", "decisions", "telling-readings", "plan"),
     *("plan-targets", "updates", "update-gauges", "update-readings", "update-parameters"),
     *("update-predictions", "parameter-changes", "times", "settlement", "shells", "interfaces"),
+    "safety",
 )
 """Tables of which a plain fit has nothing to say."""
 

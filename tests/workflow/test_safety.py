@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from math import exp, log
 
+import numpy as np
 import pytest
 from scipy.stats import norm
 from support.commands import run_command
 from support.in_stages import write_msh
 from support.meshes import box
+
+from geoident.io.result.file import read_result
 
 CASE = """\
 format: geoident-case/1
@@ -83,6 +87,39 @@ def test_band_of_a_fit_is_the_posterior(tmp_path):
     assert abs(band["below_one"] - exact) < 4 * band["below_one_sd"]
     assert band["influence"]["su"] == pytest.approx(sd, rel=0.05)
     assert band["undetermined"] == []
+    _is_in_the_result(path.with_name("case.safety.h5"), stage)
+    again = run_command("predict", path.with_name("case.fit.h5"), *words)
+    assert json.loads(again.stdout)["stages"] == [stage]
+    assert "up to date" in again.stderr
+
+
+def _is_in_the_result(file, stage):
+    """The file says the same as the command: to programs, in a table, on the screen."""
+    shown = run_command("show", file, "--json")
+    found = json.loads(shown.stdout)
+    assert found["safety"] == [stage]
+    (row,) = csv.DictReader(run_command("export", file, "--table", "safety").stdout.splitlines())
+    assert float(row["below_one"]) == stage["band"]["below_one"]
+    assert float(row["influence_su"]) == pytest.approx(stage["band"]["influence"]["su"])
+    said = run_command("show", file).stdout
+    assert "P(below 1)" in said
+    assert f"{100 * stage['band']['below_one']:.2g} %" in said
+    opened = read_result(file)
+    assert opened.mechanism is not None
+    assert np.abs(opened.mechanism.velocity).max() == pytest.approx(1.0)
+
+
+@pytest.mark.slow  # draws a page
+def test_the_page_of_a_factor(tmp_path):
+    """It has the table, the words and the mechanism, which says by what strength is divided."""
+    path = write_case(tmp_path)
+    run_command("fit", path, "-q")
+    run_command("predict", path.with_name("case.fit.h5"), "--safety", "--draws", "8")
+    assert run_command("report", path.with_name("case.safety.h5")).exit_code == 0
+    page = path.with_name("case.safety.html").read_text()
+    assert "<h2" in page
+    assert "Factors of safety" in page
+    assert "with strength divided by 1.25" in page
 
 
 @pytest.mark.slow  # starts processes
@@ -132,4 +169,6 @@ def test_nothing_yields(tmp_path):
     path.write_text(path.read_text().replace("su: " + PRIOR, "d: " + su))
     ended = run_command("simulate", path, "--safety")
     assert ended.exit_code == 3
-    assert "no ground has a strength that could be divided" in " ".join(ended.output.split())
+    assert "no ground and no interface has a strength that could be divided" in " ".join(
+        ended.output.split()
+    )

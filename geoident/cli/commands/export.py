@@ -32,6 +32,7 @@ TABLES = (
     "alarms",
     "decisions",
     "telling-readings",
+    "safety",
     "plan",
     "plan-targets",
     "convergence",

@@ -19,9 +19,8 @@ Examples:
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
-    if arguments["safety"]:
-        return ()
-    return on_result(result_of("predict", arguments["result"], options))
+    kind = "safety" if arguments["safety"] else "predict"
+    return on_result(result_of(kind, arguments["result"], options))
 
 
 @click.command(epilog=EPILOG)
@@ -62,14 +61,14 @@ def command(
     """Predict readings, with 95 % bands, from a fit.
 
     The case is that of the fit unless --case gives another one; --set applies to the latter. Writes
-    RESULT.predict.h5 and prints its path.
+    RESULT.predict.h5 and prints its path. With --safety it writes RESULT.safety.h5 and prints what
+    it found.
     """
     from geoident.cli.jobs import request_of, run_prediction
     from geoident.workflow.predict import PredictRequest
 
     if safety is not None:
-        given: dict[str, Any] = {"--stages": stages, "--case": case, "-o": options.output}
-        given |= {"--set": options.overrides, "--fresh": options.fresh}
+        given: dict[str, Any] = {"--stages": stages, "--case": case, "--set": options.overrides}
         return _safety(result, safety, draws, fields, given, options)
     alone = {"--fields": fields, "--draws": draws, "-j": options.jobs}
     if named := [name for name, value in alone.items() if value]:
@@ -103,5 +102,7 @@ def _safety(
             fields=fields,
             force=options.force,
             draws=draws or DRAWS,
+            output=options.output,
+            fresh=options.fresh,
         )
         return say_safety(asked, safety_of_fit, options)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from geoident.errors import CollapseError
@@ -13,6 +15,7 @@ from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_equations import NoEquilibrium
 from geoident.forward.analysis.systems import StageSystem
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.members import StructureMembers
 from geoident.forward.structures.strain_points import MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.mesh import motions_of_nodes
@@ -20,6 +23,9 @@ from geoident.model.results.yielded import Mechanism
 
 _HINGES = 6
 """Members that are named as hinges at most."""
+
+_SLIPS = 0.1
+"""Part of the largest velocity of a mechanism from which on the jump of an interface counts."""
 
 _STRONG = 0.5
 """Part of the largest rate of shear from which on a mechanism shears strongly."""
@@ -130,6 +136,26 @@ def _describe_hinges(members: MemberPoints, velocities: Floats) -> str:
         places = part.ends[most[own[most] > _STRONG * own.max()]].mean(axis=1).round(3)
         where = ", ".join(dict.fromkeys(format_point(place) for place in places))
         text += f"; {part.what} '{part.name}' yields near {where}"
+    return text
+
+
+def describe_slips(joints: Sequence[StructureMembers], jumps: Floats) -> str:
+    """Which interfaces slip or open in a mechanism, and where, for a message; empty for none.
+
+    Args:
+        joints: parts of interfaces that stand.
+        jumps: (n_rows,) strains of all structures in the mechanism, whose largest velocity is one.
+    """
+    text = ""
+    for part in joints:
+        assert part.joint is not None
+        at = part.joint.points.position
+        size = np.linalg.norm(jumps[part.rows].reshape(-1, len(at)), axis=0)
+        where = at[size > _STRONG * size.max()].round(3)
+        if size.max() > _SLIPS:
+            ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
+            text += f"; the interface '{part.name}' slips or opens, most between {ends[0]} and "
+            text += ends[1]
     return text
 
 

@@ -92,6 +92,9 @@ SEARCH = 120
 _HARDLY_VISCOUS = 3e-4
 """Part of the overstress that may stay where only diffuse flow counts (`strict`)."""
 
+_ELASTIC_STEPS, _ELASTIC_TRIALS = 5, 3
+"""Elastic steps before Newton's method begins again, and how often."""
+
 FAR_OUT = 1e6
 """Steps along a mechanism after which only its dissipation counts, no more the elastic strains."""
 
@@ -325,6 +328,8 @@ def _non_associated(
         NoEquilibrium: neither leads to an end; with the last equilibrium on the path.
     """
     direct = newton(equations, start, budget, at_start=at_start, most=PATIENCE)
+    if not direct.converged and equations.structures_flow_aside:
+        direct = _with_elastic_steps(equations, start, budget)
     if direct.converged:
         return direct
     points: list[Balance] = []
@@ -339,7 +344,7 @@ def _non_associated(
         if flow is not None and not strict and flow.residual <= SOUND:
             return flow
     if not points:
-        raise NoEquilibrium(direct.end.du)
+        raise NoEquilibrium(direct.end.du - start.du)
     if flow is not None and not strict and flow.residual <= ROUGH:
         raise NoEquilibrium(flow.end.du, diffuse=flow)
     path = follow_path(equations, points[0], budget)
@@ -352,3 +357,29 @@ def _non_associated(
     if strict and last.viscosity <= _HARDLY_VISCOUS:
         return last
     raise NoEquilibrium(last.end.du, diffuse=last)
+
+
+def _with_elastic_steps(equations: StageEquations, iterate: Iterate, budget: StepBudget) -> Balance:
+    """Newton's method from where some steps with the elastic stiffness lead.
+
+    Where most of an interface slips at the start its tangent is all but singular, and the first
+    step is lost. Elastic steps move slip to where there is strength left, little by little.
+
+    Args:
+        equations: of the stage.
+        iterate: where it begins.
+        budget: steps that are left to the whole search, less those taken here.
+    """
+    s = equations.stress.shape[0]
+    nothing = np.empty(0, dtype=np.int64), np.empty((0, s, s))
+    elastic = equations.solver.factorize(*nothing, symmetric=True)
+    for _ in range(_ELASTIC_TRIALS):
+        for _ in range(_ELASTIC_STEPS):
+            step = elastic.solve(iterate.residual[:, None])[:, 0]
+            iterate = equations.at(iterate.du + equations.spread(step))
+        # a factor may be that of this very solver
+        balance = newton(equations, iterate, budget, most=PATIENCE)
+        if balance.converged:
+            return balance
+        elastic = equations.solver.factorize(*nothing, symmetric=True)
+    return Balance(iterate, converged=False, viscosity=equations.viscosity)

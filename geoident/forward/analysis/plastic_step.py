@@ -260,7 +260,8 @@ class PlasticSteps:
         self._laws = YieldLaws(self.moduli)
         n_strain = self.systems.discretization.points.n_strain
         parts = self.systems.structures.parts
-        self._structure_laws = StructureLaws(parts, self.moduli.point, n_strain)
+        yielding = {part.name: part.given(self.case) for part in parts if part.structure.yields}
+        self._structure_laws = StructureLaws(yielding, self.moduli.point, n_strain)
         own = self._structure_laws.limits
         planes = self._laws.limits | {_of_structure(name): one for name, one in own.items()}
         self.findings = PlasticFindings(ReachedPlanes(planes, self.case.stage_names[1:]))
@@ -335,7 +336,7 @@ class PlasticSteps:
             return du, end.yielded()[: points.n_ground]
 
     def return_stress(self, task: StageTask) -> None:
-        """Bring the stress of the ground back to yield surfaces that have become smaller.
+        """Bring stress and the tractions of interfaces back to limits that have become smaller.
 
         Args:
             task: the stage; what is carried is changed.
@@ -347,7 +348,15 @@ class PlasticSteps:
             points = StagePoints(self.systems, task)
             equations = self._equations(task, points)
             at_rest = equations.at(np.zeros_like(equations.forces))
-            task.carried.stress[..., 0] = at_rest.stress[:, : points.n_ground]
+            stress, n = at_rest.stress[..., None], points.n_ground
+            task.carried.stress[..., :1] = stress[:, :n]
+            if points.members is not None:
+                points.members.into_rows(stress[:, n:], task.carried.members[:, :1])
+
+    def associated(self, task: StageTask) -> bool:
+        """Whether all flow in a stage is associated, so that a failure can be proven."""
+        with self._faults_named(task):
+            return self._equations(task, StagePoints(self.systems, task)).associated
 
     @contextmanager
     def _faults_named(self, task: StageTask) -> Iterator[None]:

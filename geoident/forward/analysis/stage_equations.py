@@ -271,6 +271,11 @@ class StageEquations:
         return all(ground.associated for ground in self.grounds)
 
     @cached_property
+    def structures_flow_aside(self) -> bool:
+        """Whether plastic strains of some structure, an interface, do not follow the normals."""
+        return any(one.of_structure and not one.associated for one in self.grounds)
+
+    @cached_property
     def of_ground(self) -> Bools:
         """(m,) points of the ground, not of structures."""
         result = np.ones(len(self.volume), dtype=bool)

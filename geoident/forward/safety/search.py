@@ -8,7 +8,11 @@ on none of this: whether loads can be carried is a question of strength alone (l
 a failure that is proven (`equilibrium`) proves that the factor is smaller.
 
 A stage that collapses with the strength that it has is reached with more: with half the factor,
-and so on. The factor found is below one then.
+and so on. The factor found is below one then. One of hardening soil that finds no equilibrium is
+first reached with the limit of that soil alone.
+
+In stages that consolidate the water stays as it is at the moment: its pressures act on, strength is
+that of effective stress.
 """
 
 from __future__ import annotations
@@ -21,13 +25,19 @@ import numpy as np
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding.principal_axes import principal_values
 from geoident.forward.analysis.analysis import AnalysisRun, RunOptions, StagedAnalysis
-from geoident.forward.analysis.collapse_message import describe_mechanism, mechanism_on_mesh
+from geoident.forward.analysis.collapse_message import (
+    describe_mechanism,
+    describe_slips,
+    mechanism_on_mesh,
+)
 from geoident.forward.analysis.plastic_step import PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import StageEnd, StageTask, StressState
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.model import StagedModel
 from geoident.forward.safety.strengths import reducible, with_reduced_strength
+from geoident.forward.structures.members import StructureMembers
 from geoident.model.arrays import Floats
+from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.results.safety import SafetyFactor
 from geoident.model.results.yielded import Mechanism
@@ -124,11 +134,11 @@ def _reached(
         CollapseError: the first stands with no factor.
         ModelError: the in-situ stress is beyond the strength, or there is no solution otherwise.
     """
-    factor, collapse = 1.0, None
+    factor, collapse, limit = 1.0, None, False
     options = RunOptions(derivatives=False, last=states[-1], explain=False, partial=True)
     while True:
         search.tell(f"strength / {factor:g}")
-        run = _run(model, p, factor, options)
+        run = _run(model, p, factor, options, limit=limit)
         found = dict[int, _Reached]()
         try:
             for end in run.states():
@@ -144,12 +154,17 @@ def _reached(
             collapse = next(iter(run.findings.collapses))
             if factor <= LEAST:
                 raise collapse
+        if model.case.hardens and not limit:
+            limit, collapse = True, None
+            continue
         factor *= 0.5
 
 
-def _run(model: StagedModel, p: Floats, factor: float, options: RunOptions) -> AnalysisRun:
-    """An analysis with strength divided by a factor."""
-    if factor == 1.0:
+def _run(
+    model: StagedModel, p: Floats, factor: float, options: RunOptions, *, limit: bool
+) -> AnalysisRun:
+    """An analysis with strength divided by a factor; of hardening soil its limit alone, if so."""
+    if factor == 1.0 and not limit:
         return model.at(p, options)
     values, confined = model.values(p), _virgin_confinement(model, p)
     on_mesh = with_reduced_strength(model.on_mesh, values, factor, confined)
@@ -211,27 +226,35 @@ class _Reduction:
             middle = float(np.sqrt(low * high))
             low, high = (middle, high) if self._stands(middle) else (low, middle)
         mechanism, place = self._mechanism(high)
-        materials = [self._model.case.materials[m] for m in dict.fromkeys(state.materials.values())]
+        materials, joints = self._materials(), self._joints()
         structures = self._model.case.structures
+        elastic = [n for n in sorted(state.structures) if not structures[n].yields]
+        elastic += [p.name for p in joints if not p.structure.yields]
         kept = [m.name for m in materials if m.yields and not reducible(m)]
         return SafetyFactor(
             stage=state.name,
             lower=low,
             upper=high,
             proven=self._proven,
-            associated=not any(
-                getattr(surface, "dilation", None) is not None
-                for material in materials
-                for surface in material.yields
-            ),
+            associated=self._steps(low).associated(self._task(self._carried)),
             kept=(*kept, *(n for n in sorted(state.structures) if structures[n].yields)),
-            unyielding=tuple(m.name for m in materials if not m.yields),
+            unyielding=(*(m.name for m in materials if m.is_elastic), *elastic),
             mechanism=mechanism,
             place=place,
             factors=np.array(self._factors),
             moved=np.array([np.abs(u).max(initial=0.0) for u in self._moved]),
             solved=self._solved,
         )
+
+    def _materials(self) -> list[Material]:
+        """Those that are there."""
+        state = self._model.sequence.states[self._number]
+        return [self._model.case.materials[m] for m in dict.fromkeys(state.materials.values())]
+
+    def _joints(self) -> list[StructureMembers]:
+        """The parts of interfaces that stand."""
+        state, parts = self._model.sequence.states[self._number], self._model.structures.parts
+        return [part for part in parts if part.joint is not None and part.stands(state)]
 
     def _bracket(self) -> tuple[float, float]:
         """A factor with which the stage stands, and a larger one with which not, or infinity."""
@@ -319,5 +342,8 @@ class _Reduction:
             return None, ""
         model, task = self._model, self._task(self._carried)
         u = u / np.abs(u).max()
-        place = describe_mechanism(model.on_mesh, task.system, u).removeprefix("; ")
+        place = describe_slips(self._joints(), model.structures.strain(u))
+        if not all(material.is_elastic for material in self._materials()):
+            place += describe_mechanism(model.on_mesh, task.system, u)
+        place = place.removeprefix("; ")
         return mechanism_on_mesh(model.on_mesh, task, u, np.nan), place

@@ -2,11 +2,16 @@
 
     c / F ,  tan(phi) / F ,  T / F ,  psi not above the friction that is left ,
 
-of Mohr and Coulomb (so Tresca's c), of Drucker and Prager's cone through c and phi, and of weak
-planes: the convention of practice (Zienkiewicz, Humpheson & Lewis 1975, Geotechnique 25; Griffiths
-& Lane 1999, Geotechnique 49). The apex c / tan(phi) stays where it is, and the cut-off T is
-divided. What varies from place to place is divided everywhere alike. Planes that a case gives one
-by one have no c and phi: they stay, and so do structures.
+of Mohr and Coulomb (so Tresca's c), of Drucker and Prager's cone through c and phi, of weak planes
+and of interfaces (R_inter multiplies what is left): the convention of practice (Zienkiewicz,
+Humpheson & Lewis 1975, Geotechnique 25; Griffiths & Lane 1999, Geotechnique 49). The apex
+c / tan(phi) stays where it is, and the cut-off T is divided. What varies from place to place is
+divided everywhere alike. Planes that a case gives one by one have no c and phi: they stay, and so
+do structures.
+
+Hardening soil becomes Mohr and Coulomb's with its c, phi, psi and tension, and the modulus of
+unloading at its reference pressure: whether loads can be carried is a question of strength, and
+strength is all that is left of that law there.
 
 Hoek and Brown's curve has no c and phi either, but each of its tangents has. The curve that all
 tangents of c / F and tan(phi) / F touch is the shear strength divided by F; the curve of the same
@@ -28,8 +33,16 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField, PointGrowth
+from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
-from geoident.model.yielding import GivenPlanes, HoekBrown, YieldSurface, with_strengths
+from geoident.model.yielding import (
+    GivenPlanes,
+    HardeningSoil,
+    HoekBrown,
+    MohrCoulomb,
+    YieldSurface,
+    with_strengths,
+)
 
 _DIVIDED = ("cohesion", "tension")
 """Strengths that are divided themselves; of friction the tangent is."""
@@ -43,7 +56,19 @@ _EXPONENT = (0.25, 0.85)
 
 def reducible(material: Material) -> bool:
     """Whether the strength of a material can be divided by a factor."""
-    return any(not isinstance(surface, GivenPlanes) for surface in material.yields)
+    return material.soil is not None or any(
+        not isinstance(surface, GivenPlanes) for surface in material.yields
+    )
+
+
+def surfaces(material: Material) -> tuple[YieldSurface, ...]:
+    """The yield surfaces of a material whose strength is divided; none where it never yields."""
+    return material.yields if material.soil is None else (_limit(material.soil),)
+
+
+def _limit(soil: HardeningSoil) -> MohrCoulomb:
+    """Mohr and Coulomb's limit of a hardening soil."""
+    return MohrCoulomb(soil.cohesion, soil.friction, soil.dilation, soil.tension)
 
 
 def with_reduced_strength(
@@ -51,25 +76,32 @@ def with_reduced_strength(
 ) -> CaseOnMesh:
     """The case with the strength of its ground divided by a factor, as numbers at parameters.
 
+    Interfaces, too; hardening soil has its limit alone, also with a factor of one.
+
     Args:
         on_mesh: the case on its mesh.
         values: parameters by name, SI.
         factor: F.
         confined: material to the largest confining stress that counts, Pa, for curves.
     """
-    if factor == 1.0:
+    if factor == 1.0 and not on_mesh.case.hardens:
         return on_mesh
     materials = {
         name: replace(
             material,
+            soil=None,
             yields=tuple(
                 _reduced(surface, values, factor, confined.get(name, 0.0))
-                for surface in material.yields
+                for surface in surfaces(material)
             ),
         )
         for name, material in on_mesh.case.materials.items()
     }
-    case = replace(on_mesh.case, materials=materials)
+    interfaces = {
+        name: reduced_interface(given, values, factor)
+        for name, given in on_mesh.case.interfaces.items()
+    }
+    case = replace(on_mesh.case, materials=materials, interfaces=interfaces)
     fields = tuple(_reduced_field(field, factor) for field in on_mesh.fields)
     growths = tuple(_reduced_growth(growth, factor) for growth in on_mesh.growths)
     return on_mesh.with_fields(case, fields, growths)
@@ -88,6 +120,22 @@ def _reduced(surface: YieldSurface, values: Values, F: float, confined: float) -
         changed["dilation"] = min(numbers["dilation"], friction)
     (reduced,) = with_strengths([surface], {(0, name): Scalar(x) for name, x in changed.items()})
     return reduced
+
+
+def reduced_interface(given: Interface, values: Values, F: float) -> Interface:
+    """An interface whose strength is divided by a factor, as numbers at parameters."""
+    if given.friction is None:
+        return given
+    steep = tan(given.friction.value(values)) / F
+    share = 1.0 if given.R_inter is None else given.R_inter.value(values)
+    cohesion = 0.0 if given.cohesion is None else given.cohesion.value(values)
+    return replace(
+        given,
+        cohesion=Scalar(cohesion / F),
+        friction=Scalar(atan(steep)),
+        tensile_strength=Scalar(given.tensile_strength.value(values) / F),
+        dilation=Scalar(min(given.dilation.value(values), atan(share * steep))),
+    )
 
 
 def _reduced_field(field: PointField, F: float) -> PointField:

@@ -27,7 +27,7 @@ of the same size on average; another one is t_n <= f_t. Slip opens it by the dil
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -37,7 +37,7 @@ import numpy as np
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
 from geoident.forward.structures.grouted import bar_share
-from geoident.forward.structures.members import StructureMembers, rigidities
+from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.facets import polygon_shrinkage
 from geoident.model.dual import Dual, ParameterPoint, stacked
 from geoident.model.interfaces import Interface
@@ -78,15 +78,18 @@ class StructureLaws:
     """Yield laws of structures at one parameter vector, each made once.
 
     Args:
-        parts: the structures on the mesh.
+        structures: those that yield, by the names that they have on the mesh.
         point: the parameters.
         n_strain: components of a stress of the ground.
     """
 
     def __init__(
-        self, parts: Sequence[StructureMembers], point: ParameterPoint, n_strain: int
+        self,
+        structures: Mapping[str, Structure | Interface],
+        point: ParameterPoint,
+        n_strain: int,
     ) -> None:
-        self._structures = {one.name: one.structure for one in parts if one.structure.yields}
+        self._structures = structures
         self._point, self._n_strain = point, n_strain
         self._laws: dict[str, PolyhedralLaw] = {}
 

@@ -89,6 +89,10 @@ class StructureMembers:
         """Name of the structure in the case."""
         return self.whole or self.name
 
+    def given(self, case: Case) -> Structure | Interface:
+        """What a case of this mesh says of it: interfaces may have other strengths there."""
+        return self.structure if self.joint is None else case.interfaces[self.joint.interface]
+
     def stands(self, state: ConstructionState) -> bool:
         """Whether it stands at a state."""
         if self.joint is not None:

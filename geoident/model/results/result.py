@@ -39,6 +39,7 @@ from geoident.model.results.plan import GaugePlan
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
+from geoident.model.results.safety import StageSafety
 from geoident.model.results.settlement import SettlementState
 from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.times import StageTimes
@@ -920,8 +921,8 @@ class Result:
     """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
-        kind: the command, ``fit``, ``predict``, ``scan``, ``sample``, ``backtest``, ``control`` or
-            ``plan``.
+        kind: the command, ``fit``, ``predict``, ``scan``, ``sample``, ``backtest``, ``control``,
+            ``plan`` or ``safety``.
         status: ``converged``, ``not-converged``, ``not-determined``, ``poor-fit``,
             ``out-of-budget``, ``done``.
         exit_code: of the command.
@@ -939,7 +940,8 @@ class Result:
         shells: forces in shells, or None if there are none.
         reactions: of the supports, or None if they were not asked for.
         yielded: how far ground yields, or None where nothing can.
-        mechanism: how the ground moves at the first stage that collapses, or None.
+        mechanism: how the ground moves at the first stage that collapses, or with its strength
+            divided by the smallest factor of safety; or None.
         reaction: of the ground around an opening in closed form, or None.
         advance: of a tunnel whose stages say how far its face is, or None.
         reduced: a reduced model that was to be kept, or None.
@@ -959,6 +961,7 @@ class Result:
         alarms: what is known of each alarm value of each channel.
         decisions: what is known of each decision that depends on a reading.
         telling: earlier readings that would tell how probable these are.
+        safety: factors of safety of stages.
         convergence: what a convergence law says of each channel.
         settlement: what a settlement law says of each channel.
         plan: of gauges that are to be read, or None.
@@ -1078,6 +1081,9 @@ class Result:
     )
     telling: tuple[TellingReading, ...] = field(
         default=(), metadata=column("telling", group="telling_readings", optional=True)
+    )
+    safety: tuple[StageSafety, ...] = field(
+        default=(), metadata=column("safety", group="safety", optional=True)
     )
     convergence: tuple[ConvergenceState, ...] = field(
         default=(), metadata=column("law_gauge", group="convergence", optional=True)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.results.columns import column
 from geoident.model.results.yielded import Mechanism
+
+VIEWS = ("json", "csv", "xarray", "diff")
+"""Views of the table that leave out what belongs to each draw or trial."""
 
 FELT = 0.1
 """Part of the largest influence of a parameter from which on another one counts."""
@@ -22,9 +27,9 @@ class SafetyFactor:
         lower: largest factor with which an equilibrium was found.
         upper: smallest factor with which none was found; infinite where there was one with all.
         proven: whether there is none at ``upper``: the ground collapses. Else none was found.
-        associated: whether the flow of all ground that yields is associated.
+        associated: whether the flow of all that yields is associated.
         kept: what yields and keeps its strength: materials of planes without c and phi, structures.
-        unyielding: materials that never yield.
+        unyielding: materials, structures and interfaces that never yield.
         mechanism: how the ground moves at ``upper``; None where nothing is known.
         place: where it shears most, a clause; empty where nothing is known.
         factors: (k,) with which an equilibrium was found, ascending, from that at which the search
@@ -58,48 +63,115 @@ class SafetyFactor:
 
 
 @dataclass(frozen=True)
-class SafetyBand:
-    """What a fit knows of a factor of safety.
+class StageSafety:
+    """What is known of the factor of safety of a stage; NaN and nothing where there is no fit.
 
     Args:
-        best: at the best values.
-        lower95: lower end of the 95 % interval.
+        stage: name of the stage.
+        value: the factor at the best values: the middle of its bracket, or the largest tried.
+        lower: largest factor with which an equilibrium was found.
+        upper: smallest factor with which none was found; infinite where there was one with all.
+        proven: whether there is none at ``upper``: the ground collapses. Else none was found.
+        associated: whether the flow of all that yields is associated.
+        kept: what yields and keeps its strength, separated by commas.
+        unyielding: materials, structures and interfaces that never yield, likewise.
+        place: where it moves as it fails, a clause; empty where nothing is known.
+        tried: (k,) factors with which an equilibrium was found, ascending.
+        moved: (k,) largest displacement since the first of them, m.
+        lower95: lower end of the 95 % interval by the fit.
         median: of the posterior.
         upper95: its upper end.
         below_one: the probability that the factor is below one.
         below_one_sd: standard deviation of that number by the draws and by what the surface leaves.
-        names: of the n parameters.
-        draws: (d, n) of the posterior, SI.
-        factors: (d,) at the draws; NaN where the model has no answer.
-        bounded: (d,) 1 where the ground fails with a factor that was tried, else the factor is at
-            least that.
+        counted: how many draws are below one.
         surface: ``quadratic`` or ``linear``: the logarithm of the factor over the posterior.
         left: standard deviation of what it leaves of the logarithm at draws that it was not fitted
             to.
+        undetermined: parameters that the fit does not determine and on which the factor depends,
+            separated by commas.
         influence: (n,) change of the logarithm by one standard deviation of each parameter.
-        undetermined: parameters that the fit does not determine.
-        counted: how many draws are below one.
+        factors: (d,) at draws of the posterior; NaN where the model has no answer.
+        bounded: (d,) 1 where the ground fails with a factor that was tried, else the factor is at
+            least that.
+        draws: (d, n) these, SI.
     """
 
-    best: SafetyFactor
-    lower95: float
-    median: float
-    upper95: float
-    below_one: float
-    below_one_sd: float
-    names: tuple[str, ...]
-    draws: Floats
-    factors: Floats
-    bounded: Ints
-    surface: str
-    left: float
-    influence: Floats
-    undetermined: tuple[str, ...]
-    counted: int
+    stage: str
+    value: float = field(metadata=column(name="factor"))
+    lower: float
+    upper: float
+    proven: bool
+    associated: bool
+    kept: str
+    unyielding: str
+    place: str
+    tried: Floats = field(metadata=column("trial", hidden=VIEWS))
+    moved: Floats = field(metadata=column("trial", dimension="length", hidden=VIEWS))
+    lower95: float = np.nan
+    median: float = np.nan
+    upper95: float = np.nan
+    below_one: float = np.nan
+    below_one_sd: float = np.nan
+    counted: int = field(default=0, metadata=column(name="draws_below_one"))
+    surface: str = ""
+    left: float = field(default=np.nan, metadata=column(name="surface_error"))
+    undetermined: str = ""
+    influence: Floats = field(
+        default_factory=lambda: np.zeros(0),
+        metadata=column("parameter", sheet="influence_{parameter}"),
+    )
+    factors: Floats = field(
+        default_factory=lambda: np.zeros(0),
+        metadata=column("safety_draw", name="factor_at_draw", hidden=VIEWS),
+    )
+    bounded: Ints = field(
+        default_factory=lambda: np.zeros(0, dtype=np.int64),
+        metadata=column("safety_draw", name="bounded_at_draw", hidden=VIEWS),
+    )
+    draws: Floats = field(
+        default_factory=lambda: np.zeros((0, 0)),
+        metadata=column("safety_draw", "parameter", name="draw", hidden=VIEWS),
+    )
+
+    @classmethod
+    def of(cls, best: SafetyFactor) -> StageSafety:
+        """What is known without a fit."""
+        return cls(
+            best.stage,
+            best.value,
+            best.lower,
+            best.upper,
+            best.proven,
+            best.associated,
+            ", ".join(best.kept),
+            ", ".join(best.unyielding),
+            best.place,
+            best.factors,
+            best.moved,
+        )
 
     @property
-    def left_open(self) -> tuple[str, ...]:
-        """Parameters that the fit does not determine and on which the factor depends."""
-        size = np.abs(self.influence)
-        depends = {n for n, x in zip(self.names, size, strict=True) if x > FELT * size.max()}
-        return tuple(name for name in self.undetermined if name in depends)
+    def fails(self) -> bool:
+        """Whether the ground fails with some factor that was tried."""
+        return bool(np.isfinite(self.upper))
+
+    @property
+    def of_fit(self) -> bool:
+        """Whether there is a band."""
+        return len(self.factors) > 0
+
+
+def alike(rows: Sequence[StageSafety]) -> tuple[StageSafety, ...]:
+    """The same with as many trials each, NaN behind the last: rows of one table."""
+    most = max(len(row.tried) for row in rows)
+
+    def filled(values: Floats) -> Floats:
+        return np.concatenate([values, np.full(most - len(values), np.nan)])
+
+    return tuple(replace(row, tried=filled(row.tried), moved=filled(row.moved)) for row in rows)
+
+
+def depends_on(names: Sequence[str], influence: Floats) -> tuple[str, ...]:
+    """Parameters whose influence (n,) is not small beside that of others."""
+    size = np.abs(influence)
+    return tuple(n for n, x in zip(names, size, strict=True) if x > FELT * size.max(initial=0.0))

@@ -80,7 +80,9 @@ def album(result: Result, *, prefix: str = "") -> Album:
     if scene is not None:
         fields = (*isochrone_pictures(scene), *varied_pictures(scene), *_field_pictures(scene))
         if result.mechanism is not None:
-            fields = (mechanism_picture(result.mechanism, scene.axis_names), *fields)
+            factor = min((one.upper for one in result.safety), default=None)
+            picture = mechanism_picture(result.mechanism, scene.axis_names, factor)
+            fields = (picture, *fields)
     parts = (
         model_pictures(result),
         overview_pictures(result, scene),

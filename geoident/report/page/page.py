@@ -16,7 +16,7 @@ from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import Album, album, comparison
 from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.opening import opening_pictures
-from geoident.report.drawing.style import svg_files
+from geoident.report.drawing.style import Picture, svg_files
 from geoident.report.page import in_service
 from geoident.report.page.blocks import Block, Draw, Figures, PagePart, TitledTable, section
 from geoident.report.page.headed import headed_page
@@ -32,6 +32,7 @@ from geoident.report.text import (
     plan,
     posterior,
     rivals,
+    safety,
     structures,
     trough,
     updates,
@@ -182,10 +183,14 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             TitledTable(decisions.TELLING, decisions.telling_table(result)),
             _paragraph(decisions.NOTE if result.telling else "", class_="note"),
         ),
+        section(safety.NAME, *_safety(result, pictures)),
         section(trough.NAME, *_troughs(result)),
         section(updates.TITLE, *_updates(result), Figures(pictures.updates)),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name != "signs"))),
-        section("Displacements and stresses", Figures(pictures.fields)),
+        section(
+            "Displacements and stresses",
+            Figures(tuple(p for p in pictures.fields if not (result.safety and _fails(p)))),
+        ),
         section(
             "How well it fits",
             _outliers(result) if pictures.quality else Html(""),
@@ -358,6 +363,24 @@ def _influence(result: Result) -> tuple[Block, ...]:
     )
     title = influence_title(result.diagnostics).replace("\n", ". ")
     return TitledTable(title, influence), tag("p", note, class_="note")
+
+
+def _fails(picture: Picture) -> bool:
+    """Whether a figure shows a mechanism."""
+    return picture.name.endswith("mechanism")
+
+
+def _safety(result: Result, pictures: Album) -> tuple[Block, ...]:
+    """Factors of safety, what is to be known of each, and the mechanism of the smallest."""
+    if not result.safety:
+        return ()
+    names = result.parameters.names
+    words = [tag("p", " ".join(safety.stage_sentences(one, names))) for one in result.safety]
+    return (
+        TitledTable(safety.NAME, safety.safety_table(result.safety)),
+        joined(words),
+        Figures(tuple(p for p in pictures.fields if _fails(p))),
+    )
 
 
 def _troughs(result: Result) -> tuple[Block, ...]:

@@ -264,6 +264,9 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     ),
     "decisions": lambda result: sheet(result.decisions, ROW),
     "telling-readings": lambda result: sheet(result.telling, ROW),
+    "safety": lambda result: sheet(
+        result.safety, ROW, labels={**LABELS, "parameter": result.parameters.names}
+    ),
     "plan": lambda result: sheet(result.plan and result.plan.gauges, ROW),
     "plan-targets": lambda result: sheet(result.plan and result.plan.targets, ROW),
     "convergence": lambda result: sheet(result.convergence, ROW),

@@ -39,6 +39,7 @@ from geoident.report.text.posterior import posterior_object
 from geoident.report.text.residuals import compared_readings, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.rows import attributes, objects
+from geoident.report.text.safety import safety_list
 from geoident.report.text.structures import structures_list
 from geoident.report.text.trough import troughs
 from geoident.report.text.updates import updates_object
@@ -149,6 +150,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "posterior": result.posterior and posterior_object(result),
         "opening": result.reaction and opening_object(result.reaction),
         "face": result.advance and face_object(result.advance),
+        "safety": safety_list(result.safety, result.parameters.names) or None,
         "plan": result.plan and plan_object(result.plan),
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),

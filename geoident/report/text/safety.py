@@ -7,30 +7,61 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.results.safety import FELT, SafetyBand, SafetyFactor
+from geoident.model.results.result import Result
+from geoident.model.results.safety import StageSafety, depends_on
+from geoident.report.text.layout import TextTable, sentence
+
+NAME = "Factors of safety"
 
 
-def safety_text(
-    factors: Sequence[SafetyFactor], bands: Sequence[SafetyBand], *, poor: bool = False
-) -> str:
+def safety_text(rows: Sequence[StageSafety], names: Sequence[str], *, poor: bool = False) -> str:
     """What was found, in sentences, a paragraph a stage.
 
     Args:
-        factors: of the stages.
-        bands: of the same; none without a fit.
+        rows: of the stages.
+        names: of the n parameters.
         poor: the model of the fit does not fit the readings.
     """
-    parts = []
-    for n, one in enumerate(factors):
-        sentences = [*_factor_sentences(one), *(_band_sentences(bands[n]) if bands else ())]
-        parts.append("\n".join(sentences))
+    parts = ["\n".join(stage_sentences(one, names)) for one in rows]
     if poor:
         parts.append("The model of the fit does not fit its readings: do not rely on this.")
     return "\n\n".join(parts)
 
 
-def _factor_sentences(one: SafetyFactor) -> Iterator[str]:
-    if not one.bounded:
+def stage_sentences(one: StageSafety, names: Sequence[str]) -> list[str]:
+    """What was found of a stage.
+
+    Args:
+        one: the stage.
+        names: of the n parameters.
+    """
+    return [*_factor_sentences(one), *(_band_sentences(one, names) if one.of_fit else ())]
+
+
+def parts(result: Result) -> tuple[str, ...]:
+    """For a terminal: all stages in a table, then each in words."""
+    names = result.parameters.names
+    words = (sentence(" ".join(stage_sentences(one, names))) for one in result.safety)
+    return safety_table(result.safety).text, *words
+
+
+def safety_table(rows: Sequence[StageSafety]) -> TextTable:
+    """A row for each stage."""
+    header = ("stage", "factor", "95 % from", "to", "P(below 1)")
+    cells = [
+        [
+            one.stage,
+            f"{one.value:.3g}" if one.fails else f"at least {one.value:.3g}",
+            *(f"{x:.3g}" if one.of_fit else "" for x in (one.lower95, one.upper95)),
+            probability(one).partition(",")[0] if one.of_fit else "",
+        ]
+        for one in rows
+    ]
+    return TextTable(header, cells, right="lrrrr")
+
+
+def _factor_sentences(one: StageSafety) -> Iterator[str]:
+    if not one.fails:
         yield (
             f"Stage '{one.stage}': factor of safety at least {one.lower:.3g}: the ground carries "
             "the loads with its strength divided by that."
@@ -45,24 +76,24 @@ def _factor_sentences(one: SafetyFactor) -> Iterator[str]:
             yield "The strength that is there does not carry the loads of this stage."
     if one.place:
         yield f"As it fails, {one.place}."
-    if one.bounded and not one.proven and not one.associated:
+    if one.fails and not one.proven and not one.associated:
         yield (
             "That it collapses there is not proven, since its dilation is below its friction; with "
             "associated flow the factor is at least this."
         )
     if one.kept:
-        yield f"These keep their strength: {', '.join(one.kept)}."
+        yield f"These keep their strength: {one.kept}."
     if one.unyielding:
-        yield f"These never yield: {', '.join(one.unyielding)}."
+        yield f"These never yield: {one.unyielding}."
 
 
-def _band_sentences(band: SafetyBand) -> Iterator[str]:
+def _band_sentences(band: StageSafety, names: Sequence[str]) -> Iterator[str]:
     known = np.isfinite(band.factors)
     yield (
         f"By the fit its 95 % interval is {band.lower95:.3g} to {band.upper95:.3g}, its "
         f"median {band.median:.3g}."
     )
-    yield f"The probability that it is below one is {_probability(band)}."
+    yield f"The probability that it is below one is {probability(band)}."
     yield (
         f"It was computed at {known.sum()} draws of the posterior ({band.counted} below one); a "
         f"{band.surface} surface through them predicts others to {100.0 * band.left:.2g} %."
@@ -72,22 +103,24 @@ def _band_sentences(band: SafetyBand) -> Iterator[str]:
     if low := int((band.bounded[known] == 0).sum()):
         yield f"At {low} of them the ground carries the largest factor that was tried."
     size = np.abs(band.influence)
+    felt = depends_on(names, band.influence)
     named = [
-        f"{band.names[i]} ({100.0 * band.influence[i]:+.2g} %)"
+        f"{names[i]} ({100.0 * band.influence[i]:+.2g} %)"
         for i in np.argsort(-size)
-        if size[i] > FELT * size.max(initial=0.0) and size[i] > 0.0
+        if names[i] in felt
     ]
     if named:
         yield f"One standard deviation of a parameter changes it by: {', '.join(named[:6])}."
-    if band.left_open:
-        names = ", ".join(f"'{name}'" for name in band.left_open)
+    if band.undetermined:
+        quoted = ", ".join(f"'{name}'" for name in band.undetermined.split(", "))
         yield (
-            f"The fit does not determine {names}: the band counts all values between the bounds as "
-            "equally likely, and means no more than these bounds do."
+            f"The fit does not determine {quoted}: the band counts all values between the bounds "
+            "as equally likely, and means no more than these bounds do."
         )
 
 
-def _probability(band: SafetyBand) -> str:
+def probability(band: StageSafety) -> str:
+    """That the factor is below one, and how sure that is."""
     if band.below_one < 1e-3 and band.below_one_sd < 1e-3:
         return "below 0.1 %"
     spread = f", give or take {100.0 * band.below_one_sd:.1g} % by the choice of draws"
@@ -95,52 +128,65 @@ def _probability(band: SafetyBand) -> str:
 
 
 def safety_object(
-    factors: Sequence[SafetyFactor], bands: Sequence[SafetyBand], *, case: str,
-    output: str | None, status: str, exit_code: int,
+    rows: Sequence[StageSafety], names: Sequence[str], *, case: str, output: str | None,
+    result: str | None, status: str, exit_code: int,
 ) -> dict[str, Any]:  # fmt: skip
     """The same for programs, SI.
 
     Args:
-        factors: of the stages.
-        bands: of the same; none without a fit.
+        rows: of the stages.
+        names: of the n parameters.
         case: path of the case or fit.
         output: path of the fields that were written, or None.
+        result: path of the result that was written, or None.
         status: ``done``, ``poor-fit`` or ``not-determined``.
         exit_code: of the command.
     """
-    stages = [
-        {**_factor_object(one), **({"band": _band_object(bands[n])} if bands else {})}
-        for n, one in enumerate(factors)
-    ]
     return {
         "case": case,
         "kind": "safety",
         "status": status,
         "exit_code": exit_code,
         "output": output,
-        "stages": stages,
+        "result": result,
+        "stages": safety_list(rows, names),
     }
 
 
-def _factor_object(one: SafetyFactor) -> dict[str, Any]:
+def safety_list(rows: Sequence[StageSafety], names: Sequence[str]) -> list[dict[str, Any]]:
+    """An object for each stage, SI.
+
+    Args:
+        rows: of the stages.
+        names: of the n parameters.
+    """
+    return [
+        {**_factor_object(one), **({"band": _band_object(one, names)} if one.of_fit else {})}
+        for one in rows
+    ]
+
+
+def _listed(text: str) -> list[str]:
+    return text.split(", ") if text else []
+
+
+def _factor_object(one: StageSafety) -> dict[str, Any]:
+    trials = zip(one.tried.tolist(), one.moved.tolist(), strict=True)
     return {
         "stage": one.stage,
         "factor": one.value,
         "lower": one.lower,
-        "upper": one.upper if one.bounded else None,
+        "upper": one.upper if one.fails else None,
         "proven": one.proven,
         "associated": one.associated,
-        "kept": list(one.kept),
-        "unyielding": list(one.unyielding),
+        "kept": _listed(one.kept),
+        "unyielding": _listed(one.unyielding),
         "place": one.place,
-        "path": [
-            {"factor": factor, "moved": moved}
-            for factor, moved in zip(one.factors.tolist(), one.moved.tolist(), strict=True)
-        ],
+        "path": [{"factor": F, "moved": moved} for F, moved in trials if np.isfinite(F)],
     }
 
 
-def _band_object(band: SafetyBand) -> dict[str, Any]:
+def _band_object(band: StageSafety, names: Sequence[str]) -> dict[str, Any]:
     return {
         "lower95": band.lower95,
         "median": band.median,
@@ -150,13 +196,13 @@ def _band_object(band: SafetyBand) -> dict[str, Any]:
         "counted_below_one": band.counted,
         "surface": band.surface,
         "surface_error": band.left,
-        "influence": dict(zip(band.names, band.influence.tolist(), strict=True)),
-        "undetermined": list(band.undetermined),
+        "influence": dict(zip(names, band.influence.tolist(), strict=True)),
+        "undetermined": _listed(band.undetermined),
         "draws": [
             {
                 "factor": factor if np.isfinite(factor) else None,
                 "bounded": bool(bounded),
-                "parameters": dict(zip(band.names, values, strict=True)),
+                "parameters": dict(zip(names, values, strict=True)),
             }
             for factor, bounded, values in zip(
                 band.factors.tolist(), band.bounded.tolist(), band.draws.tolist(), strict=True

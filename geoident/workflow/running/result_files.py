@@ -6,6 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from geoident.errors import Term
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.file import read_identity
 from geoident.io.text.named_files import files_of_text
@@ -34,7 +35,7 @@ def case_path(output: Path | str, case_file: str) -> str:
     return os.path.normpath(Path(output).parent / case_file)
 
 
-OF_FITS = ("predict", "sample", "control", "plan")
+OF_FITS = ("predict", "sample", "control", "plan", "safety")
 """Kinds of results that are made from a fit."""
 
 
@@ -50,6 +51,8 @@ def why_outdated(result: Result, path: str) -> str:
         return ""
     file = case_path(path, origin.fit_file)
     again = f"geoident {result.kind} {file}"
+    if result.kind == "safety":
+        again = f"geoident {Term.SAFETY} {file}"
     if result.kind == "plan":
         again += " ..."
     return outdated_words(file, origin.fit_fingerprint, again)

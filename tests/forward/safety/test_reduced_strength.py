@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import atan, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from support.cases import model
+from support.in_stages import model_at, write_msh
 from support.meshes import box
 from support.yielding import NOTHING, constant, hoek, mohr, rock
 
@@ -16,19 +18,24 @@ from geoident.forward.safety.search import Search, safety_factors
 from geoident.forward.safety.strengths import divided_strength
 from geoident.forward.yielding.hoek_brown import RockMassStrength
 from geoident.model.actions import Pressure, Traction
-from geoident.model.case import Stage, Support
+from geoident.model.case import Material, Stage, Support
 from geoident.model.ground import Attitude
 from geoident.model.parameter import Scalar
-from geoident.model.yielding import DruckerPrager, WeakPlane
+from geoident.model.yielding import DruckerPrager, HardeningSoil, WeakPlane
 
 
 def block(surface, axial: float, lateral: float, *, E: float = 1e9):
     """A block in plane strain pressed along y and across, in one stage each."""
+    return pressed(rock(E, 0.3, surface), axial, lateral)
+
+
+def pressed(material: Material, axial: float, lateral: float):
+    """The same of a material."""
     mesh = box("quad8", (1, 1))
     side, top = (Pressure(name, Scalar(p)) for name, p in (("x1", lateral), ("y1", axial)))
     return model(
         mesh,
-        materials={"rock": rock(E, 0.3, surface)},
+        materials={"rock": material},
         groups={"all": "rock"},
         supports=(Support("x0", (0,)), Support("y0", (1,))),
         stages=(Stage("press", loads={"side": side, "top": top}),),
@@ -171,3 +178,68 @@ def test_in_situ_stress_beyond_the_strength():
         factor_of(staged)
     found = factor_of(staged, in_situ_too=True)
     assert found.value == pytest.approx(2 * C / 140e3, rel=0.003)
+
+
+def test_hardening_soil_has_its_limit():
+    """The factor is that of its c and phi, whatever its stiffness and its past."""
+    axial, lateral = 200e3, 60e3
+    soil = HardeningSoil(
+        *map(Scalar, (20e6, 0.5, 100e3, 0.9, C, PHI, radians(8.0), 0.0)), Eoed=Scalar(20e6)
+    )
+    material = replace(rock(60e6, 0.2), soil=soil)
+    found = factor_of(pressed(material, axial, lateral))
+    assert found.value == pytest.approx(coulomb(C, PHI, axial, lateral), rel=0.004)
+    assert found.kept == found.unyielding == ()
+
+
+@pytest.mark.slow  # looks long for an equilibrium that there is not
+def test_hardening_soil_that_collapses_as_it_is():
+    """No equilibrium is found; with its limit alone and more strength there is one."""
+    axial, lateral = 400e3, 60e3
+    soil = HardeningSoil(*map(Scalar, (20e6, 0.5, 100e3, 0.9, C, PHI, PHI, 0.0)))
+    exact = coulomb(C, PHI, axial, lateral)
+    found = factor_of(pressed(replace(rock(60e6, 0.2), soil=soil), axial, lateral))
+    assert found.value == pytest.approx(exact, rel=0.004)
+    assert exact < 1.0
+
+
+WET = """\
+format: geoident-case/1
+analysis: plane-strain
+mesh: {file: m.msh}
+parameters:
+  c: {start: 5 kPa, bounds: [1 kPa, 100 kPa]}
+materials:
+  clay:
+    E: 10 MPa
+    nu: 0.3
+    yield: {type: mohr-coulomb, cohesion: $c, friction: 25 deg, dilation: 0 deg}
+    hydraulic: {permeability: 1e-9 m/s, storage: 1e-12 1/Pa}
+groups: {all: clay}
+in_situ: {model: constant, xx: -100 kPa, yy: -100 kPa, zz: -100 kPa}
+supports: {x0: x, y0: y, x1: x, y1: y}
+drained: {y1: {}, x1: {}}
+stages:
+  - name: press
+    supports: {x1: free, y1: free}
+    loads: {top: {on: y1, pressure: 60 kPa}}
+    lasts: 1000 years
+gauges:
+  S: {kind: settlement, point: [1 m, 1 m], accuracy: 1 mm}
+"""
+
+
+def test_factors_while_water_leaves(tmp_path):
+    """Effective strength under the pressure of water that there is at a moment.
+
+    At once the mean effective stress in the plane stays: water takes half of the load.
+    """
+    write_msh(box("quad8", (1, 1)), tmp_path / "m.msh", ["x0", "x1", "y0", "y1"])
+    path = tmp_path / "case.yaml"
+    path.write_text(WET)
+    staged = model_at(path, {"press": [0.0]})
+    first, last = safety_factors(staged, np.array([5e3]), [1, 2], Search(tolerance=0.002))
+    assert first.stage == "press + 0 d"
+    phi = radians(25.0)
+    assert first.value == pytest.approx(coulomb(5e3, phi, 130e3, 70e3), rel=0.004)
+    assert last.value == pytest.approx(coulomb(5e3, phi, 160e3, 100e3), rel=0.004)

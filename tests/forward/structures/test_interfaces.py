@@ -9,6 +9,7 @@ from math import cos, cosh, radians, sin, sinh, sqrt, tan, tanh
 import numpy as np
 import pytest
 
+from geoident.forward.model import StagedModel
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.gauges import Channel
@@ -197,8 +198,8 @@ HALF, HIGH, PRESS = radians(20.0), 2.0, 1e6
 K_N, K_S = 4e9, 1e9
 
 
-def roof(weight: float, friction: float) -> np.ndarray:
-    """Sinking of a symmetric wedge of half angle HALF under horizontal stress, both sides stiff."""
+def roof(weight: float, friction: float) -> StagedModel:
+    """A symmetric wedge of half angle HALF under horizontal stress, both sides stiff."""
     wide = HIGH * tan(HALF)
     points = np.array([[0, 0], [wide, 0], [0, HIGH], [3, 0], [3, 4], [0, 4]], float)
     nodes = np.array([[0, 1, 2], [1, 3, 4], [1, 4, 2], [2, 4, 5]])
@@ -213,7 +214,7 @@ def roof(weight: float, friction: float) -> np.ndarray:
     )
     stress = ConstantStress((Scalar(-PRESS), ZERO, ZERO, ZERO), held=True)
     load = Traction("below", (ZERO, Scalar(-0.5 * weight / wide)))
-    staged = model(
+    return model(
         mesh,
         materials={"stone": RIGID},
         groups={"wedge": "stone", "rock": "stone"},
@@ -226,24 +227,29 @@ def roof(weight: float, friction: float) -> np.ndarray:
         stages=(Stage("hang", loads={"weight": load}),),
         channels=(meter("slip", (0.5 * wide, 0.5 * HIGH), "slip"),),
     )  # fmt: skip
-    return pulled(staged)
+
+
+def held_by_friction(friction: float) -> float:
+    """Weight that the wedge bears: 2 p H M.
+
+    M = (k_s cos^2 a + k_n sin^2 a) sin(phi - a) / (k_s cos a cos phi + k_n sin a sin phi): J. W.
+    Bray's relaxation in B. H. G. Brady and E. T. Brown, Rock mechanics for underground mining,
+    section 8.4.
+    """
+    stiff = K_S * cos(HALF) ** 2 + K_N * sin(HALF) ** 2
+    whole = K_S * cos(HALF) * cos(friction) + K_N * sin(HALF) * sin(friction)
+    return 2.0 * PRESS * HIGH * stiff * sin(friction - HALF) / whole
 
 
 def test_a_wedge_in_a_roof(verification):
-    """It holds 2 H M, M = (k_s cos^2 a + k_n sin^2 a) sin(phi - a) / (k_s cos a cos phi + ...).
-
-    J. W. Bray's relaxation in B. H. G. Brady and E. T. Brown, Rock mechanics for underground
-    mining, section 8.4.
-    """
+    """It sinks elastically up to the weight that it holds, and has no equilibrium beyond."""
     found, exact = [], []
     for friction in map(radians, (25.0, 35.0, 45.0)):
-        stiff = K_S * cos(HALF) ** 2 + K_N * sin(HALF) ** 2
-        whole = K_S * cos(HALF) * cos(friction) + K_N * sin(HALF) * sin(friction)
-        held = 2.0 * PRESS * HIGH * stiff * sin(friction - HALF) / whole
-        sunk = 0.5 * 0.99 * held / (HIGH / cos(HALF)) / stiff  # elastic up to there
-        found.append(abs(roof(0.99 * held, friction)[0]))
+        stiff, held = K_S * cos(HALF) ** 2 + K_N * sin(HALF) ** 2, held_by_friction(friction)
+        sunk = 0.5 * 0.99 * held / (HIGH / cos(HALF)) / stiff
+        found.append(abs(pulled(roof(0.99 * held, friction))[0]))
         exact.append(sunk * cos(HALF))
-        assert np.isnan(roof(1.01 * held, friction)).all()  # no equilibrium
+        assert np.isnan(pulled(roof(1.01 * held, friction))).all()
     np.testing.assert_allclose(found, exact, rtol=1e-4)
     degrees = np.array([25.0, 35.0, 45.0])
     verification("roof-wedge", "wedge", degrees, exact=np.array(exact), found=np.array(found))
