@@ -44,7 +44,8 @@ import scipy.sparse.linalg as spla
 from geoident.fem.location import Site
 from geoident.fem.stiffness import GroupBlocks
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.mesh import Mesh
+from geoident.model.cells import CELLS
+from geoident.model.mesh import Mesh, rows_in
 
 
 @dataclass(frozen=True)
@@ -360,6 +361,16 @@ def stiffness_map(rigidities: Sequence[float], *, dim: int) -> Floats:
     """
     one = np.eye(dim * dim)
     return np.vstack([rigidity * one for rigidity in rigidities])
+
+
+def straight_pieces(mesh: Mesh, group: str) -> Ints:
+    """(n, 2) nodes of the straight pieces of a group of lines, each once; line3 are two pieces."""
+    edges = []
+    for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
+        edges += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
+    joined = np.concatenate(edges)
+    _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
+    return joined[np.sort(once)]
 
 
 def _directions(ends: Floats) -> tuple[Floats, Floats]:

@@ -22,10 +22,10 @@ from geoident.fem.loads import (
     weight_shares,
 )
 from geoident.forward.actions.edges import HELD_EDGES, loaded_edges
+from geoident.forward.actions.on_beams import onto_beams, site_on_beam
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
-from geoident.forward.structures.placing import onto_beams, site_on_beam
 from geoident.model.actions import (
     FaceLoad,
     HeadForce,

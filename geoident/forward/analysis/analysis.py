@@ -255,7 +255,7 @@ class AnalysisRun:
             )  # fmt: skip
         self._hardening: HardeningSteps | None = None
         if analysis.case.hardens:
-            self._hardening = HardeningSteps(analysis.case, systems, self.point)
+            self._hardening = HardeningSteps(analysis.case, systems, self.point, self._plastic)
         self._creep: CreepSteps | None = None
         if analysis.case.creeps:
             self._creep = CreepSteps(analysis.on_mesh, self.point, self._ground)

@@ -5,7 +5,9 @@ What a stage changes comes in parts, one after the other, each an equilibrium of
     r = f_0 + share (f - f_0) - C^T V sigma(state, C du) = 0 ,
 
 where f_0 holds what is carried into the stage. Newton's method takes the consistent tangents of the
-points, which are not symmetric. A part that does not converge is halved.
+points, which are not symmetric. A part that does not converge is halved. Interfaces, structures and
+other ground that yield are further points, returned to their limits at the end of each part
+(`StagePoints`, theory 5).
 
 Derivatives go from part to part with stress and state. With g_h = dsigma/dp_h at kept du,
 
@@ -23,8 +25,10 @@ import numpy as np
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
-from geoident.fem.yielding.domain import NoReturn
+from geoident.fem.yielding.domain import NoProjection, NoReturn
 from geoident.fem.yielding.hardening_soil import HardeningSoil
+from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
+from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_points import StagePoints
 from geoident.forward.analysis.systems import StageSystems
@@ -73,10 +77,19 @@ class _Soil:
 
 @dataclass(frozen=True, eq=False)
 class _Iterate:
-    """Stress (s, m) at a displacement step, tangents less E of each soil, and what is left."""
+    """Motions of a part, what the points that yield change of E there, and what is left.
+
+    Args:
+        du: (n_motions,)
+        points: (q,) with a tangent of their own, ascending.
+        change: (q, s, s) of V E there.
+        residual: (n,) of the unknowns.
+        imbalance: the largest of them, by the largest force at work.
+    """
 
     du: Floats
-    changes: list[Floats]
+    points: Ints
+    change: Floats
     residual: Floats
     imbalance: float
 
@@ -88,10 +101,17 @@ class HardeningSteps:
         case: the case.
         systems: the equations of the stages.
         point: the parameters, with the derivatives that travel with the analysis.
+        plastic: knows what else yields; None where nothing does.
     """
 
-    def __init__(self, case: Case, systems: StageSystems, point: ParameterPoint) -> None:
-        self._case, self._systems = case, systems
+    def __init__(
+        self,
+        case: Case,
+        systems: StageSystems,
+        point: ParameterPoint,
+        plastic: PlasticSteps | None,
+    ) -> None:
+        self._case, self._systems, self._plastic = case, systems, plastic
         self._points = systems.discretization.points
         self._soils = SoilLaws(dict(case.materials), point, self._points.n_strain)
         self._vertical = 2 if self._points.n_strain == 6 else 1
@@ -138,20 +158,20 @@ class HardeningSteps:
             ModelError: the stiffness is singular, or a stress is beyond the strength.
         """
         self.begin(task)
-        carried, systems = task.carried, self._systems
-        start = self._points.forces(carried.stress, task.system.volume)
-        if systems.structures.n_rows:
-            start += systems.structures.nodal_forces(carried.members)
-        change = task.forces - start
-        total, done = np.zeros_like(task.forces), 0.0
-        yields = np.zeros(carried.stress.shape[1], dtype=bool)
+        everything, points = slice(None), StagePoints(self._systems, task)
+        start = points.forces(points.carried(everything), points.volume)
+        start += points.elastic_forces(task.carried.members)
+        change = points.extended(task.forces) - start
+        total, done = np.zeros_like(start), 0.0
+        yields = np.zeros(points.n_ground, dtype=bool)
         parts, guess = [1.0 / PARTS] * PARTS, np.zeros(len(total))
+        others = [] if self._plastic is None else self._plastic.limited(task, points)
         while parts:
             share = parts.pop()
             target = start + (done + share) * change
-            part = _PartOfStage(self._systems, task, self._present(task), share, target)
+            part = _PartOfStage(self._systems, task, self._present(task), others, share, target)
             try:
-                du, yields = part.solve(share * guess)
+                du, yields, responses = part.solve(share * guess)
             except _NotSolved:
                 if share <= _LEAST_PART:
                     raise self._no_equilibrium(task, done, total, yields) from None
@@ -160,7 +180,10 @@ class HardeningSteps:
             total += du
             done += share
             guess = du[:, 0] / share
-        return total, yields
+            if self._plastic is not None:
+                end = points.carried(slice(0, 1))[..., 0]
+                self._plastic.note(task, responses, others, end)
+        return total[: points.n_dofs], yields
 
     def _present(self, task: StageTask) -> list[_Soil]:
         n = self._points.n_points
@@ -178,7 +201,8 @@ class HardeningSteps:
         hint = "Raise the strengths (their start values or bounds), or see whether the stage lacks "
         hint += "support or loads more than is meant. Soil without cohesion that carries no stress "
         hint += "has no stiffness: give it a little cohesion."
-        reached = LastEquilibrium(total[:, 0].copy(), task.carried.stress[..., 0].copy(), yields)
+        moved = total[: self._points.n_dofs, 0].copy()
+        reached = LastEquilibrium(moved, task.carried.stress[..., 0].copy(), yields)
         return CollapseError(
             msg, hint, stage=task.state.name, fraction=done, reached=reached, proven=False
         )
@@ -191,8 +215,9 @@ class _PartOfStage:
         systems: the equations of the stages.
         task: the stage; what is carried is that at the beginning of the part.
         soils: that are there.
+        others: that yield beside them.
         share: of the stage.
-        target: (n_dofs, 1 + n + k) forces at the end of the part.
+        target: (n_motions, 1 + n + k) forces at the end of the part.
     """
 
     def __init__(
@@ -200,28 +225,30 @@ class _PartOfStage:
         systems: StageSystems,
         task: StageTask,
         soils: list[_Soil],
+        others: list[MaterialPoints],
         share: float,
         target: Floats,
     ) -> None:
         motion = None if task.motion is None else share * task.motion
-        self._systems, self._points = systems, systems.discretization.points
-        self._soils, self._target = soils, target
+        self._systems, self._ground = systems, systems.discretization.points
+        self._soils, self._others, self._target = soils, others, target
         self._carried = task.carried
         self._task = replace(task, carried=task.carried.copy(), motion=motion)
+        self._points = points = StagePoints(systems, self._task)
         self._moduli = task.moduli_by_material()
-        self._tangents = StageTangents(systems, task, self._moduli, StagePoints(systems, task))
-        self._dofs, self._volume = task.system.dofs, task.system.volume
-        self._joined = np.concatenate([soil.points for soil in soils])
-        self._order = np.argsort(self._joined, kind="stable")
-        work = np.random.default_rng(0).choice([-1.0, 1.0], self._points.n_points)
-        alone = self._points.forces(task.carried.stress[..., 0] * work, self._volume)
+        self._tangents = StageTangents(systems, task, self._moduli, points)
+        self._begin = points.carried(slice(0, 1))[..., 0]
+        work = np.random.default_rng(0).choice([-1.0, 1.0], points.n_points)
+        alone = points.forces(self._begin * work, points.volume)
         self._at_work = max(float(np.abs(f).max(initial=0.0)) for f in (target[:, 0], alone))
 
-    def solve(self, guess: Floats) -> tuple[Floats, Bools]:
-        """Displacement steps (n_dofs, 1 + n + k), and which points yield; carries stress and state.
+    def solve(self, guess: Floats) -> tuple[Floats, Bools, list[PlasticResponse]]:
+        """Motions (n_motions, 1 + n + k), which points of the ground yield, and what else does.
+
+        Carries stress and state.
 
         Args:
-            guess: (n_dofs,) displacement step to begin with.
+            guess: (n_motions,) to begin with.
 
         Raises:
             _NotSolved: Newton's method did not end.
@@ -229,17 +256,17 @@ class _PartOfStage:
         try:
             end = self._newton(guess)
             return self._carry(end)
-        except (NoReturn, NotPositiveDefinite) as error:
+        except (NoReturn, NoProjection, NotPositiveDefinite) as error:
             raise _NotSolved from error
 
     def _newton(self, guess: Floats) -> _Iterate:
         """The end of the part."""
-        iterate = self._at(guess)
+        iterate, dofs = self._at(guess), self._points.dofs
         for _ in range(_MOST_STEPS):
             if iterate.imbalance <= _BALANCED:
                 return iterate
             step = np.zeros_like(guess)
-            step[self._dofs] = self._factor(iterate).solve(iterate.residual[:, None])[:, 0]
+            step[dofs] = self._factor(iterate).solve(iterate.residual[:, None])[:, 0]
             following = self._cut(iterate, step)
             if iterate.imbalance <= _ROUNDED and following.imbalance >= iterate.imbalance:
                 return iterate
@@ -251,20 +278,28 @@ class _PartOfStage:
         for cut in range(_MOST_CUTS):
             try:
                 following = self._at(iterate.du + 0.5**cut * step)
-            except NoReturn:
+            except (NoReturn, NoProjection):
                 continue
             if following.imbalance <= max(2.0 * iterate.imbalance, _ROUNDED):
                 return following
         raise _NotSolved
 
     def _at(self, du: Floats) -> _Iterate:
-        """Stresses, tangents and residual at a displacement step (n_dofs,)."""
-        task, n_strain = self._task, self._points.n_strain
-        whole = du if task.motion is None else du + task.motion[:, 0]
-        strain = self._points.strain(whole)
-        stress, changes = self._carried.stress[..., 0].copy(), []
-        for name, points in task.system.points_of.items():
-            stress[:, points] += self._moduli[name].stress(strain[:, points])
+        """Stresses, tangents and residual at motions (n_motions,)."""
+        task, points, n_strain = self._task, self._points, self._ground.n_strain
+        structures = self._systems.structures
+        u = du[: points.n_dofs]
+        strain, members = points.strain(du), structures.strain(u)
+        if task.motion is not None:
+            imposed = structures.strain(task.motion[:, 0])
+            members = members + imposed
+            strain[:, : points.n_ground] += self._ground.strain(task.motion[:, 0])
+            if points.members is not None:
+                strain[:, points.n_ground :] += points.members.of_rows(imposed[:, None])[..., 0]
+        stress = self._begin.copy()
+        for name, place in task.system.points_of.items():
+            stress[:, place] += self._moduli[name].stress(strain[:, place])
+        places, changes = [], []
         for soil in self._soils:
             q = len(soil.points)
             columns = np.zeros((n_strain, q, 1 + n_strain))
@@ -276,68 +311,105 @@ class _PartOfStage:
             state[..., 0] = self._carried.hardened[soil.name][:, soil.points, 0]
             end = soil.law.integrate(before, state, columns, POINT_PARTS, by_constants=False)
             stress[:, soil.points] = end.stress[..., 0]
-            change = np.moveaxis(end.stress[..., 1:], 1, 0) - soil.law.elasticity
-            changes.append(change * self._volume[soil.points][:, None, None])
-        internal = self._points.forces(stress, self._volume)
-        structures = self._systems.structures
+            places.append(soil.points)
+            changes.append(np.moveaxis(end.stress[..., 1:], 1, 0) - soil.law.elasticity)
+        for ground in self._others:
+            stress[:, ground.points] = self._begin[:, ground.points]
+            response = ground.integrate_stress(stress, strain, 0.0)
+            assert response is not None
+            places.append(response.points)
+            changes.append(response.tangent_change)
+        internal = points.forces(stress, points.volume)
         if structures.n_rows:
-            more = task.rigidities[:, 0] * structures.strain(whole)
-            internal += structures.nodal_forces(self._carried.members[:, 0] + more)
-        residual = (self._target[:, 0] - internal)[self._dofs]
+            forces = self._carried.members[:, 0] + task.rigidities[:, 0] * members
+            internal += points.elastic_forces(forces[:, None])[:, 0]
+        residual = (self._target[:, 0] - internal)[points.dofs]
         scale = max(self._at_work, float(np.abs(internal).max(initial=0.0))) or 1.0
         worst = float(np.abs(residual).max(initial=0.0)) / scale
-        return _Iterate(du, changes, residual, worst)
+        place = np.concatenate(places)
+        order = np.argsort(place, kind="stable")
+        place = place[order]
+        change = np.concatenate(changes)[order] * points.volume[place][:, None, None]
+        return _Iterate(du, place, change, residual, worst)
 
     def _factor(self, iterate: _Iterate) -> Factor:
         """Of the consistent tangent."""
-        points, change = self._joined[self._order], np.concatenate(iterate.changes)[self._order]
         try:
-            return self._tangents.factorize(points, change, symmetric=False)
+            return self._tangents.factorize(iterate.points, iterate.change, symmetric=False)
         except NotPositiveDefinite:
-            less = (1.0 - _ELASTIC_PART) * change
-            return self._tangents.factorize(points, less, symmetric=False)
+            less = (1.0 - _ELASTIC_PART) * iterate.change
+            return self._tangents.factorize(iterate.points, less, symmetric=False)
 
-    def _carry(self, end: _Iterate) -> tuple[Floats, Bools]:
+    def _carry(self, end: _Iterate) -> tuple[Floats, Bools, list[PlasticResponse]]:
         """Bring what is carried to the end of the part, with its derivatives."""
-        task, systems, carried = self._task, self._systems, self._task.carried
+        task, points, systems = self._task, self._points, self._systems
+        n_dofs, dofs, rest = points.n_dofs, points.dofs, slice(1, None)
         du = np.zeros_like(self._target)
         du[:, 0] = end.du
-        moved = np.zeros_like(self._target)  # with what supports impose
+        moved = np.zeros((n_dofs, du.shape[1]))  # with what supports impose
         if task.motion is not None:
             moved[:, : task.motion.shape[1]] = task.motion
             task.add_stress(systems, task.motion, slice(0, task.motion.shape[1]))
-        moved[:, 0] += end.du
-        task.add_stress(systems, du[:, :1], slice(0, 1))
-        yields = self._integrate(moved)
+        moved[:, 0] += end.du[:n_dofs]
+        trial = points.carried(slice(None))
+        trial[..., :1] += self._elastic(du[:, :1])
         if du.shape[1] > 1:
-            columns = slice(1, None)
-            task.add_stiffness_derivatives(
-                systems, end.du, carried.stress[..., columns], carried.members[:, columns]
-            )
-            self._integrate(moved)
-            rest = self._target[:, columns] - self._points.forces(
-                carried.stress[..., columns], self._volume
-            )
-            if systems.structures.n_rows:
-                rest -= systems.structures.nodal_forces(carried.members[:, columns])
-            if len(self._dofs):
-                du[self._dofs, columns] = self._factor(end).solve(rest[self._dofs])
-            task.add_stress(systems, du[:, columns], columns)
-            moved[:, columns] += du[:, columns]
-            yields = self._integrate(moved)
-        self._carried.take(carried)
-        return du, yields
+            members = task.carried.members[:, rest]
+            points.add_stiffness_derivatives(systems, end.du, trial[..., rest], members)
+            stress = self._returned(trial, moved)[0]
+            forces = self._target[:, rest] - points.forces(stress[..., rest], points.volume)
+            forces -= points.elastic_forces(members)
+            if len(dofs):
+                du[dofs, rest] = self._factor(end).solve(forces[dofs])
+            trial[..., rest] += self._elastic(du[:, rest])
+            moved[:, rest] += du[:n_dofs, rest]
+        stress, yields, responses = self._returned(trial, moved)
+        points.carry(stress, du, slice(None))
+        self._carried.take(task.carried)
+        return du, yields, responses
 
-    def _integrate(self, moved: Floats) -> Bools:
-        """Stress and state of the soils after displacements (n_dofs, 1 + n + k), carried."""
+    def _elastic(self, du: Floats) -> Floats:
+        """E C du (s, m, c) of motions (n_motions, c)."""
+        stress = self._points.strain(du)
+        for name, place in self._task.system.points_of.items():
+            stress[:, place] = self._moduli[name].stress(stress[:, place])
+        for ground in self._others:
+            if ground.of_structure:
+                stress[:, ground.points] = ground.elasticity.stress(stress[:, ground.points])
+        return stress
+
+    def _returned(
+        self, trial: Floats, moved: Floats
+    ) -> tuple[Floats, Bools, list[PlasticResponse]]:
+        """Stresses (s, m, 1 + n + k) at the end of the part; the state of soils is carried.
+
+        Args:
+            trial: (s, m, 1 + n + k) elastic ones.
+            moved: (n_dofs, 1 + n + k) displacements.
+
+        Returns:
+            The stresses, which points of the ground yield, and what yields beside the soils.
+        """
+        stress, responses = trial.copy(), list[PlasticResponse]()
         yields = np.zeros(self._points.n_points, dtype=bool)
         for soil in self._soils:
-            strain = self._points.strain(moved, soil.points)
+            strain = self._ground.strain(moved, soil.points)
             before, states = self._carried, self._carried.hardened[soil.name]
             end = soil.law.integrate(
                 before.stress[:, soil.points], states[:, soil.points], strain, POINT_PARTS
             )
-            self._task.carried.stress[:, soil.points] = end.stress
+            stress[:, soil.points] = end.stress
             self._task.carried.hardened[soil.name][:, soil.points] = end.state
             yields[soil.points] = end.yields
-        return yields
+        for ground in self._others:
+            assert ground.law is not None
+            projection = ground.law.project(trial[:, ground.points, 0].copy(), ground.hardened)
+            stress[:, ground.points, 0] = projection.stress
+            place = numbers(ground.points, self._points.n_points)[projection.yielded]
+            response = PlasticResponse(ground, projection, place)
+            if trial.shape[2] > 1:
+                slopes, _ = response.derivatives(trial[:, place, 1:], of_law=True)
+                stress[:, place, 1:] = slopes
+            yields[place] = True
+            responses.append(response)
+        return stress, yields[: self._points.n_ground], responses

@@ -10,7 +10,7 @@ derivatives: a small change of the parameters costs one or two factorizations a 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -30,7 +30,7 @@ from geoident.forward.analysis.balanced_overstress import (
 from geoident.forward.analysis.bands import band_at
 from geoident.forward.analysis.collapse import carried_part, collapses
 from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
-from geoident.forward.analysis.constitutive import MaterialPoints, ReachedPlanes
+from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse, ReachedPlanes
 from geoident.forward.analysis.equilibrium import LARGE_STRAIN, overstrained, solve
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
 from geoident.forward.analysis.stage import StageTask, not_positive_definite
@@ -325,15 +325,38 @@ class PlasticSteps:
                     task.carried.add_multipliers(
                         response.ground.name, response.points, slice(0, 1), more
                     )
-                self.findings.planes.count(task.number, response)
-            for ground in equations.grounds:
-                if ground.law is not None:
-                    excess = ground.excess(end.stress[:, ground.points])
-                    self.findings.planes.note_excess(ground.name, excess)
+            self.note(task, end.flowing, equations.grounds, end.stress)
             self._note_what_is_left(task, equations, balance)
             du *= units
             self.warm.keep(task, du, balance, units, searched=searched)
             return du, end.yielded()[: points.n_ground]
+
+    def limited(self, task: StageTask, points: StagePoints) -> list[MaterialPoints]:
+        """Ground and structures that yield in a stage, beside ground with a state of its own."""
+        every = *self._grounds(task), *self._members(points)
+        return [one for one in every if one.law is not None]
+
+    def note(
+        self,
+        task: StageTask,
+        flowing: Iterable[PlasticResponse],
+        grounds: Iterable[MaterialPoints],
+        stress: Floats,
+    ) -> None:
+        """Note which planes are reached at the end of a stage, or of a part of it.
+
+        Args:
+            task: the stage.
+            flowing: what yields at its end.
+            grounds: whatever is there.
+            stress: (s, m) of all points at its end.
+        """
+        for response in flowing:
+            self.findings.planes.count(task.number, response)
+        for ground in grounds:
+            if ground.law is not None:
+                excess = ground.excess(stress[:, ground.points])
+                self.findings.planes.note_excess(ground.name, excess)
 
     def return_stress(self, task: StageTask) -> None:
         """Bring stress and the tractions of interfaces back to limits that have become smaller.

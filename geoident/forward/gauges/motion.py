@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault
+from geoident.forward.actions.on_beams import site_on_beam
 from geoident.forward.analysis.stage import LinearRows
 from geoident.forward.gauges.beyond_mesh import beside_fault, is_beside
 from geoident.forward.gauges.observation import AnalysisState, Observable
@@ -19,7 +20,6 @@ from geoident.forward.gauges.placement import (
     point_fault,
 )
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.structures.placing import site_on_beam
 from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Channel
 

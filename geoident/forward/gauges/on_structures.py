@@ -16,9 +16,10 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, format_point
+from geoident.fem.structures import straight_pieces
 from geoident.forward.gauges.placement import unbroken
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.structures.placing import facing_balance, present_throughout, straight_pieces
+from geoident.forward.structures.placing import facing_balance, present_throughout
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import SHELL_FORCES, Channel
 from geoident.model.structures import Bars, Beam, Shell, Structure

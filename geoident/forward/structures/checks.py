@@ -10,6 +10,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.fem.location import format_point
 from geoident.fem.shells import corners_of, flat_triangles
+from geoident.fem.structures import straight_pieces
 from geoident.forward.actions.supports import fixed_dofs, group_nodes, normal_axis
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.placing import (
@@ -17,7 +18,6 @@ from geoident.forward.structures.placing import (
     held_points,
     hinge_nodes,
     present_throughout,
-    straight_pieces,
 )
 from geoident.model.actions import FaceDistance, Release
 from geoident.model.arrays import Bools, Ints

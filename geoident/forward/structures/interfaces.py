@@ -121,10 +121,6 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
         message = "the pressure of water in an interface is not computed yet"
         hint = "Leave out 'water', and give the ground its effective weight; or the interfaces."
         refuse(("interfaces",), message, hint)
-    for name, material in case.materials.items():
-        if material.soil is not None:
-            message = f"interfaces beside {material.soil.description} are not computed yet"
-            refuse(("materials", name, "yield"), message, "Use 'mohr-coulomb', or no interfaces.")
     beside = {
         int(group)
         for faces in on_mesh.joints.values()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import deque
 from collections.abc import Sequence
 
@@ -17,7 +16,15 @@ from geoident.fem.shells import (
     flat_triangles,
     shell_members,
 )
-from geoident.fem.structures import Members, bars, beams, grouted_parts, shells
+from geoident.fem.structures import (
+    Members,
+    bars,
+    beams,
+    grouted_parts,
+    shells,
+    straight_pieces,
+)
+from geoident.forward.actions.on_beams import site_on_beam
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.forward.structures import grouted
@@ -26,9 +33,6 @@ from geoident.model.case import Analysis, Case
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in, with_rotations
 from geoident.model.structures import Anchors, Bars, Beam, GroutedBars, Shell
-
-_ON_BEAM = 0.01
-"""Distance from a piece of a beam, in parts of its length, up to which a point is on it."""
 
 _HeldPoint = tuple[str, tuple[float, ...]]
 
@@ -135,59 +139,6 @@ def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
     return nodes[[nearest]] if apart[nearest] <= 0.01 * shortest else nodes[:0]
 
 
-def site_on_beam(
-    on_mesh: CaseOnMesh, point: tuple[float, ...], standing: frozenset[str]
-) -> Site | None:
-    """The place of a point on a beam that has nodes of its own between interfaces.
-
-    Args:
-        on_mesh: the case on its mesh.
-        point: (dim,) m.
-        standing: names of structures; others do not count.
-
-    Returns:
-        The place, of no element; None where no such beam is within 1 % of the length of a piece.
-    """
-    mesh = on_mesh.mesh
-    if not len(mesh.inner):
-        return None
-    for name in sorted(standing):
-        beam = on_mesh.case.structures[name]
-        if not isinstance(beam, Beam):
-            continue
-        pieces = straight_pieces(mesh, beam.group)
-        pieces = pieces[np.isin(pieces, mesh.inner[:, 1]).any(axis=1)]
-        first, along = mesh.points[pieces[:, 0]], np.diff(mesh.points[pieces], axis=1)[:, 0]
-        square = (along**2).sum(axis=1)
-        part = np.clip(((np.array(point) - first) * along).sum(axis=1) / square, 0.0, 1.0)
-        apart = np.linalg.norm(first + part[:, None] * along - point, axis=1) / np.sqrt(square)
-        n = int(np.argmin(apart))
-        if apart[n] <= _ON_BEAM:
-            shapes, slopes = np.array([1.0 - part[n], part[n]]), np.array([-1.0, 1.0])
-            return Site(-1, pieces[n], shapes, np.outer(slopes, along[n] / square[n]), 0.0)
-    return None
-
-
-def onto_beams(on_mesh: CaseOnMesh, nodes: Ints, standing: frozenset[str]) -> Ints:
-    """Nodes (n, n_a) of free faces, on the beams that stand there between interfaces.
-
-    Args:
-        on_mesh: the case on its mesh.
-        nodes: of faces of the ground.
-        standing: names of structures.
-    """
-    structures = on_mesh.case.structures.items()
-    groups = {one.group for name, one in structures if name in standing and isinstance(one, Beam)}
-    beside: dict[frozenset[int], dict[int, int]] = {}
-    for part in itertools.chain(*on_mesh.joints.values()):
-        if groups.intersection(part.beams):
-            outer = part.second if part.side else part.first
-            for own, inner in zip(outer.tolist(), part.inner.tolist(), strict=True):
-                beside[frozenset(own)] = dict(zip(own, inner, strict=True))
-    rows = nodes.tolist()
-    return np.array([[beside.get(frozenset(own), {}).get(n, n) for n in own] for own in rows])
-
-
 def _bars(
     on_mesh: CaseOnMesh, structure: Bars, present: Bools, standing: frozenset[str]
 ) -> Members:
@@ -237,16 +188,6 @@ def present_throughout(sequence: ConstructionSequence, name: str) -> Bools | Non
     """(n_elements,) what is there as long as a structure stands; None if it never does."""
     states = [n for n, state in enumerate(sequence.states) if name in state.structures]
     return np.logical_and.reduce([sequence.present(n) for n in states]) if states else None
-
-
-def straight_pieces(mesh: Mesh, group: str) -> Ints:
-    """(n, 2) nodes of the straight pieces of a group of lines, each once; line3 are two pieces."""
-    edges = []
-    for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
-        edges += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
-    joined = np.concatenate(edges)
-    _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
-    return joined[np.sort(once)]
 
 
 def _going_on(edges: Ints, side: Ints) -> Bools:

@@ -368,7 +368,7 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
             section.materials, section.groups, section.stages, section.structures, faults
         )
         others = {"face": section.face, "initial_temperature": section.initial_temperature}
-        check_hardening(section.materials, section.structures, section.stages, others, faults)
+        check_hardening(section.materials, section.stages, others, faults)
     if section.service is None and section.initial_temperature is not None:
         check_heat(
             section.materials, section.parameters, section.groups, section.heat, section.stages,

@@ -56,7 +56,9 @@ class InterfaceSection(Section):
         examples=["0.67"],
     )
     of: Name | None = Field(
-        None, description="Material with a Mohr-Coulomb surface whose strength `R_inter` reduces."
+        None,
+        description="Material whose strength `R_inter` reduces: with a Mohr-Coulomb surface, or a "
+        "hardening soil.",
     )
     dilation: Angle | None = Field(
         None, description="Dilation angle, by which slip opens it; 0 if missing."
@@ -91,7 +93,7 @@ class InterfaceSection(Section):
             context.faults.add_unknown(context.at("of").path, "material", self.of, materials)
             return None
         ground = materials[self.of]
-        surface = next((s for s in ground.yields if isinstance(s, MohrCoulomb)), None)
+        surface = next((s for s in ground.yields if isinstance(s, MohrCoulomb)), ground.soil)
         varied = any(one.surface is not None for one in ground.fields)
         varied = varied or any(one.surface is not None for one in ground.growths)
         if surface is None or varied:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from geoident.fem.shells import corners_of
-from geoident.forward.structures.placing import hinge_nodes, straight_pieces
+from geoident.fem.structures import straight_pieces
+from geoident.forward.structures.placing import hinge_nodes
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh

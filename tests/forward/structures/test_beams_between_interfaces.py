@@ -125,8 +125,30 @@ STARTS = {
 AT_STRUT = (4.0, 7.5)
 
 
-def pit(kind="quad8", *, interface: Interface | None, along="slip", more=()):
-    """A wall that is braced by a jacked strut, two digs; its interface goes on below its tip."""
+def pit(
+    kind="quad8",
+    *,
+    interface: Interface | None,
+    along="slip",
+    more=(),
+    soil=None,
+    low=None,
+    numbers=None,
+    **limits,
+):
+    """A wall that is braced by a jacked strut, two digs; its interface goes on below its tip.
+
+    Args:
+        kind: of the elements.
+        interface: None for none.
+        along: its group of lines.
+        more: channels in place of the usual ones.
+        soil: material in place of elastic ground; below the wall it stays so.
+        low: material below the wall.
+        numbers: starts of further parameters.
+        limits: of the wall, and `capacity` of the strut.
+    """
+    starts = STARTS | (numbers or {})
     mesh = with_inner_faces(
         box(kind, (8, 8), size=(8.0, 8.0)),
         wall=lambda x: (abs(x[..., 0] - 4.0) < 1e-9) & (x[..., 1] > 2.9),
@@ -136,22 +158,26 @@ def pit(kind="quad8", *, interface: Interface | None, along="slip", more=()):
         mesh,
         one=lambda x: (x[:, 0] < 4.0) & (x[:, 1] > 7.0),
         two=lambda x: (x[:, 0] < 4.0) & (x[:, 1] > 5.0) & (x[:, 1] < 7.0),
+        low=lambda x: x[:, 1] < 3.0,
     )
     one = {name: Scalar(1.0, name) for name in STARTS}
     strut = Struts(
         ((AT_STRUT, (0.0, 7.5)),), spacing=Scalar(2.0), EA=Scalar(2e8), prestress=one["P"],
-        second_end="symmetry",
+        second_end="symmetry", capacity=limits.pop("capacity", None),
     )  # fmt: skip
     return model(
         mesh,
-        materials={"soil": material("soil", one["E"], 0.3, 1900.0)},
-        groups=dict.fromkeys(("rock", "one", "two"), "soil"),
+        materials={
+            "stiff": low or material("stiff", one["E"], 0.3, 1900.0),
+            "soil": soil or material("soil", one["E"], 0.3, 1900.0),
+        },
+        groups=dict.fromkeys(("rock", "one", "two"), "soil") | {"low": "stiff"},
         supports=(Support("x0", (0,)), Support("x1", (0,)), Support("y0", (0, 1))),
         gravity=(0.0, -9.81),
         in_situ=GeostaticStress(one["K0"]),
-        parameters=tuple(Parameter(n, v, 0.1 * v, 10 * v) for n, v in STARTS.items()),
+        parameters=tuple(Parameter(n, v, 0.1 * v, 10 * v) for n, v in starts.items()),
         interfaces={} if interface is None else {"slip": replace(interface, along=along)},
-        structures={"wall": Beam("wall", EA=Scalar(2e9), EI=one["EI"]), "strut": strut},
+        structures={"wall": Beam("wall", EA=Scalar(2e9), EI=one["EI"], **limits), "strut": strut},
         stages=(
             Stage("wall", build=("wall",)),
             Stage("dig one", excavate=("one",)),

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.stages import StageSection
-from geoident.io.case.structures import StructureSection
 from geoident.io.case.yielding.sections import HardeningSoilSection
 from geoident.io.schema.section import SectionFaults
 from geoident.model.case import KeyPath
@@ -14,16 +13,14 @@ from geoident.model.case import KeyPath
 
 def check_hardening(
     materials: Mapping[str, MaterialSection],
-    structures: Mapping[str, StructureSection],
     stages: Sequence[StageSection],
     others: Mapping[str, object],
     faults: SectionFaults,
 ) -> None:
-    """Beside hardening soil all is elastic, and nothing takes time.
+    """Ground that hardens by planes, faces and what takes time.
 
     Args:
         materials: of the case.
-        structures: by name.
         stages: in their order.
         others: `face` and `initial_temperature` of the case, None where they are not given.
         faults: takes what is wrong, with paths from the case on.
@@ -34,8 +31,11 @@ def check_hardening(
     for name, material in materials.items():
         path: KeyPath = ("materials", name)
         surfaces = _surfaces(material)
-        if not all(map(_hardens, surfaces)) or len(surfaces) > 1:
-            _refuse((*path, "yield"), "ground with yield surfaces", "yield", soils[0], faults)
+        if any(map(_hardens, surfaces)) and len(surfaces) > 1:
+            _refuse((*path, "yield"), "further yield surfaces", "yield", soils[0], faults)
+        if any(getattr(one, "hardening", None) is not None for one in surfaces):
+            what = "ground whose strength grows with its plastic strain"
+            _refuse((*path, "yield"), what, "hardening", soils[0], faults)
         if material.hydraulic is not None:
             _refuse((*path, "hydraulic"), "water that takes time", "hydraulic", soils[0], faults)
         E = getattr(material, "E", None)
@@ -43,10 +43,6 @@ def check_hardening(
             message = f"E of '{name}' varies from place to place, and its soil hardens"
             hint = "Give one number: the moduli of hardening soil grow with the stress by 'm'."
             faults.add((*path, "E"), "hardening", message, hint)
-    for name, structure in structures.items():
-        for key, attribute in (("yield", "limits"), ("capacity", "capacity")):
-            if getattr(structure, attribute, None) is not None:
-                _refuse(("structures", name, key), "structures that yield", key, soils[0], faults)
     for key, given in others.items():
         if given is not None:
             what = "a tunnel face" if key == "face" else "ground that conducts heat"
