@@ -110,10 +110,6 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
     if case.in_steps is not None:
         message = f"interfaces in a case with steps in time are not computed yet ({case.in_steps})"
         refuse(("interfaces",), message, "Leave out the interfaces, or what takes time.")
-    if any(state.water is not None for state in sequence.states):
-        message = "the pressure of water in an interface is not computed yet"
-        hint = "Leave out 'water', and give the ground its effective weight; or the interfaces."
-        refuse(("interfaces",), message, hint)
     for name, material in case.materials.items():
         if material.soil is not None:
             message = f"interfaces beside {material.soil.description} are not computed yet"
