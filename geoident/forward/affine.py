@@ -343,6 +343,7 @@ def _water_levels(case: Case) -> Iterator[str | None]:
     for water in (case.water, *(stage.water for stage in case.stages)):
         if water is not None and isinstance(water.table, Scalar):
             yield water.table.parameter
+            yield None if water.falls is None else water.falls.level.parameter
     for loads in (case.loads, *(stage.loads for stage in case.stages)):
         for load in loads.values():
             if isinstance(load, WaterPressure):

@@ -171,7 +171,8 @@ class Water:
     Args:
         table: level (m) or group of faces below which the pores are full of still water.
         unit_weight: of the water, N/m3.
-        groups: element groups with water in their pores; None: all.
+        groups: element groups with water in their pores, and interfaces with water in them beside
+            ground without; None: all.
         falls: how the level, a number, falls along a line: seepage; None: still water.
     """
 

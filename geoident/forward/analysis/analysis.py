@@ -38,6 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -75,6 +76,7 @@ from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.heat.conduction import Conduction
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.joint_water import JointWater
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
@@ -153,7 +155,10 @@ class StagedAnalysis:
     ) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
-        self.actions = Actions(on_mesh, systems.structures.loads)
+        in_joints = JointWater(on_mesh, systems.structures)
+        self.actions = Actions(
+            on_mesh, lambda state: chain(systems.structures.loads(state), in_joints.parts(state))
+        )
         self.thermal = ThermalStrains(on_mesh)
         self.motions = GivenMotions(on_mesh)
         points = on_mesh.discretization.points

@@ -1,4 +1,8 @@
-"""Tractions on interfaces in the virgin state: those of the in-situ stress on their faces."""
+"""Tractions on interfaces in the virgin state: those of the in-situ stress on their faces.
+
+They are effective where water is in the interface. Beside ground without water in its pores the
+stress is total, and the pressure of the water is added.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import numpy as np
 
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.joint_water import JointWater
 from geoident.forward.structures.members import StructureMembers, Structures
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -22,6 +27,7 @@ class JointTractions:
     def __init__(self, on_mesh: CaseOnMesh, structures: Structures) -> None:
         self._n_rows = structures.n_rows
         self._parts: list[tuple[StructureMembers, InSituStress]] = []
+        self._water = JointWater(on_mesh, structures)
         for part in structures.joints:
             if part.joint is not None and part.stands(on_mesh.sequence.states[0]):
                 points = part.joint.points
@@ -35,4 +41,5 @@ class JointTractions:
         for part, stress in self._parts:
             assert part.joint is not None
             forces[part.rows] = part.joint.points.tractions(stress.columns(point))
+            forces[part.rows] += self._water.beside_dry(part, point)
         return forces

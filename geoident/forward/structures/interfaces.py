@@ -41,6 +41,11 @@ class InterfacePart:
     points: JointPoints
     beams: frozenset[str] = frozenset()
 
+    @property
+    def beside(self) -> tuple[int, ...]:
+        """The groups that it touches: of one side beside a beam."""
+        return self.groups[:1] if self.beams else self.groups
+
     def stands(self, state: ConstructionState) -> bool:
         """Whether what it holds together is there: of beams the ground beyond them stands for it.
 
@@ -117,10 +122,6 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
     if case.in_steps is not None:
         message = f"interfaces in a case with steps in time are not computed yet ({case.in_steps})"
         refuse(("interfaces",), message, "Leave out the interfaces, or what takes time.")
-    if any(state.water is not None for state in sequence.states):
-        message = "the pressure of water in an interface is not computed yet"
-        hint = "Leave out 'water', and give the ground its effective weight; or the interfaces."
-        refuse(("interfaces",), message, hint)
     beside = {
         int(group)
         for faces in on_mesh.joints.values()

@@ -321,8 +321,7 @@ class Structures:
         """Whether a part that stands at a state did not stand at the one before."""
         if part.joint is None:
             return part.given_as in state.built
-        groups = part.joint.groups[:1] if part.joint.beams else part.joint.groups
-        placed = not state.placed.isdisjoint(groups)
+        placed = not state.placed.isdisjoint(part.joint.beside)
         return placed or not part.joint.stands(self._sequence.states[state.base])
 
     @property

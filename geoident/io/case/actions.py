@@ -212,8 +212,21 @@ class WaterSection(Section):
     )
     unit_weight: UnitWeight | None = Field(None, description=_WATER_WEIGHT)
     groups: list[Name] | None = Field(
-        None, description="Element groups with water in their pores; all if missing."
+        None,
+        description="Element groups with water in their pores, and interfaces with water in them; "
+        "all if missing. An interface has water where the ground of a side has.",
     )
+    falls: FallSection | None = Field(
+        None,
+        description="How the level of the table falls along a line: seepage, and uplift in "
+        "interfaces.",
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """Only a level falls."""
+        if self.falls is not None and isinstance(self.table, str):
+            message = f"the table '{self.table}' is a group; a level falls along a line"
+            faults.add(("falls",), "no-level", message, "Give 'table' the level at 'from'.")
 
 
 class TemperatureFieldSection(Section):

@@ -74,7 +74,7 @@ def _check_groups(section: CaseSection, faults: Faults) -> None:
         zones = section.in_situ.groups
         named += [(("in_situ", "groups", group), group, True) for group in zones]
     for place, group, key in named:
-        if group not in known:
+        if group not in known and (key or group not in section.interfaces):
             refuse_group(place, group, known, faults, key=key)
 
 

@@ -54,6 +54,7 @@ WORDS = {
     "text": "heading", "time": "3 day", "conductivity": "2.5 W/mK", "heat capacity": "2 MJ/m3K",
     "specific heat": "900 J/kgK", "viscosity": "5e14 Pa s", "compressibility": "1e-9 1/Pa",
     "diffusivity": "2 m2/year", "temperature rate": "0.1 K/month",
+    "stiffness per area": "20 MPa/m",
 }  # fmt: skip
 """A value of each kind."""
 POINTS: dict[str, Callable[[int], Any]] = {
@@ -82,6 +83,7 @@ PARAMETERS = {
     "compressibility": ("1e-9 1/Pa", "[1e-10, 1e-8 1/Pa]"),
     "diffusivity": ("2 m2/year", "[1, 3 m2/year]"), "temperature": ("10 K", "[0, 20 K]"),
     "temperature rate": ("0 K/day", "[-1, 1 K/day]"),
+    "stiffness per area": ("20 MPa/m", "[10, 30 MPa/m]"),
 }  # fmt: skip
 """Start and bounds of a parameter of each kind."""
 OF_GAUGES: dict[str, dict[str, str]] = {

@@ -1,0 +1,98 @@
+"""Water at rest in interfaces: it pushes their sides apart, so that tractions are effective.
+
+With B_n the openings of the points, w their areas and p the pressure of the water there, the forces
+
+    f = B_n^T w p ,     t = t' - n p
+
+act on the two sides, and the interface carries t', as the skeleton of ground with water in its
+pores carries effective stress. Where both sides have the same pressure p balances that in their
+pores; beside ground without it is uplift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from geoident.forward.actions.forces import ForcePart
+from geoident.forward.in_situ.water import PorePressure, is_wet
+from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.structures.members import StructureMembers, Structures
+from geoident.model.actions import Water
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import ParameterPoint
+
+
+class JointWater:
+    """What water at rest does in interfaces.
+
+    Args:
+        on_mesh: the case on its mesh.
+        structures: the interfaces among them.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, structures: Structures) -> None:
+        self._on_mesh, self._structures = on_mesh, structures
+        self._pressures: dict[tuple[str, Water], PorePressure] = {}
+
+    def parts(self, state: ConstructionState) -> Iterator[ForcePart]:
+        """What the water in interfaces does at a state: a name, its forces (n_dofs, 1 + n)."""
+        water = state.water
+        if water is None:
+            return
+        wet = [
+            one for one in self._structures.joints if one.stands(state) and self._has(one, water)
+        ]
+        if wet:
+            yield "the pressure of the water in interfaces", partial(self._forces, wet, water)
+
+    def _has(self, part: StructureMembers, water: Water) -> bool:
+        """Whether water is in an interface: named, or in the pores of a side."""
+        assert part.joint is not None
+        named = water.groups is not None and part.joint.interface in water.groups
+        return named or bool(self._wet(water, np.array(part.joint.beside)).any())
+
+    def _wet(self, water: Water, groups: Ints) -> Bools:
+        return is_wet(water, groups, self._on_mesh.sequence.groups)
+
+    def _forces(
+        self, parts: Sequence[StructureMembers], water: Water, point: ParameterPoint
+    ) -> Floats:
+        """B_n^T w p (n_dofs, 1 + n) of some interfaces."""
+        rows = np.zeros((self._structures.n_rows, point.n_columns))
+        for part in parts:
+            assert part.joint is not None
+            pressure = part.joint.points.mean @ self._at_places(part, water, point)
+            rows[part.rows.start : part.rows.start + len(pressure)] = pressure
+        return self._structures.nodal_forces(rows)
+
+    def _at_places(self, part: StructureMembers, water: Water, point: ParameterPoint) -> Floats:
+        """Pressure (k, 1 + n) at the places of an interface, Pa."""
+        assert part.joint is not None
+        key = part.name, water
+        if key not in self._pressures:
+            places = part.joint.points.places
+            self._pressures[key] = PorePressure(water, self._on_mesh.mesh, places)
+        shape = len(part.joint.points.places), point.n_columns
+        return np.broadcast_to(self._pressures[key].at(point).columns, shape)
+
+    def beside_dry(self, part: StructureMembers, point: ParameterPoint) -> Floats:
+        """What the water of the virgin state adds to the total tractions of dry ground.
+
+        Args:
+            part: an interface that stands then.
+            point: the parameters.
+
+        Returns:
+            (n_rows of the part, 1 + n) Pa.
+        """
+        assert part.joint is not None
+        points, water = part.joint.points, self._on_mesh.case.water
+        added = np.zeros((len(part.members.weight), point.n_columns))
+        if water is not None and self._has(part, water):
+            dry = ~self._wet(water, self._on_mesh.sequence.group_of[points.beside])
+            pressure = points.mean @ (dry[:, None] * self._at_places(part, water, point))
+            added[: len(pressure)] = pressure
+        return added
