@@ -31,9 +31,10 @@ in_situ: {{model: heim, vertical: 8 MPa, K0: 1}}
 water: {{table: 0 m, groups: [rock]}}
 structures:
   bolts: {{kind: bolt, E: 200 GPa, diameter: 25 mm, spacing: 1.5 m, ends: [[[3, 0 m], [7, 1 m]]]}}
+  tied: {{kind: bolt, EA: 98 MN, spacing: 1.5 m, ends: [[[3, 0 m], [7, 1 m]]], k_grout: 1 GPa}}
 interfaces: {{fault: {{along: fault, k_n: 9 GPa/m, k_s: 3 GPa/m}}}}
 stages:
-  - {{name: heading, excavate: [heading], build: [bolts]}}
+  - {{name: heading, excavate: [heading], build: [bolts, tied]}}
 {gauges}
 fit: {{method: gauss-newton}}
 """

@@ -13,6 +13,7 @@ from geoident.fem.shells import corners_of, flat_triangles
 from geoident.fem.structures import straight_pieces
 from geoident.forward.actions.supports import fixed_dofs, group_nodes, normal_axis
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.structures.members import rigidities
 from geoident.forward.structures.placing import (
     clamped_nodes,
     held_points,
@@ -22,9 +23,18 @@ from geoident.forward.structures.placing import (
 from geoident.model.actions import FaceDistance, Release
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath
+from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh, and_inner, nodes_in
-from geoident.model.parameter import Scalar
-from geoident.model.structures import Bars, Beam, OpeningSupport, Shell, Structure, Struts
+from geoident.model.parameter import Scalar, Values
+from geoident.model.structures import (
+    Bars,
+    Beam,
+    GroutedBars,
+    OpeningSupport,
+    Shell,
+    Structure,
+    Struts,
+)
 
 ON_PLANE = 1e-6
 """Distance from a plane, in parts of the size of the mesh, that counts as on it."""
@@ -56,7 +66,26 @@ def structure_notes(on_mesh: CaseOnMesh) -> list[str]:
                     "freely there; name the group under 'mirrored_on' where it is a plane of "
                     "symmetry, under 'clamped_on' where the shell is clamped"
                 )
+        elif name in built and isinstance(structure, GroutedBars):
+            notes += _long_pieces(name, structure, on_mesh.case.start)
     return notes + built_notes(on_mesh)
+
+
+_LONGEST = 1.0
+"""Pieces of grouted bars by the length on which N decays; twice that it jumps to and fro."""
+
+
+def _long_pieces(name: str, bars: GroutedBars, values: Values) -> Iterator[str]:
+    """Grouted bars whose pieces are too long for the stiffness of their grout."""
+    EA, k = (float(one.value) for one in rigidities(bars, ParameterPoint(values, ())))
+    decay = (EA / k) ** 0.5
+    length = max(float(np.linalg.norm(np.subtract(*pair))) - bars.free for pair in bars.ends)
+    if length / bars.pieces > _LONGEST * decay:
+        enough = int(np.ceil(2 * length / decay))
+        yield (
+            f"the pieces of '{name}' are {length / bars.pieces:.3g} m long, and its force decays "
+            f"on sqrt(EA / k) = {decay:.3g} m: write 'pieces: {enough}'"
+        )
 
 
 def _free_edge(on_mesh: CaseOnMesh, shell: Shell) -> Ints:

@@ -155,18 +155,20 @@ class LoadSection(Section):
         """The load stands in a place of its kind."""
         kind = next(kind for kind in self.one_of[0].keys if getattr(self, kind) is not None)
         places = [key for key in ("on", "at") if getattr(self, key) is not None]
+        hint = ""
         if kind == "seismic":
             expected, good = "neither 'on' nor 'at'", not places
         elif kind in ("force", "line_force"):
             expected, good = "'at' with a point, or 'on' with a group", len(places) == 1
         elif kind in ("pull", "push"):
             expected, good = "'on' with a structure", places == ["on"]
+            hint = "Name bolts or piles with a free head."
         else:
             expected, good = "'on' with a group of faces", places == ["on"]
         if not good:
             places_text = " and ".join(f"'{place}'" for place in places) or "no place"
             message = f"found {places_text} for the load '{kind}'; expected {expected}"
-            faults.add((), "wrong-place", message)
+            faults.add((), "wrong-place", message, hint)
 
     def for_model(self, context: Context) -> Load:
         """The load for the model."""

@@ -300,7 +300,7 @@ def _refuse_negative_weight(section: BeamSection | ShellSection, faults: Section
 
 
 class _BarSection(Section):
-    """A kind of bars: bolts, struts or anchors, with the keys that all have in common."""
+    """A kind of bars: bolts, piles, struts or anchors, with the keys that all have in common."""
 
     what: ClassVar[str]
     """What one of them is."""
@@ -330,12 +330,6 @@ class _BarSection(Section):
     EA: AxialStiffness | None = Field(
         None, description="Axial stiffness of one bar, in place of E and diameter."
     )
-    prestress: Force | None = Field(
-        None,
-        description="Force to which one bar is stressed at the stage that builds it: a pull, of a "
-        "strut the push of its jack. It is held during that stage and locked off at its end.",
-        examples=["300 kN"],
-    )
     capacity: AxialStiffness | None = Field(
         None,
         description="Force of one bar at which it yields, pull and push alike: it keeps it then. "
@@ -344,15 +338,11 @@ class _BarSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """The bars have a length, and are pulled or pushed by a positive force they can bear."""
-        if self.prestress is not None and (fault := beyond_capacity(self.prestress, self.capacity)):
-            faults.add(("prestress",), "out-of-range", *fault)
+        """The bars have a length."""
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):
                 message = f"the {self.what} begins and ends at one point"
                 faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
-        if self.prestress is not None and (fault := negative_force(self.prestress)):
-            faults.add(("prestress",), "out-of-range", *fault)
 
     def for_model(self, context: Context) -> Bars:
         """The bars; about an axis they are smeared over their ring."""
@@ -395,6 +385,25 @@ class _BarSection(Section):
                     place.refuse("zero-length", message, "Give their 'number'.")
 
 
+class _StressedBarSection(_BarSection):
+    """A kind of bars that jacks stress: bolts, struts or anchors, with the keys of all of them."""
+
+    prestress: Force | None = Field(
+        None,
+        description="Force to which one bar is stressed at the stage that builds it: a pull, of a "
+        "strut the push of its jack. It is held during that stage and locked off at its end.",
+        examples=["300 kN"],
+    )
+
+    def check(self, faults: SectionFaults) -> None:
+        """The bars are pulled or pushed by a positive force that they can bear."""
+        if self.prestress is not None and (fault := beyond_capacity(self.prestress, self.capacity)):
+            faults.add(("prestress",), "out-of-range", *fault)
+        super().check(faults)
+        if self.prestress is not None and (fault := negative_force(self.prestress)):
+            faults.add(("prestress",), "out-of-range", *fault)
+
+
 def beyond_capacity(force: CaseNumber, capacity: CaseNumber | None) -> tuple[str, str] | None:
     """What is wrong with a prestress beyond a capacity, where neither is a parameter."""
     if capacity is None or force.parameter is not None or capacity.parameter is not None:
@@ -428,7 +437,7 @@ _PIECES = (
 Pieces = Annotated[int, Count(2, 1000)]
 
 
-class BoltSection(_BarSection):
+class BoltSection(_StressedBarSection):
     """Rock bolts: bars that hold the ground at their two ends, wherever these lie in the mesh.
 
     With `k_grout` grout ties them to the ground along their length, with a stiffness and a
@@ -531,10 +540,8 @@ class PileSection(_BarSection):
     pieces: Pieces | None = Field(None, description=_PIECES)
 
     def check(self, faults: SectionFaults) -> None:
-        """Piles are not stressed; what a toe bears needs a toe."""
+        """What a toe bears needs a toe."""
         super().check(faults)
-        if self.prestress is not None:
-            faults.add(("prestress",), "wrong-structure", *UNSTRESSED_PILE)
         if self.base_capacity is not None and self.k_base is None:
             message = "'base_capacity' without 'k_base', the stiffness of the toe"
             faults.add(("base_capacity",), "missing-key", message, "Add 'k_base: 50 MN/m'.")
@@ -550,7 +557,7 @@ UNSTRESSED_PILE = (
 )
 
 
-class StrutSection(_BarSection):
+class StrutSection(_StressedBarSection):
     """Struts and props: bars from a point of the mesh to what they are propped against.
 
     That is another point of the mesh, a fixed place, or the plane of symmetry of the model: there
@@ -568,7 +575,7 @@ class StrutSection(_BarSection):
     )
 
 
-class AnchorSection(_BarSection):
+class AnchorSection(_StressedBarSection):
     """Ground anchors from a head to a toe: free up to the grout, held by the ground along it."""
 
     what, builds = "anchor", Anchors

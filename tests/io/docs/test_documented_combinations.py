@@ -167,8 +167,11 @@ GIVEN: dict[tuple[str, str], list[Any]] = {
     ("Load cell", "drift"): ["2 kN/month"],
     ("Plain reading", "drift"): ["2 mm/month"],
     ("Plain reading", "accuracy"): ["0.1 mm", {"reading": "0.1 mm", "epoch": "0.2 mm"}],
-    **{(part, "structure"): ["bolts"] for part in ("Load cell", "Strain")},
-    **{(part, "bar"): ["1"] for part in ("Load cell", "Strain")},
+    ("Load cell", "structure"): ["bolts"],
+    **{(part, "structure"): ["tied"] for part in ("Strain", "Bar displacement")},
+    **{(part, "bar"): ["1"] for part in ("Load cell", "Strain", "Bar displacement")},
+    **{(part, "point"): [lambda dim: at(dim, 4, 0)] for part in ("Strain", "Bar displacement")},
+    **{(part, "pieces"): ["40"] for part in ("Bolt", "Pile")},
     **{(part, "on"): ["wall"] for part in ("Pressure cell", "Tilt")},
     ("Target", "chainage"): ["1 m"],
     ("Target", "beside"): [["1 m", "0 m"]],
@@ -191,6 +194,9 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
         ("Load", kind): {"on": "top"}
         for kind in ("pressure", "traction", "water", "force", "line_force")
     },
+    **{("Load", kind): {"on": "tied"} for kind in ("pull", "push")},
+    **{("Bolt", key): {"k_grout": "2 GPa"} for key in ("bond", "free", "head", "pieces")},
+    ("Pile", "base_capacity"): {"k_base": "2 GN/m"},
     ("Beam", "tensile_strength"): {"compressive_strength": "20 MPa"},
     ("Beam yield", "interaction"): {"M": "150 kNm/m"},
     ("Strain", "fibre"): {"structure": "wall"},
@@ -354,6 +360,7 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
     """A case with some sections at one of its keys."""
     dim = 3 if analysis == "solid" else 2
     bolts = {"kind": "bolt", "ends": [[at(dim, 3, 0), at(dim, 7, 0)]], "EA": "90 MN"}
+    tied = {**bolts, "k_grout": "2 GPa", "head": "free"}
     wall = {"kind": "beam", "on": "wall", "E": "30 GPa", "thickness": "0.3 m"}
     parameters = {
         f"p_{kind.replace(' ', '_')}": {"start": start, "bounds": yaml.safe_load(bounds)}
@@ -377,11 +384,19 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
         "gravity": "9.81 m/s2",
         "interfaces": {"joint": {"along": "joint", "k_n": "9 GPa/m", "k_s": "3 GPa/m"}},
         "structures": {
-            "plane-strain": {"bolts": {**bolts, "spacing": "2 m"}, "wall": wall},
-            "axisymmetric": {"bolts": {**bolts, "number": "12"}, "wall": wall},
-            "solid": {"bolts": bolts},
+            "plane-strain": {
+                "bolts": {**bolts, "spacing": "2 m"},
+                "tied": {**tied, "spacing": "2 m"},
+                "wall": wall,
+            },
+            "axisymmetric": {
+                "bolts": {**bolts, "number": "12"},
+                "tied": {**tied, "number": "12"},
+                "wall": wall,
+            },
+            "solid": {"bolts": bolts, "tied": tied},
         }[analysis],
-        "stages": [{"name": "heading", "excavate": ["heading"], "build": ["bolts"]}],
+        "stages": [{"name": "heading", "excavate": ["heading"], "build": ["bolts", "tied"]}],
     }
     if analysis == "plane-strain" and place != "materials":  # hardening soil has none
         case["face"] = {"profile": "panet", "radius": "4 m"}
