@@ -15,7 +15,12 @@ from pathlib import Path
 
 from geoident.errors import GeoidentError, OutputError, Term, UsageError
 from geoident.io.result.hdf5 import refusal
-from geoident.io.result.structure_lines import write_structures_vtkhdf
+from geoident.io.result.structure_cells import (
+    StructureCells,
+    shell_faces,
+    structure_lines,
+    write_structures_vtkhdf,
+)
 from geoident.io.result.vtkhdf import (
     REFIT,
     copy_fields,
@@ -239,7 +244,8 @@ def _write_text(text: str, part: str) -> None:
 def export_vtu(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
 
-    Where there are structures, also those as lines: ``RESULT.structures.NN.vtu`` and their list.
+    Where there are structures, also those as lines, ``RESULT.structures.NN.vtu``, or, of shells, as
+    faces, ``RESULT.shells.NN.vtu``, with their lists.
 
     Raises:
         InputError: the result has no fields.
@@ -261,20 +267,29 @@ def export_vtu(export: Export) -> tuple[str, ...]:
 
 
 def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
-    """Writers of ``FOLDER/RESULT.structures.NN.vtu`` and their list; none without structures."""
-    members, folder = export.result.members, export.folder
-    if members is None:
-        return {}
-    name = f"{stem(export.path)}.structures"
-    states = ("virgin", *members.stages)
-    times = _first(export.result.gauges.series_times, len(states))
-    files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
-    writers: dict[Path, Writer] = {
-        folder / file: partial(write_structures_vtu, members, state)
-        for state, file in enumerate(files)
-    }
-    writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part, times)
+    """Writers of ``FOLDER/RESULT.structures.NN.vtu``, of shells likewise, and of their lists."""
+    folder = export.folder
+    writers: dict[Path, Writer] = {}
+    for kind, states in _structure_states(export.result).items():
+        name = f"{stem(export.path)}.{kind}"
+        names = state_names(export.result)[: len(states)]
+        times = _first(export.result.gauges.series_times, len(states))
+        files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
+        for file, cells in zip(files, states, strict=True):
+            writers[folder / file] = partial(write_structures_vtu, cells)
+        writers[folder / f"{name}.pvd"] = partial(write_pvd, files, names, times=times)
     return writers
+
+
+def _structure_states(result: Result) -> dict[str, list[StructureCells]]:
+    """Lines of structures and faces of shells at all states; nothing for what there is not."""
+    kinds = {}
+    if (members := result.members) is not None:
+        states = range(len(members.stages) + 1)
+        kinds["structures"] = [structure_lines(members, state) for state in states]
+    if (shells := result.shells) is not None:
+        kinds["shells"] = [shell_faces(shells, s) for s in range(len(shells.stages) + 1)]
+    return kinds
 
 
 def _first(times: Floats | None, count: int) -> Floats | None:
@@ -291,7 +306,8 @@ def state_names(result: Result) -> tuple[str, ...]:
 def export_vtkhdf(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
 
-    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines.
+    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines, and
+    ``RESULT.shells.vtkhdf`` with shells as faces.
 
     In the folder of the result it is the sidecar that every fit has, a link to the result.
 
@@ -301,18 +317,18 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     path, folder = export.path, export.folder
     _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
-    members = export.result.members
-    lines: dict[Path, Writer] = {}
-    if members is not None:
-        lines[folder / f"{stem(path)}.structures.vtkhdf"] = partial(
-            write_structures_vtkhdf, members, times=export.result.gauges.series_times
+    structures: dict[Path, Writer] = {
+        folder / f"{stem(path)}.{kind}.vtkhdf": partial(
+            write_structures_vtkhdf, states, times=export.result.gauges.series_times
         )
+        for kind, states in _structure_states(export.result).items()
+    }
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():
-        return export.write({file: lambda part: copy_fields(path, part)} | lines)
+        return export.write({file: lambda part: copy_fields(path, part)} | structures)
     own = sidecar_target(sidecar) == name
     written = export.write({file: lambda part: write_sidecar(part, name)}, own=own)
-    return (*written, *(export.write(lines) if lines else ()))
+    return (*written, *(export.write(structures) if structures else ()))
 
 
 def _fields(path: str, result: Result) -> FieldSeries:

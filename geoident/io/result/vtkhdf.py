@@ -156,52 +156,54 @@ def write_fields(
     _write_mesh(file.create_group("mesh"), fields.mesh)
 
 
-def write_lines(
+def write_cells(
     file: h5py.File,
     points: Floats,
+    sizes: Ints,
+    types: npt.NDArray[np.uint8],
     *,
     points_data: Mapping[str, npt.NDArray[Any]],
     cells: Mapping[str, npt.NDArray[Any]],
     static: Mapping[str, npt.NDArray[Any]],
     times: Floats | None = None,
 ) -> h5py.Group:
-    """Writes ``/VTKHDF`` of straight lines, two points each, with one time step a state.
+    """Writes ``/VTKHDF`` of cells with points of their own, with one time step a state.
 
     Args:
         file: the file.
-        points: (2 n, 3) ends of the lines, m.
-        points_data: arrays (n_states, 2 n, ...).
-        cells: arrays (n_states, n).
-        static: arrays (n,) that are the same at all states.
+        points: (k, 3) of the cells, one after the other, m.
+        sizes: (n,) points of each.
+        types: (n,) VTK's numbers of their kinds.
+        points_data: arrays (n_states, k, ...).
+        cells: arrays (n_states, n, ...).
+        static: arrays (n, ...) that are the same at all states.
         times: (n_states,) of the states, days; None for their numbers.
 
     Returns:
         The group.
     """
-    count = len(points) // 2
+    k, n = len(points), len(sizes)
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
-    group["NumberOfPoints"] = np.array([2 * count], dtype=np.int64)
-    group["NumberOfCells"] = np.array([count], dtype=np.int64)
-    group["NumberOfConnectivityIds"] = np.array([2 * count], dtype=np.int64)
+    group["NumberOfPoints"] = np.array([k], dtype=np.int64)
+    group["NumberOfCells"] = np.array([n], dtype=np.int64)
+    group["NumberOfConnectivityIds"] = np.array([k], dtype=np.int64)
     group["Points"] = points
     group["Points"].attrs["unit"] = "m"
-    group["Types"] = np.full(count, LINE, dtype=np.uint8)
-    group["Connectivity"] = np.arange(2 * count, dtype=np.int64)
-    group["Offsets"] = 2 * np.arange(count + 1, dtype=np.int64)
+    group["Types"] = types
+    group["Connectivity"] = np.arange(k, dtype=np.int64)
+    group["Offsets"] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     _write_data(group, "PointData", points_data)
-    _write_data(group, "CellData", {**cells, **static})
+    _write_data(group, "CellData", cells)
+    for name, array in static.items():
+        group[f"CellData/{name}"] = array
     states = len(next(iter(cells.values())))
-    sizes = {f"PointData/{name}": 2 * count for name in points_data}
-    sizes |= {f"CellData/{name}": count for name in cells}
-    sizes |= {f"CellData/{name}": 0 for name in static}
-    _write_step_offsets(group, states, sizes, times)
+    counts = {f"PointData/{name}": k for name in points_data}
+    counts |= {f"CellData/{name}": n for name in cells}
+    counts |= {f"CellData/{name}": 0 for name in static}
+    _write_step_offsets(group, states, counts, times)
     return group
-
-
-LINE = 3
-"""VTK's number of a straight line of two points."""
 
 
 def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, Floats]:
