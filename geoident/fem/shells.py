@@ -3,18 +3,23 @@
 A face is cut into flat triangles through its nodes, those on its edges too; a quadrilateral is cut
 along both diagonals, each pair of halves with half of the stiffness, so that no diagonal is
 preferred. Unknowns at a node are the displacement u of the ground there and a rotation vector
-theta (`Mesh.rotations_of`). In axes 1, 2 and n of a triangle, n its normal,
+theta (`Mesh.rotations_of`). In axes 1, 2 and n, n the normal,
 
-    membrane   the optimal triangle with drilling rotations theta_n of Felippa (Computer Methods in
-               Applied Mechanics and Engineering 192, 2003, 2125-2168): mean strain with alpha = 3/2
-               and deviations at the middles of the sides with beta_0 = 1/2. It bends in its plane
-               without locking, and drilling needs no stabilisation.
     bending    the discrete Kirchhoff triangle (Batoz, Bathe and Ho, International Journal for
                Numerical Methods in Engineering 15, 1980, 1771-1812): curvatures at the middles of
-               the sides, no strain of shear.
+               the sides, no strain of shear. A side bends about the normal of the face there.
+    membrane   of faces of second order the strain of the curved face itself, with the shape
+               functions of the ground: in a triangle by the ties of MITC6, in a quadrilateral at
+               two by two points, so that it does not lock. It loads the nodes as the ground does;
+               flat triangles load them unevenly, by their kinks, and between them a thin lining
+               bends. At each node a weak spring holds the rotation about the normal to that of the
+               face.
+               Of faces of first order the optimal triangle with drilling rotations theta_n of
+               Felippa (Computer Methods in Applied Mechanics and Engineering 192, 2003, 2125-2168):
+               mean strain with alpha = 3/2 and deviations at the middles of the sides with beta_0 =
+               1/2. It bends in its plane without locking, and drilling needs no stabilisation.
 
-Both are flat, so that neither membrane nor shear locks. At each of the three middles, with a third
-of the area A as weight and D = E t / (1 - nu^2),
+With the weight w of each point, D = E t / (1 - nu^2),
 
     n_11 = D (e_11 + nu e_22)     m_11 = D t^2/12 (k_11 + nu k_22)     k_11 = -w,11
     n_12 = D (1 - nu)/2 g_12      m_12 = D t^2/12 (1 - nu)/2 g(k)_12
@@ -31,11 +36,21 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.elements import reference_element
+from geoident.fem.shell_strains import (
+    axes_of,
+    curvatures,
+    curved_membrane,
+    flat_membrane,
+    on_faces,
+    spins,
+)
 from geoident.fem.structures import Members
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
@@ -52,11 +67,14 @@ _DIAGONALS = {
 _SHARES = {"quad4": (0.5,) * 4, "quad8": (*(1.0,) * 4, *(0.5,) * 4)}
 """Part of the stiffness that each of them has."""
 
-_MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
-"""Area coordinates of the middles of the sides 12, 23 and 31."""
+_RULES = {"tri6": "tri6", "quad8": "quad4"}
+"""Kinds whose quadrature points are those of the membrane of curved faces."""
 
-_DEVIATION = 1.5 * np.sqrt(0.5)
-"""3/2 sqrt(beta_0), with which deviations of the membrane strain count."""
+_SMOOTH = np.cos(np.radians(20.0))
+"""Of the angle to their mean beyond which the normals of faces that meet make a fold."""
+
+_DRILLING = 1e-2
+"""Part of the shear stiffness of the membrane with which drilling is held."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +85,13 @@ class FlatTriangles:
         nodes: (m, 3) nodes.
         face: (m,) which of the faces each is a part of.
         share: (m,) part of the stiffness that it has.
+        normals: (m, 3, 3) unit normals of the surface in the middles of the sides 12, 23 and 31.
     """
 
     nodes: Ints
     face: Ints
     share: Floats
+    normals: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,20 +99,26 @@ class ShellMembers(Members):
     """A shell.
 
     Its rows are component by component, first of the membrane, then of bending: sum, difference,
-    shear; each middle by middle for all triangles, (2, 3, 3, m).
+    shear, each at all points of its own; then those of drilling.
 
     Args:
         triangles: of which it is made.
+        face_of: of the points of the membrane and of those of bending, the face of each.
+        node_area: (n_nodes,) area of it that belongs to each node, m2.
         frames: (m, 3, 3) unit vectors 1, 2 and n of every triangle.
         area: (n_faces,) of the faces, m2.
         centres: (n_faces, 3) m.
+        corners: (n_faces, 4, 3) m; the fourth of a triangle is NaN.
         side_known: (n_faces,) whether it is known to which side the normal should look.
     """
 
     triangles: FlatTriangles
+    face_of: tuple[Ints, Ints]
+    node_area: Floats
     frames: Floats
     area: Floats
     centres: Floats
+    corners: Floats
     side_known: Bools
 
     def face_forces(self, forces: Floats) -> Floats:
@@ -124,27 +150,63 @@ class ShellMembers(Members):
     def _means(self, number: int) -> sp.csr_array:
         """(n_faces, n_rows) which sums of q are the means of a force."""
         bends, component = divmod(number, 3)
-        m, face = len(self.frames), self.triangles.face
-        share = np.tile(self.weight[:m] / self.area[face], 3)  # of the three middles
+        face, n = self.face_of[bends], len(self.area)
+        first = 3 * len(self.face_of[0]) * bends
+        weight = self.weight[first : first + len(face)]
+        share = weight / np.bincount(face, weight, minlength=n)[face]
         terms = ((0, 1.0), (1, 1.0)), ((0, 1.0), (1, -1.0)), ((2, 1.0),)
         data = [sign * share for _, sign in terms[component]]
-        at = [(3 * bends + row) * 3 * m + np.arange(3 * m) for row, _ in terms[component]]
-        places = np.tile(face, 3 * len(at)), np.concatenate(at)
-        shape = len(self.area), len(self.weight)
-        return sp.csr_array((np.concatenate(data), places), shape=shape)
+        at = [first + row * len(face) + np.arange(len(face)) for row, _ in terms[component]]
+        places = np.tile(face, len(at)), np.concatenate(at)
+        return sp.csr_array((np.concatenate(data), places), shape=(n, len(self.weight)))
 
 
-def flat_triangles(mesh: Mesh, faces: Ints) -> FlatTriangles:
-    """The triangles of some facets (n_faces,) of a mesh; faces are counted block by block."""
-    nodes, face, share, first = [], [], [], 0
+def flat_triangles(mesh: Mesh, faces: Ints, turned: Bools) -> FlatTriangles:
+    """The triangles of some facets (n_faces,) of a mesh; faces are counted block by block.
+
+    Args:
+        mesh: the mesh.
+        faces: numbers of the facets.
+        turned: (n_faces,) for which the normal is that against the order of the nodes.
+    """
+    nodes, face, share, normals, first = [], [], [], [], 0
     for block, rows in rows_in(mesh.facets, faces):
-        cell = CELLS[block.kind]
+        element, cell = reference_element(block.kind), CELLS[block.kind]
         pieces = np.array(_DIAGONALS.get(block.kind, cell.flat_pieces))
-        nodes.append(block.nodes[rows][:, pieces].reshape(-1, 3))
+        back = turned[first : first + len(rows)]
+        order = np.where(back[:, None, None], pieces[:, [0, 2, 1]], pieces)
+        own = block.nodes[rows]
+        nodes.append(np.take_along_axis(own[:, None], order, axis=2).reshape(-1, 3))
+        places = element.nodes[order]
+        gradients = element.gradients((places + np.roll(places, -1, axis=2)) / 2)
+        along = np.einsum("nax,npsad->npsdx", mesh.points[own], gradients)
+        normal = np.cross(along[..., 0, :], along[..., 1, :]).reshape(-1, 3, 3)
+        normal *= np.repeat(np.where(back, -1.0, 1.0), len(pieces))[:, None, None]
+        normals.append(normal / np.linalg.norm(normal, axis=2, keepdims=True))
         face.append(np.repeat(first + np.arange(len(rows)), len(pieces)))
         share.append(np.tile(_SHARES.get(block.kind, (1.0,) * len(pieces)), len(rows)))
         first += len(rows)
-    return FlatTriangles(np.concatenate(nodes), np.concatenate(face), np.concatenate(share))
+    of_all = np.concatenate(nodes)
+    normal = _smoothed(of_all, np.concatenate(normals))
+    return FlatTriangles(of_all, np.concatenate(face), np.concatenate(share), normal)
+
+
+def _smoothed(nodes: Ints, normals: Floats) -> Floats:
+    """Unit normals (m, 3, 3) on the sides of triangles (m, 3): the mean of those that meet there.
+
+    Where they make a fold each keeps its own.
+
+    Args:
+        nodes: of the triangles.
+        normals: (m, 3, 3) unit normals of their faces on the sides.
+    """
+    pairs = np.sort(np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    _, side = np.unique(pairs, axis=0, return_inverse=True)
+    side, own = side.ravel(), normals.reshape(-1, 3)
+    mean = np.stack([np.bincount(side, part) for part in own.T], axis=1)[side]
+    mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+    folded = np.bincount(side, (mean * own).sum(axis=1) < _SMOOTH)[side] > 0
+    return np.where(folded[:, None], own, mean).reshape(normals.shape)
 
 
 def corners_of(mesh: Mesh, faces: Ints) -> list[tuple[int, ...]]:
@@ -200,163 +262,134 @@ def consistent_sides(corners: Sequence[tuple[int, ...]], side: Ints) -> tuple[Bo
 
 
 def shell_members(
-    mesh: Mesh, triangles: FlatTriangles, sides: tuple[Bools, Bools], axis: Floats
+    mesh: Mesh,
+    faces: Ints,
+    corners: Sequence[tuple[int, ...]],
+    sides: tuple[Bools, Bools],
+    axis: Floats,
 ) -> ShellMembers:
-    """A shell on triangles of faces.
+    """A shell on faces.
 
     Args:
         mesh: whose nodes have rotations there.
-        triangles: of the faces.
+        faces: (n_faces,) facets of the mesh.
+        corners: nodes of every face, in its order around its normal.
         sides: (n_faces,) for which the normal is that against the order of the nodes, and for
             which its side is known.
         axis: (3,) direction of axis 1, projected on every triangle; it is normal to none.
     """
-    nodes = triangles.nodes.copy()
-    back = sides[0][triangles.face]
-    nodes[back] = nodes[back][:, [0, 2, 1]]
-    x = mesh.points[nodes]
+    triangles = flat_triangles(mesh, faces, sides[0])
+    x = mesh.points[triangles.nodes]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    doubled = np.linalg.norm(normal, axis=1)
-    normal /= doubled[:, None]
-    first = axis - (normal @ axis)[:, None] * normal
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    frames = np.stack([first, np.cross(normal, first), normal], axis=1)
-    plane = np.einsum("mik,mak->mai", frames[:, :2], x - x[:, :1])
-    m = len(nodes)
-    rows = np.zeros((m, 3, 6, 18))  # middle; component; node: u_1, u_2, u_n, theta_1, .., theta_n
-    _fill(rows, slice(0, 3), _membrane(plane), (0, 1, 5))
-    _fill(rows, slice(3, 6), _bending(plane), (2, 3, 4))
-    pairs = rows[:, :, [0, 3]].copy()
-    rows[:, :, [0, 3]] += rows[:, :, [1, 4]]
-    rows[:, :, [1, 4]] = pairs - rows[:, :, [1, 4]]
-    turned_back = np.einsum("mqcvi,mij->mqcvj", rows.reshape(m, 3, 6, 6, 3), frames)
-    values = turned_back.transpose(2, 1, 0, 3, 4).reshape(18 * m, 18)
-    spins = rotation_nodes(mesh, nodes)
-    both = np.stack([nodes, spins], axis=2).reshape(m, 6)
-    dofs = (both[:, :, None] * 3 + np.arange(3)).reshape(m, 18)
-    columns = np.tile(dofs, (18, 1))
-    entries = np.repeat(np.arange(18 * m), 18), columns.ravel()
-    operator = sp.csr_array((values.ravel(), entries), shape=(18 * m, mesh.points.size))
-    part = doubled / 2 * triangles.share
-    area = np.bincount(triangles.face, part).astype(np.float64)
-    middles = x.mean(axis=1) * part[:, None]
-    centres = np.stack([np.bincount(triangles.face, one) for one in middles.T], axis=1)
+    frames = axes_of(normal, axis)
+    part = np.linalg.norm(normal, axis=1) / 2 * triangles.share
+    weight = np.repeat(part[:, None] / 3, 3, axis=1)
+    bent = curvatures(x, frames, triangles.normals)
+    bending = _Rows.of(bent, triangles.nodes, weight, triangles.face)
+    membrane, drilling, node_area, first = [], [], np.zeros(mesh.n_nodes), 0
+    for block, rows in rows_in(mesh.facets, faces):
+        numbers = first + np.arange(len(rows))
+        first += len(rows)
+        if CELLS[block.kind].order == 1:
+            here = np.isin(triangles.face, numbers)
+            strains, nodes = flat_membrane(x[here], frames[here]), triangles.nodes[here]
+            membrane.append(_Rows.of(strains, nodes, weight[here], triangles.face[here]))
+            np.add.at(node_area, nodes, weight[here])
+            continue
+        element, nodes = reference_element(block.kind), block.nodes[rows]
+        rule = reference_element(_RULES[block.kind])
+        points, at = mesh.points[nodes], rule.points
+        own = on_faces(points, at, element, axis)[1] * rule.weights
+        strains = curved_membrane(points, at, element, axis)
+        strains[sides[0][numbers], :, 2] *= -1.0  # with n axis 2 turns round, too
+        membrane.append(_Rows.of(strains, nodes, own, numbers))
+        np.add.at(node_area, nodes, own @ element.shapes(at))
+        slopes, _, there, _ = on_faces(points, element.nodes, element, axis)
+        held = _DRILLING / element.n_nodes * own.sum(axis=1, keepdims=True)
+        held = np.repeat(held, element.n_nodes, axis=1)
+        drilling.append(_Rows.of(spins(slopes, there)[:, :, None], nodes, held, numbers))
+    parts = [_Rows.joined(membrane).by_sums(), bending.by_sums(), *drilling]
+    goes_with = [[0, 1, 1], [2, 3, 3], *[[1]] * len(drilling)]
+    rigidity = [np.repeat(g, len(p.weight)) for g, p in zip(goes_with, parts, strict=True)]
+    area, flat = (np.bincount(p.face, p.weight).astype(np.float64) for p in parts[:2])
+    middles = (x.mean(axis=1) * part[:, None]).T
+    centres = np.stack([np.bincount(triangles.face, one) for one in middles], axis=1)
     return ShellMembers(
-        operator,
-        np.tile(part / 3, 18),
-        np.repeat([0, 1, 1, 2, 3, 3], 3 * m),
+        sp.csr_array(sp.vstack([p.operator(mesh) for p in parts])),
+        np.concatenate([np.tile(p.weight, len(p.values)) for p in parts]),
+        np.concatenate(rigidity),
         np.empty((0, 2, 3)),
-        nodes,
+        triangles.nodes,
         triangles=triangles,
+        face_of=(parts[0].face, parts[1].face),
+        node_area=node_area,
         frames=frames,
         area=area,
-        centres=centres / area[:, None],
+        centres=centres / flat[:, None],
+        corners=np.array(
+            [[*mesh.points[list(own)], *[[np.nan] * 3] * (4 - len(own))] for own in corners]
+        ),
         side_known=sides[1],
     )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Strains at points of faces.
+
+    Args:
+        values: (n_components, n_points, 6 k) by the unknowns of k nodes.
+        nodes: (n_points, k).
+        weight: (n_points,) m2.
+        face: (n_points,) on which each is.
+    """
+
+    values: Floats
+    nodes: Ints
+    weight: Floats
+    face: Ints
+
+    @classmethod
+    def of(cls, strains: Floats, nodes: Ints, weight: Floats, face: Ints) -> _Rows:
+        """Strains (m, q, n_components, k, 6) at q points of m pieces with nodes (m, k)."""
+        m, q, count, k, _ = strains.shape
+        values = strains.transpose(2, 0, 1, 3, 4).reshape(count, m * q, 6 * k)
+        return cls(values, np.repeat(nodes, q, axis=0), weight.ravel(), np.repeat(face, q))
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Rows]) -> _Rows:
+        """Those of blocks of faces in one; nodes and unknowns are filled up with zeros."""
+        most = max(part.nodes.shape[1] for part in parts)
+
+        def filled(array: Any, each: int) -> Any:
+            room = [(0, 0)] * (array.ndim - 1) + [(0, each * most - array.shape[-1])]
+            return np.pad(array, room, mode="edge" if each == 1 else "constant")
+
+        return cls(
+            np.concatenate([filled(part.values, 6) for part in parts], axis=1),
+            np.concatenate([filled(part.nodes, 1) for part in parts]),
+            np.concatenate([part.weight for part in parts]),
+            np.concatenate([part.face for part in parts]),
+        )
+
+    def by_sums(self) -> _Rows:
+        """Components 11, 22, 12 as sum, difference and 12."""
+        first, second, shear = self.values
+        return replace(self, values=np.stack([first + second, first - second, shear]))
+
+    def operator(self, mesh: Mesh) -> sp.csr_array:
+        """(n_components n_points, n_dofs) component by component."""
+        n, width = self.values.shape[0], self.values.shape[2]
+        both = np.stack([self.nodes, rotation_nodes(mesh, self.nodes)], axis=2)
+        dofs = (both[..., None] * 3 + np.arange(3)).reshape(len(self.nodes), width)
+        starts = width * np.arange(n * len(dofs) + 1)
+        shape = (n * len(dofs), mesh.points.size)
+        entries = self.values.ravel(), np.tile(dofs, (n, 1)).ravel(), starts
+        operator = sp.csr_array(entries, shape=shape)
+        operator.sum_duplicates()
+        return operator
 
 
 def rotation_nodes(mesh: Mesh, nodes: Ints) -> Ints:
     """The nodes that stand for the rotations at some nodes (...)."""
     return np.asarray(mesh.n_places + np.searchsorted(mesh.rotations_of, nodes))
-
-
-def shell_area_shares(mesh: Mesh, members: ShellMembers) -> Floats:
-    """Area (n_nodes,) of a shell that belongs to each node, m2."""
-    assert members.nodes is not None
-    part = members.weight[: len(members.nodes)]
-    shares = np.bincount(members.nodes.ravel(), np.repeat(part, 3), minlength=mesh.n_nodes)
-    return shares.astype(np.float64)
-
-
-def _fill(rows: Floats, components: slice, part: Floats, own: tuple[int, int, int]) -> None:
-    """Write rows (m, 3, 3, 9) of three freedoms of each node into those of all six."""
-    at = (6 * np.arange(3)[:, None] + np.array(own)).ravel()
-    chosen = np.arange(6)[components]
-    rows[:, :, chosen[:, None], at] = part
-
-
-def _membrane(plane: Floats) -> Floats:
-    """Strains e_11, e_22, g_12 (m, 3, 3, 9) at the middles, by u_1, u_2, theta_n of the corners.
-
-    Args:
-        plane: (m, 3, 2) corners in the plane, m.
-    """
-    m = len(plane)
-    delta = plane[:, :, None] - plane[:, None]  # [:, i, j] = x_i - x_j
-    X, Y = delta[..., 0], delta[..., 1]
-    doubled = X[:, 1, 0] * Y[:, 2, 0] - X[:, 2, 0] * Y[:, 1, 0]
-    mean = np.zeros((m, 3, 9))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        mean[:, 0, 3 * i] = mean[:, 2, 3 * i + 1] = Y[:, j, k]
-        mean[:, 1, 3 * i + 1] = mean[:, 2, 3 * i] = X[:, k, j]
-        a = 1.5 / 6.0
-        mean[:, 0, 3 * i + 2] = a * Y[:, j, k] * (Y[:, i, k] - Y[:, j, i])
-        mean[:, 1, 3 * i + 2] = a * X[:, k, j] * (X[:, k, i] - X[:, i, j])
-        mean[:, 2, 3 * i + 2] = 2 * a * (X[:, k, i] * Y[:, i, k] - X[:, i, j] * Y[:, j, i])
-    mean /= doubled[:, None, None]
-    spin = np.zeros((m, 3, 9))  # rotations of the corners less that of the triangle
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        spin[:, :, 3 * i] = X[:, k, j, None] / (2 * doubled[:, None])
-        spin[:, :, 3 * i + 1] = Y[:, k, j, None] / (2 * doubled[:, None])
-        spin[:, i, 3 * i + 2] = 1.0
-    squared = np.stack([X[:, b, a] ** 2 + Y[:, b, a] ** 2 for a, b in ((0, 1), (1, 2), (2, 0))], 1)
-    betas = np.array([[1, 2, 1], [0, 1, -1], [-1, -1, -2]], dtype=np.float64)
-    natural = []  # at the corners; each the one before, with the corners one further
-    for corner in range(3):
-        shifted = np.roll(betas, corner, axis=(0, 1))
-        natural.append(shifted[None] * (doubled[:, None] / (3 * squared))[:, :, None])
-    by_natural = np.stack(
-        [
-            np.stack([Y[:, b, c] * Y[:, a, c], X[:, b, c] * X[:, a, c],
-                      Y[:, b, c] * X[:, c, a] + X[:, c, b] * Y[:, a, c]], axis=1)
-            * squared[:, n, None]
-            for n, (a, b, c) in enumerate(((0, 1, 2), (1, 2, 0), (2, 0, 1)))
-        ],
-        axis=2,
-    ) / doubled[:, None, None] ** 2  # fmt: skip
-    strains = []
-    for one, other in ((0, 1), (1, 2), (2, 0)):
-        deviation = by_natural @ ((natural[one] + natural[other]) / 2) @ spin
-        strains.append(mean + _DEVIATION * deviation)
-    return np.stack(strains, axis=1)
-
-
-def _bending(plane: Floats) -> Floats:
-    """Curvatures k_11, k_22 and twice k_12 (m, 3, 3, 9) at the middles, by u_n, theta_1, theta_2.
-
-    Args:
-        plane: (m, 3, 2) corners in the plane, m.
-    """
-    m = len(plane)
-    a, b, c, d, e = (np.empty((m, 3)) for _ in range(5))  # of the sides 23, 31 and 12
-    for n, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
-        x, y = (plane[:, i] - plane[:, j]).T
-        squared = x * x + y * y
-        a[:, n], b[:, n], d[:, n] = -x / squared, 0.75 * x * y / squared, -y / squared
-        c[:, n] = (0.25 * x * x - 0.5 * y * y) / squared
-        e[:, n] = (0.25 * y * y - 0.5 * x * x) / squared
-    (x1, y1), (x2, y2), (x3, y3) = plane.transpose(1, 2, 0)
-    doubled = (x2 - x1) * (y3 - y1) - (x3 - x1) * (y2 - y1)
-    by_x = np.stack([y2 - y3, y3 - y1, y1 - y2], axis=1) / doubled[:, None]  # of area coordinates
-    by_y = np.stack([x3 - x2, x1 - x3, x2 - x1], axis=1) / doubled[:, None]
-    rows = np.empty((m, 3, 3, 9))
-    for q, L in enumerate(_MIDDLES):
-        slopes = []
-        for by in (by_x, by_y):
-            corner = (4 * L - 1) * by
-            side = [4 * (L[i] * by[:, j] + L[j] * by[:, i]) for i, j in ((1, 2), (2, 0), (0, 1))]
-            of_x, of_y = np.empty((m, 9)), np.empty((m, 9))
-            for i in range(3):
-                p, r = (i + 2) % 3, (i + 1) % 3  # the sides that begin and end at the corner
-                of_x[:, 3 * i] = 1.5 * (a[:, p] * side[p] - a[:, r] * side[r])
-                of_x[:, 3 * i + 1] = b[:, r] * side[r] + b[:, p] * side[p]
-                of_x[:, 3 * i + 2] = corner[:, i] - c[:, r] * side[r] - c[:, p] * side[p]
-                of_y[:, 3 * i] = 1.5 * (d[:, p] * side[p] - d[:, r] * side[r])
-                of_y[:, 3 * i + 1] = -corner[:, i] + e[:, r] * side[r] + e[:, p] * side[p]
-                of_y[:, 3 * i + 2] = -of_x[:, 3 * i + 1]
-            slopes.append((of_x, of_y))
-        (x_by_x, y_by_x), (x_by_y, y_by_y) = slopes
-        rows[:, q] = np.stack([x_by_x, y_by_y, x_by_y + y_by_x], axis=1)
-    return rows

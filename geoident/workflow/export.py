@@ -15,8 +15,13 @@ from pathlib import Path
 
 from geoident.errors import GeoidentError, OutputError, Term, UsageError
 from geoident.io.result.hdf5 import refusal
-from geoident.io.result.interface_faces import write_interfaces_vtkhdf, write_interfaces_vtu
-from geoident.io.result.structure_lines import write_structures_vtkhdf
+from geoident.io.result.structure_cells import (
+    StructureCells,
+    interface_faces,
+    shell_faces,
+    structure_lines,
+    write_structures_vtkhdf,
+)
 from geoident.io.result.vtkhdf import (
     REFIT,
     copy_fields,
@@ -240,8 +245,8 @@ def _write_text(text: str, part: str) -> None:
 def export_vtu(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.NN.vtu`` for every state, and ``FOLDER/RESULT.pvd``, their list.
 
-    Where there are structures, also those as lines: ``RESULT.structures.NN.vtu`` and their list;
-    likewise the faces of interfaces.
+    Where there are structures, also those as lines, ``RESULT.structures.NN.vtu``, or, of shells, as
+    faces, ``RESULT.shells.NN.vtu``, with their lists; likewise interfaces as faces.
 
     Raises:
         InputError: the result has no fields.
@@ -259,33 +264,35 @@ def export_vtu(export: Export) -> tuple[str, ...]:
         for state, file in enumerate(files)
     }
     writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part, times)
-    more: dict[Path, Writer] = {}
-    if result.members is not None:
-        write = partial(write_structures_vtu, result.members)
-        more |= _series_writers(export, "structures", result.members.stages, write, digits)
-    if result.interfaces is not None:
-        write = partial(write_interfaces_vtu, result.interfaces)
-        more |= _series_writers(export, "interfaces", result.interfaces.stages, write, digits)
-    return export.write(writers | more)
+    return export.write(writers | _structure_writers(export, digits))
 
 
-def _series_writers(
-    export: Export,
-    what: str,
-    stages: Sequence[str],
-    write: Callable[[int, str], None],
-    digits: int,
-) -> dict[Path, Writer]:
-    """Writers of ``FOLDER/RESULT.WHAT.NN.vtu``, by the number of the state, and of their list."""
-    name, folder = f"{stem(export.path)}.{what}", export.folder
-    states = ("virgin", *stages)
-    times = _first(export.result.gauges.series_times, len(states))
-    files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
-    writers: dict[Path, Writer] = {
-        folder / file: partial(write, state) for state, file in enumerate(files)
-    }
-    writers[folder / f"{name}.pvd"] = lambda part: write_pvd(files, states, part, times)
+def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
+    """Writers of ``FOLDER/RESULT.structures.NN.vtu``, of shells likewise, and of their lists."""
+    folder = export.folder
+    writers: dict[Path, Writer] = {}
+    for kind, states in _structure_states(export.result).items():
+        name = f"{stem(export.path)}.{kind}"
+        names = state_names(export.result)[: len(states)]
+        times = _first(export.result.gauges.series_times, len(states))
+        files = [f"{name}.{state:0{digits}}.vtu" for state in range(len(states))]
+        for file, cells in zip(files, states, strict=True):
+            writers[folder / file] = partial(write_structures_vtu, cells)
+        writers[folder / f"{name}.pvd"] = partial(write_pvd, files, names, times=times)
     return writers
+
+
+def _structure_states(result: Result) -> dict[str, list[StructureCells]]:
+    """Lines of structures, faces of shells and interfaces at all states, of what there is."""
+    kinds = {}
+    if (members := result.members) is not None:
+        states = range(len(members.stages) + 1)
+        kinds["structures"] = [structure_lines(members, state) for state in states]
+    if (shells := result.shells) is not None:
+        kinds["shells"] = [shell_faces(shells, s) for s in range(len(shells.stages) + 1)]
+    if (joints := result.interfaces) is not None:
+        kinds["interfaces"] = [interface_faces(joints, s) for s in range(len(joints.stages) + 1)]
+    return kinds
 
 
 def _first(times: Floats | None, count: int) -> Floats | None:
@@ -302,8 +309,8 @@ def state_names(result: Result) -> tuple[str, ...]:
 def export_vtkhdf(export: Export) -> tuple[str, ...]:
     """Write ``FOLDER/RESULT.vtkhdf``, a copy of the fields that needs no result beside it.
 
-    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines, and with
-    interfaces ``RESULT.interfaces.vtkhdf`` with their faces.
+    Where there are structures, also ``RESULT.structures.vtkhdf`` with them as lines, and
+    ``RESULT.shells.vtkhdf`` with shells as faces; likewise interfaces.
 
     In the folder of the result it is the sidecar that every fit has, a link to the result.
 
@@ -313,23 +320,18 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     path, folder = export.path, export.folder
     _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
-    members, joints = export.result.members, export.result.interfaces
-    more: dict[Path, Writer] = {}
-    times = export.result.gauges.series_times
-    if members is not None:
-        more[folder / f"{stem(path)}.structures.vtkhdf"] = partial(
-            write_structures_vtkhdf, members, times=times
+    structures: dict[Path, Writer] = {
+        folder / f"{stem(path)}.{kind}.vtkhdf": partial(
+            write_structures_vtkhdf, states, times=export.result.gauges.series_times
         )
-    if joints is not None:
-        more[folder / f"{stem(path)}.interfaces.vtkhdf"] = partial(
-            write_interfaces_vtkhdf, joints, times=times
-        )
+        for kind, states in _structure_states(export.result).items()
+    }
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():
-        return export.write({file: lambda part: copy_fields(path, part)} | more)
+        return export.write({file: lambda part: copy_fields(path, part)} | structures)
     own = sidecar_target(sidecar) == name
     written = export.write({file: lambda part: write_sidecar(part, name)}, own=own)
-    return (*written, *(export.write(more) if more else ()))
+    return (*written, *(export.write(structures) if structures else ()))
 
 
 def _fields(path: str, result: Result) -> FieldSeries:

@@ -17,7 +17,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.bridges.values import WrittenValue, read_values, values_of
 from geoident.io.result.hdf5 import hdf5_output
-from geoident.io.result.interface_faces import write_interfaces_vtkhdf
+from geoident.io.result.structure_cells import interface_faces, write_structures_vtkhdf
 from geoident.io.result.vtkhdf import add_principal_stresses, write_fields
 from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
@@ -253,9 +253,12 @@ def _with_fields(
     assert survey is not None
     if survey.interfaces is None:
         return survey.computed, fields, (file,)
+    states = [
+        interface_faces(survey.interfaces, s) for s in range(len(survey.interfaces.stages) + 1)
+    ]
     beside = str(Path(file).with_suffix(".interfaces.vtkhdf"))
     with atomic_output(beside, overwrite=force, inputs=inputs) as temporary:
-        write_interfaces_vtkhdf(survey.interfaces, temporary, times)
+        write_structures_vtkhdf(states, temporary, times)
     return survey.computed, fields, (file, beside)
 
 

@@ -332,8 +332,8 @@ def _shell_faults(on_mesh: CaseOnMesh, name: str, shell: Shell) -> list[Fault]:
             message = f"the nodes of the shell '{name}' on the group '{group}' {why}"
             hint = "name the faces or nodes of one plane of symmetry that crosses the shell"
             faults.append(fault("no-symmetry-there", message, hint, "mirrored_on", n))
-    nodes = flat_triangles(mesh, mesh.facet_groups[shell.group]).nodes
-    x = mesh.points[nodes]
+    faces = mesh.facet_groups[shell.group]
+    x = mesh.points[flat_triangles(mesh, faces, np.zeros(len(faces), dtype=bool)).nodes]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     along = np.abs(normal @ np.array(shell.axis)) / np.linalg.norm(shell.axis)
     across = np.flatnonzero(along > _ALONG * np.linalg.norm(normal, axis=1))

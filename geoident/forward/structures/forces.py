@@ -107,6 +107,7 @@ class MemberRecorder:
             numbers=np.concatenate([np.arange(1, len(s.area) + 1) for s in shells]),
             stages=tuple(state.name for state in self._sequence.states[1:]),
             centres=np.concatenate([s.centres for s in shells]),
+            corners=np.concatenate([s.corners for s in shells]),
             axes=np.concatenate([s.face_axes for s in shells]),
             normal=forces[:3].transpose(1, 0, 2),
             moment=forces[3:].transpose(1, 0, 2),

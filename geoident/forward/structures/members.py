@@ -32,7 +32,7 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.shells import ShellMembers, shell_area_shares
+from geoident.fem.shells import ShellMembers
 from geoident.fem.stiffness import GroupBlocks
 from geoident.fem.structures import (
     Members,
@@ -281,7 +281,7 @@ class Structures:
         else:
             pressure = point.constant(0.0) if beam.weight is None else point.number(beam.weight)
         if isinstance(members, ShellMembers):
-            shares = shell_area_shares(self._mesh, members)
+            shares = members.node_area
         else:
             shares = area_shares(self._mesh, members)
         unit = np.outer(shares, self._gravity / size).ravel()

@@ -13,7 +13,6 @@ from geoident.fem.shells import (
     ShellMembers,
     consistent_sides,
     corners_of,
-    flat_triangles,
     shell_members,
 )
 from geoident.fem.structures import (
@@ -86,7 +85,7 @@ def _shell(on_mesh: CaseOnMesh, shell: Shell, present: Bools) -> ShellMembers:
     mesh, faces = on_mesh.mesh, on_mesh.mesh.facet_groups[shell.group]
     corners = corners_of(mesh, faces)
     sides = consistent_sides(corners, open_sides(mesh, corners, present))
-    return shell_members(mesh, flat_triangles(mesh, faces), sides, np.array(shell.axis))
+    return shell_members(mesh, faces, corners, sides, np.array(shell.axis))
 
 
 def open_sides(mesh: Mesh, corners: Sequence[tuple[int, ...]], present: Bools) -> Ints:

@@ -159,52 +159,51 @@ def write_fields(
 def write_cells(
     file: h5py.File,
     points: Floats,
-    types: npt.NDArray[np.uint8],
     sizes: Ints,
+    types: npt.NDArray[np.uint8],
     *,
     points_data: Mapping[str, npt.NDArray[Any]],
     cells: Mapping[str, npt.NDArray[Any]],
     static: Mapping[str, npt.NDArray[Any]],
     times: Floats | None = None,
 ) -> h5py.Group:
-    """Writes ``/VTKHDF`` of lines or faces with points of their own, one time step a state.
+    """Writes ``/VTKHDF`` of cells with points of their own, with one time step a state.
 
     Args:
         file: the file.
-        points: (m, 3) of one cell after the other, m.
-        types: (n,) VTK's types of the cells.
-        sizes: (n,) numbers of points of the cells.
-        points_data: arrays (n_states, m, ...).
-        cells: arrays (n_states, n).
-        static: arrays (n,) that are the same at all states.
+        points: (k, 3) of the cells, one after the other, m.
+        sizes: (n,) points of each.
+        types: (n,) VTK's numbers of their kinds.
+        points_data: arrays (n_states, k, ...).
+        cells: arrays (n_states, n, ...).
+        static: arrays (n, ...) that are the same at all states.
         times: (n_states,) of the states, days; None for their numbers.
 
     Returns:
         The group.
     """
+    k, n = len(points), len(sizes)
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
-    group["NumberOfPoints"] = np.array([len(points)], dtype=np.int64)
-    group["NumberOfCells"] = np.array([len(types)], dtype=np.int64)
-    group["NumberOfConnectivityIds"] = np.array([len(points)], dtype=np.int64)
+    group["NumberOfPoints"] = np.array([k], dtype=np.int64)
+    group["NumberOfCells"] = np.array([n], dtype=np.int64)
+    group["NumberOfConnectivityIds"] = np.array([k], dtype=np.int64)
     group["Points"] = points
     group["Points"].attrs["unit"] = "m"
     group["Types"] = types
-    group["Connectivity"] = np.arange(len(points), dtype=np.int64)
+    group["Connectivity"] = np.arange(k, dtype=np.int64)
     group["Offsets"] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
     _write_data(group, "PointData", points_data)
-    _write_data(group, "CellData", {**cells, **static})
+    _write_data(group, "CellData", cells)
+    for name, array in static.items():
+        group[f"CellData/{name}"] = array
     states = len(next(iter(cells.values())))
-    counts = {f"PointData/{name}": len(points) for name in points_data}
-    counts |= {f"CellData/{name}": len(types) for name in cells}
+    counts = {f"PointData/{name}": k for name in points_data}
+    counts |= {f"CellData/{name}": n for name in cells}
     counts |= {f"CellData/{name}": 0 for name in static}
     _write_step_offsets(group, states, counts, times)
     return group
-
-
-LINE = 3
-"""VTK's number of a straight line of two points."""
 
 
 def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, Floats]:

@@ -16,10 +16,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from geoident.io.result.structure_lines import structure_lines
+from geoident.io.result.structure_cells import StructureCells
 from geoident.io.result.vtkhdf import (
     EXCESS,
-    LINE,
     balanced_cells,
     element_groups,
     element_numbers,
@@ -31,7 +30,7 @@ from geoident.io.result.vtkhdf import (
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
-from geoident.model.results.result import FieldSeries, MemberForces
+from geoident.model.results.result import FieldSeries
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism
 
@@ -91,35 +90,31 @@ def write_vtu(
         at_points["temperature"] = fields.temperature[state, kept]
     if fields.excess is not None:
         at_points[EXCESS] = fields.excess[state, kept]
-    write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
+    _write_grid(path, with_z(mesh.points[kept]), topology, at_points, cells)
 
 
-def write_structures_vtu(forces: MemberForces, state: int, path: str | Path) -> None:
-    """Writes walls, linings and bars that stand at a state as lines with their forces.
+def write_structures_vtu(cells: StructureCells, path: str | Path) -> None:
+    """Writes the structures that stand at a state as cells with their forces.
 
-    Each straight piece has two points of its own, since forces may leap between pieces. Point data
-    and cell data are those of `structure_lines`.
+    Each cell has points of its own, since forces may leap between cells.
 
     Args:
-        forces: forces at all stages.
-        state: 0 is the virgin state, in which nothing stands.
+        cells: of the structures at the state.
         path: the file.
     """
-    lines = structure_lines(forces, state)
-    present = lines.present
-    count = int(np.count_nonzero(present))
+    present = cells.present
     topology: Arrays = {
-        "connectivity": np.arange(2 * count, dtype=np.int64),
-        "offsets": 2 * np.arange(1, count + 1, dtype=np.int64),
-        "types": np.full(count, LINE, dtype=np.uint8),
+        "connectivity": np.arange(cells.sizes[present].sum(), dtype=np.int64),
+        "offsets": np.cumsum(cells.sizes[present]).astype(np.int64),
+        "types": cells.types[present],
     }
-    ends = np.repeat(present, 2)
-    at_points = {k: v[ends] for k, v in lines.at_points.items()}
-    cells = {k: v[present] for k, v in lines.of_cells.items()}
-    write_grid(path, lines.points[ends], topology, at_points, cells)
+    of_present = np.repeat(present, cells.sizes)
+    at_points = {k: v[of_present] for k, v in cells.at_points.items()}
+    of_cells = {k: v[present] for k, v in (*cells.of_cells.items(), *cells.static.items())}
+    _write_grid(path, cells.points[of_present], topology, at_points, of_cells)
 
 
-def write_grid(
+def _write_grid(
     path: str | Path, points: Floats, topology: Arrays, at_points: Arrays, cells: Arrays
 ) -> None:
     """Writes points (n, 3), the cells of them, and what is known at the points and of the cells."""

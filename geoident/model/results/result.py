@@ -816,8 +816,9 @@ class ShellForces:
         structures: (n_faces,) name of the shell of each face.
         numbers: (n_faces,) its number within the shell, from 1.
         stages: names of the stages, the virgin state not among them.
-        centres: (n_faces, dim) middles of the faces, m.
-        axes: (n_faces, 3, dim) unit vectors: axes 1 and 2 of the forces, and the normal to the
+        centres: (n_faces, 3) middles of the faces, m.
+        corners: (n_faces, 4, 3) of the faces in their order, m; the fourth of a triangle is NaN.
+        axes: (n_faces, 3, 3) unit vectors: axes 1 and 2 of the forces, and the normal to the
             inside.
         normal: (n_faces, 3, n_stages) n_11, n_22, n_12, N per metre, tension positive.
         moment: (n_faces, 3, n_stages) m_11, m_22, m_12, N m per metre, positive with tension on
@@ -838,6 +839,7 @@ class ShellForces:
             shown="m",
         )
     )
+    corners: Floats = field(metadata=column("face", "corner", "axis", hidden=VIEWS))
     axes: Floats = field(metadata=column("face", "shell_axis", "axis", name="axes", hidden=VIEWS))
     normal: Floats = field(
         metadata=column(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoident.io.result.interface_faces import write_interfaces_vtkhdf, write_interfaces_vtu
+from geoident.io.result.structure_cells import interface_faces, write_structures_vtkhdf
+from geoident.io.result.vtu import write_structures_vtu
 from tests.forward.structures.test_interface_states import pulled_apart
 from tests.forward.structures.test_interfaces import slope
 from tests.support.commands import run_command
@@ -31,8 +32,9 @@ def grid_of(path, state: int):
 def test_faces_cover_the_interface_once_with_what_they_carry(kind, tmp_path):
     """Corners in their order give the area, each point has its numbers; dug faces are not shown."""
     states = pulled_apart(kind)
-    write_interfaces_vtu(states, 1, tmp_path / "a.vtu")
-    write_interfaces_vtkhdf(states, tmp_path / "a.vtkhdf")
+    faces = [interface_faces(states, state) for state in range(3)]
+    write_structures_vtu(faces[1], tmp_path / "a.vtu")
+    write_structures_vtkhdf(faces, tmp_path / "a.vtkhdf")
     for name in ("a.vtu", "a.vtkhdf"):
         grid = grid_of(tmp_path / name, 1)
         size = sum(covered(grid.GetCell(k)) for k in range(grid.GetNumberOfCells()))
@@ -41,7 +43,7 @@ def test_faces_cover_the_interface_once_with_what_they_carry(kind, tmp_path):
         np.testing.assert_array_equal(read, states.opening[:, 0])
     hidden = vtk_to_numpy(grid_of(tmp_path / "a.vtkhdf", 2).GetCellData().GetArray("vtkGhostType"))
     assert (hidden == 32).all()
-    write_interfaces_vtu(states, 2, tmp_path / "b.vtu")
+    write_structures_vtu(faces[2], tmp_path / "b.vtu")
     assert grid_of(tmp_path / "b.vtu", 2).GetNumberOfCells() == 0
 
 

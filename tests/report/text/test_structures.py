@@ -51,6 +51,7 @@ def test_extremes_over_the_faces_of_each_shell_are_shown():
         numbers=np.array([1, 2, 1]),
         stages=("first", "second"),
         centres=np.zeros((3, 3)),
+        corners=np.zeros((3, 4, 3)),
         axes=np.broadcast_to(np.eye(3), (3, 3, 3)),
         normal=normal,
         moment=normal * [[[1.0], [10.0], [-1.0]]],
