@@ -28,12 +28,16 @@ def soil_constants(material: Material, point: ParameterPoint) -> dict[str, Dual]
         numbers["E"] = 9.0 * K * G / (3.0 * K + G)
         numbers["nu"] = (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
     result = {name: numbers[name] for name in ("E", "nu")}
-    for name in ("E50", "m", "p_ref", "Rf", "cohesion", "friction", "dilation", "tension"):
+    for name in ("m", "p_ref", "Rf", "cohesion", "friction", "dilation", "tension"):
         result[name] = point.number(getattr(soil, name))
+    if soil.E50 is not None:
+        result["E50"] = point.number(soil.E50)
     if soil.Eoed is not None:
         result["Eoed"] = point.number(soil.Eoed)
         sine = result["friction"].sine()
         result["K0nc"] = 1.0 - sine if soil.K0nc is None else point.number(soil.K0nc)
+    if soil.G0 is not None and soil.gamma_07 is not None:
+        result |= {"G0": point.number(soil.G0), "gamma_07": point.number(soil.gamma_07)}
     return result
 
 
@@ -48,11 +52,17 @@ def impossible_soil(material: Material, values: Values) -> str | None:
     """Why the constants of a hardening soil do not go together, a clause, or None if they do."""
     k = soil_constants(material, ParameterPoint(values, ()))
     number = {name: float(one.value) for name, one in k.items()}
-    initial = 2.0 * number["E50"] / (2.0 - number["Rf"])
+    initial = 2.0 * number.get("E50", 0.0) / (2.0 - number["Rf"])
     if not number["E"] > initial:
         return (
             f"E of {material.name}, the modulus of unloading, is {number['E']:.6g} Pa, it must be "
             f"above 2 E50 / (2 - Rf) = {initial:.6g} Pa"
+        )
+    unloading = 0.5 * number["E"] / (1.0 + number["nu"])
+    if not number.get("G0", np.inf) > unloading:
+        return (
+            f"G0 of {material.name}, the shear modulus at small strains, is {number['G0']:.6g} Pa, "
+            f"it must be above that of unloading, E / (2 (1 + nu)) = {unloading:.6g} Pa"
         )
     if "Eoed" not in k:
         return None
