@@ -48,6 +48,31 @@ def past_stress(soil: GivenSoil, point: ParameterPoint) -> tuple[Dual, Dual] | N
     return point.number(soil.OCR or Scalar(1.0)), point.number(soil.POP or Scalar(0.0))
 
 
+def stress_at_rest(material: Material, vertical: Dual, point: ParameterPoint) -> Dual:
+    """Horizontal stress (m,) of a soil of known past, effective and compression positive, Pa.
+
+    From the highest vertical stress s_p = OCR s_v + POP, with K0nc s_p to the sides, it was
+    unloaded elastically without strain to the sides, K0nc s_p - nu / (1 - nu) (s_p - s_v); not
+    beyond its passive strength (theory 19).
+
+    Args:
+        material: a hardening soil.
+        vertical: (m,) s_v.
+        point: the parameters.
+    """
+    soil = material.soil
+    assert soil is not None
+    k = soil_constants(material, point)
+    OCR, POP = past_stress(soil, point) or (point.constant(1.0), point.constant(0.0))
+    sine, nu = k["friction"].sine(), k["nu"]
+    highest = vertical * OCR + POP
+    sides = highest * k.get("K0nc", 1.0 - sine) - (highest - vertical) * nu / (1.0 - nu)
+    a = k["cohesion"] * k["friction"].cosine() / sine
+    passive = (vertical + a) * (1.0 + sine) / (1.0 - sine) - a
+    beyond = sides.value > passive.value
+    return Dual(np.where(beyond[:, None], passive.columns, sides.columns))
+
+
 def impossible_soil(material: Material, values: Values) -> str | None:
     """Why the constants of a hardening soil do not go together, a clause, or None if they do."""
     k = soil_constants(material, ParameterPoint(values, ()))

@@ -223,6 +223,8 @@ BASE: dict[tuple[str, str], list[str]] = {
     ("Measured motion", "file"): [],
     ("Load", "on"): ["force"],
     ("Load", "at"): [],
+    ("Geostatic", ""): ["K0"],  # hardening soil needs none
+    ("Geostatic model", ""): ["K0"],
 }
 """Keys that stand with one in place of the first of all ways; with an empty name, in all trials."""
 
