@@ -12,7 +12,7 @@ Numbers = Mapping[str, float]
 _ANGLES = ("friction", "dilation")
 _RATIOS = (
     "nu", "nu_p", "nu_np", "nu_12", "nu_13", "nu_23", "mi", "GSI", "D", "mb", "s", "a", "MR", "m",
-    "Rf", "K0nc", "OCR",
+    "Rf", "K0nc", "OCR", "gamma_07",
 )  # fmt: skip
 
 

@@ -74,7 +74,7 @@ class ConstantStress(_Stress):
 class _RatioStress(_Stress):
     """A vertical stress and horizontal ones in ratio to it, with a tectonic stress beside them."""
 
-    K0: StressRatio
+    K0: StressRatio | None
     K0_across: StressRatio | None
     tectonic: Components | None
 
@@ -155,7 +155,8 @@ class GeostaticStress(_RatioStress):
     stresses.
 
     Args:
-        K0: ratio of horizontal to vertical stress: along x, or along the azimuth.
+        K0: ratio of horizontal to vertical stress: along x, or along the azimuth. Ground for which
+            none is given is hardening soil, whose past gives it (theory 19).
         surface: of the ground; None: the top of the mesh.
         cover: unit weight of the ground between the top of the mesh and the surface, N/m3.
         surcharge: on the surface, Pa, compression positive; it stays in all stages.
@@ -165,7 +166,7 @@ class GeostaticStress(_RatioStress):
         tectonic: stress added everywhere, Pa, tension positive; None for none.
     """
 
-    K0: StressRatio
+    K0: StressRatio | None = None
     surface: Surface | None = None
     cover: Scalar | None = None
     surcharge: Scalar | None = None

@@ -315,7 +315,6 @@ class HardeningSoil(_Surface):
     with a state. The E of the material is that of unloading and reloading at p_ref.
 
     Args:
-        E50: secant modulus at half of the strength in a drained triaxial test at p_ref.
         m: exponent of the stress by which the stiffness grows.
         p_ref: reference stress.
         Rf: strength by the asymptote of the hyperbola.
@@ -323,17 +322,20 @@ class HardeningSoil(_Surface):
         friction: phi, rad.
         dilation: psi, rad.
         tension: tensile strength.
+        E50: secant modulus at half of the strength in a drained triaxial test at p_ref; None:
+            nothing hardens, Mohr-Coulomb alone.
         Eoed: tangent modulus of a first loading in the oedometer at p_ref; None: no cap.
         K0nc: stress to the sides by that upwards, in it; None: 1 - sin(phi).
         OCR: highest vertical stress of the past by that in situ; None: 1.
         POP: highest vertical stress of the past less that in situ; None: 0. Without both the
             stress itself is the highest that there was.
+        G0: shear modulus at the smallest strains, at p_ref; None: that of unloading.
+        gamma_07: shear strain at which the secant shear modulus is 0.722 G0; with it.
     """
 
     kind = "hardening-soil"
-    dimensionless = ("m", "Rf", "K0nc", "OCR")
+    dimensionless = ("m", "Rf", "K0nc", "OCR", "gamma_07")
 
-    E50: Scalar
     m: Scalar
     p_ref: Scalar
     Rf: Scalar
@@ -341,10 +343,13 @@ class HardeningSoil(_Surface):
     friction: Scalar
     dilation: Scalar
     tension: Scalar
+    E50: Scalar | None = None
     Eoed: Scalar | None = None
     K0nc: Scalar | None = None
     OCR: Scalar | None = None
     POP: Scalar | None = None
+    G0: Scalar | None = None
+    gamma_07: Scalar | None = None
 
     @property
     def in_principal_stresses(self) -> bool:
@@ -353,8 +358,11 @@ class HardeningSoil(_Surface):
 
     @property
     def description(self) -> str:
-        """Its name, and whether it has a cap."""
-        return "hardening soil" + (", without a cap" if self.Eoed is None else " with a cap")
+        """Its name, and whether it has a cap and small strains count."""
+        name = "hardening soil" + (", without a cap" if self.Eoed is None else " with a cap")
+        if self.E50 is None:
+            name = "soil of Mohr-Coulomb, stiffer where it is pressed harder"
+        return name if self.G0 is None else f"{name}, stiff at small strains"
 
     def _breach(self, strengths: Numbers) -> Breach | None:
         friction = strengths["friction"]
@@ -375,6 +383,8 @@ class HardeningSoil(_Surface):
             or beyond(strengths, "K0nc", 0.05, 1.0)
             or (beyond(strengths, "OCR", 1.0, 1000.0))
             or negative(strengths, "POP")
+            or not_positive(strengths, "G0")
+            or beyond(strengths, "gamma_07", 1e-6, 0.01)
         )
 
 

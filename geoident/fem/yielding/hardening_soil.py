@@ -39,11 +39,13 @@ import numpy as np
 from geoident.fem.elasticity import isotropic, lame_constants
 from geoident.fem.yielding.domain import NoReturn
 from geoident.fem.yielding.principal_axes import spectrum
+from geoident.fem.yielding.small_strains import STRINGS, SmallStrains
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, stacked
 
 GAMMA, CAP = 0, 1
-"""Places of gamma_p and p_c in the state of a point. A point whose p_c is zero is in none yet."""
+"""Places of gamma_p and p_c in the state of a point, before those of strings (`SmallStrains`). A
+point whose p_c is zero is in none yet."""
 
 LEAST_STRESS = 0.01
 """Part of p_ref below which s_3 and p_c do not lower the stiffness."""
@@ -77,7 +79,7 @@ class Integrated:
 
     Args:
         stress: (s, q, 1 + c) with its derivatives, Pa.
-        state: (2, q, 1 + c) gamma_p and p_c.
+        state: (z, q, 1 + c) gamma_p and p_c, after them what small strains remember.
         yields: (q,) points whose plastic strain grew in the last part of the step.
     """
 
@@ -90,15 +92,17 @@ class HardeningSoil:
     """The law of one material at one parameter vector.
 
     Args:
-        constants: E (of unloading, at p_ref), nu, E50, m, p_ref, Rf, cohesion, friction, dilation,
-            tension, and where there is a cap Eoed and K0nc; with derivatives by n parameters.
+        constants: E (of unloading, at p_ref), nu, m, p_ref, Rf, cohesion, friction, dilation,
+            tension; where shear hardens E50 (else Mohr-Coulomb stands alone), where there is a cap
+            Eoed and K0nc, where small strains are stiffer G0 and gamma_07; with derivatives by n
+            parameters.
         n_strain: number s of strain components, 4 or 6.
     """
 
     def __init__(self, constants: Mapping[str, Dual], n_strain: int) -> None:
         full = isotropic({name: constants[name] for name in ("E", "nu")}).columns
         self._matrix = np.ascontiguousarray(full[:n_strain, :n_strain])
-        self.has_cap = "Eoed" in constants
+        self.has_shear, self.has_cap = "E50" in constants, "Eoed" in constants
         numbers = _derived(constants)
         one = Dual.constant(1.0, constants["E"].n)
         alpha, hardening = cap_constants(constants) if self.has_cap else (one, one)
@@ -106,6 +110,8 @@ class HardeningSoil:
         self._names = tuple(numbers)
         self._columns = np.stack([number.columns for number in numbers.values()])
         self._K0nc = constants.get("K0nc")
+        self._small = SmallStrains(constants, n_strain) if "G0" in constants else None
+        self.n_state = 2 if self._small is None else 2 + STRINGS * n_strain
         self._E, self._p_ref = (float(constants[name].value) for name in ("E", "p_ref"))
 
     def _constants(self, c: int) -> dict[str, Dual]:
@@ -121,11 +127,11 @@ class HardeningSoil:
     def begun(
         self, stress: Floats, state: Floats, once: tuple[Dual, Dual] | None, vertical: int
     ) -> Floats:
-        """State (2, q, 1 + c) of points that have none yet: as a first loading would have left.
+        """State (z, q, 1 + c) of points that have none yet: as a first loading would have left.
 
         Args:
             stress: (s, q, 1 + c), Pa.
-            state: (2, q, 1 + c).
+            state: (z, q, 1 + c).
             once: overconsolidation ratio and pre-overburden pressure, by which the vertical stress
                 was higher once, then with K0nc to the sides; None: the stress was never higher.
             vertical: number of the component of the vertical stress.
@@ -153,9 +159,10 @@ class HardeningSoil:
         """gamma_p and p_c (q,) whose surfaces go through principal stresses, three of (q,)."""
         strength = _strength(s[2], k)
         ratio = _least((s[0] - s[2]) / strength, 1.0 - 1e-9)
-        q = ratio * strength
-        initial, unloading = _compliances(k, self._level(s[2], k))
-        gamma = (q * initial / (1.0 - k["Rf"] * ratio) - q * unloading).positive_part()
+        q, gamma = ratio * strength, ratio * 0.0
+        if self.has_shear:
+            initial, unloading = _compliances(k, self._level(s[2], k))
+            gamma = (q * initial / (1.0 - k["Rf"] * ratio) - q * unloading).positive_part()
         return gamma, _cap_radius(s, k) - k["a"]
 
     def _level(self, s_3: Dual, k: Mapping[str, Dual]) -> Dual:
@@ -186,7 +193,7 @@ class HardeningSoil:
         Args:
             stress: (s, q, 1 + c) before, Pa; the first n of the c derivatives are by the parameters
                 of the constants.
-            state: (2, q, 1 + c) before.
+            state: (z, q, 1 + c) before.
             strain: (s, q, 1 + c) the step.
             parts: equal parts of the step, each an implicit step of its own.
             by_constants: False: the derivatives are by other things than parameters.
@@ -199,7 +206,10 @@ class HardeningSoil:
             np.pad(of[..., :n], [(0, 0)] * (of.ndim - 1) + [(0, c + 1 - of[..., :n].shape[-1])])
             for of in (self._columns, self._matrix)
         )
-        yields = np.zeros(stress.shape[1], dtype=bool)
+        yields, state = np.zeros(stress.shape[1], dtype=bool), state.copy()
+        if self._small is not None:
+            own = self._columns.shape[1] - 1 if by_constants else 0
+            strain, state[2:] = self._small.follow(state[2:], strain, own)
         for _ in range(parts):
             stress, state, yields = self._part(
                 stress, state, strain / parts, constants, Dual(matrix), by_constants=by_constants
@@ -238,7 +248,7 @@ class HardeningSoil:
         ends = np.empty_like(along)
         pushed = np.empty((len(some), _N_INPUTS + len(constants), c + 1))
         pushed[:, :3] = -along[:, 2::-1]
-        pushed[:, 3:5] = np.moveaxis(state[:, some], 0, 1)
+        pushed[:, 3:5] = np.moveaxis(state[: CAP + 1, some], 0, 1)
         pushed[:, 5] = level.columns[some]
         pushed[:, _N_INPUTS:] = constants
         moved_x = by @ pushed[..., 1:]  # (q, 5, c)
@@ -251,7 +261,7 @@ class HardeningSoil:
         stress[:, some] = np.einsum("qsi,qic->sqc", assemble, ends)
         state[GAMMA, some, 0] += x[_SHEAR, some].sum(axis=0) / self._modulus(inputs[5, some])
         state[CAP, some, 0] = x[_PC, some]
-        state[:, some, 1:] = np.moveaxis(moved_x[:, 3:5], 1, 0)
+        state[: CAP + 1, some, 1:] = np.moveaxis(moved_x[:, 3:5], 1, 0)
         return stress, state, yields
 
     def _modulus(self, level: Floats) -> Floats:
@@ -338,12 +348,12 @@ class HardeningSoil:
         a, p_ref = k["a"], k["p_ref"]
         gamma = given[3] + shear[0] + shear[1] + shear[2]
         np.maximum(gamma.columns[..., 0], 0.0, out=gamma.columns[..., 0])  # of an iterate
-        initial, unloading = _compliances(k, level)
         plastic = [-one for one in pulled]
         excess = []
         for multiplier, (i, j) in zip(shear, _PAIRS, strict=True):
             strength = _strength(s[j], k)
-            excess.append(s[i] - s[j] - _hardened(gamma, strength, initial, unloading, k))
+            limit = _hardened(gamma, strength, level, k) if self.has_shear else strength
+            excess.append(s[i] - s[j] - limit)
             dilates = _dilation(s[i], s[j], k)
             plastic[i] = plastic[i] + multiplier * (1.0 - dilates) * 0.5
             plastic[j] = plastic[j] - multiplier * (1.0 + dilates) * 0.5
@@ -419,11 +429,12 @@ def _derived(constants: Mapping[str, Dual]) -> dict[str, Dual]:
     k, phi = constants, constants["friction"]
     lame, mu = lame_constants({name: k[name] for name in ("E", "nu")})
     sine, dilation = phi.sine(), k["dilation"].sine()
+    initial = {"E_i": k["E50"] * 2.0 / (2.0 - k["Rf"])} if "E50" in k else {}
     return {
         **{name: k[name] for name in ("E", "m", "p_ref", "Rf", "tension")},
+        **initial,
         "lame": lame,
         "mu": mu,
-        "E_i": k["E50"] * 2.0 / (2.0 - k["Rf"]),
         "a": k["cohesion"] * phi.cosine() / sine,
         "sine": sine,
         "sine_cv": (sine - dilation) / (1.0 - sine * dilation),
@@ -441,8 +452,9 @@ def _strength(s_j: Dual, k: Numbers) -> Dual:
     return ((s_j + (k["a"] - tiny)).positive_part() + tiny) * (2.0 * sine / (1.0 - sine))
 
 
-def _hardened(gamma: Dual, strength: Dual, initial: Dual, unloading: Dual, k: Numbers) -> Dual:
+def _hardened(gamma: Dual, strength: Dual, level: Dual, k: Numbers) -> Dual:
     """min(q(gamma_p), q_f): the root of the quadratic that the hyperbola is."""
+    initial, unloading = _compliances(k, level)
     asymptote = strength / k["Rf"]
     b, twice = (initial - unloading) * asymptote + gamma, 2.0 * gamma * asymptote
     q = twice / (b + (b * b + 2.0 * unloading * twice).root())

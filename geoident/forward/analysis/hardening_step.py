@@ -129,7 +129,9 @@ class HardeningSteps:
         carried = task.carried
         for soil in self._present(task):
             if soil.name not in carried.hardened:
-                carried.hardened[soil.name] = np.zeros((2, *carried.stress.shape[1:]))
+                carried.hardened[soil.name] = np.zeros(
+                    (soil.law.n_state, *carried.stress.shape[1:])
+                )
             states, stress = carried.hardened[soil.name], carried.stress[:, soil.points]
             before = states[:, soil.points]
             ratio = np.where(before[1, :, 0] == 0.0, soil.law.mobilised(stress[..., 0]), 0.0)
@@ -307,7 +309,7 @@ class _PartOfStage:
             columns[..., 1:] = np.eye(n_strain)[:, None]
             before = np.zeros_like(columns)
             before[..., 0] = self._carried.stress[:, soil.points, 0]
-            state = np.zeros((2, q, 1 + n_strain))
+            state = np.zeros((soil.law.n_state, q, 1 + n_strain))
             state[..., 0] = self._carried.hardened[soil.name][:, soil.points, 0]
             end = soil.law.integrate(before, state, columns, POINT_PARTS, by_constants=False)
             stress[:, soil.points] = end.stress[..., 0]

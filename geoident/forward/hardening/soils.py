@@ -28,12 +28,16 @@ def soil_constants(material: Material, point: ParameterPoint) -> dict[str, Dual]
         numbers["E"] = 9.0 * K * G / (3.0 * K + G)
         numbers["nu"] = (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
     result = {name: numbers[name] for name in ("E", "nu")}
-    for name in ("E50", "m", "p_ref", "Rf", "cohesion", "friction", "dilation", "tension"):
+    for name in ("m", "p_ref", "Rf", "cohesion", "friction", "dilation", "tension"):
         result[name] = point.number(getattr(soil, name))
+    if soil.E50 is not None:
+        result["E50"] = point.number(soil.E50)
     if soil.Eoed is not None:
         result["Eoed"] = point.number(soil.Eoed)
         sine = result["friction"].sine()
         result["K0nc"] = 1.0 - sine if soil.K0nc is None else point.number(soil.K0nc)
+    if soil.G0 is not None and soil.gamma_07 is not None:
+        result |= {"G0": point.number(soil.G0), "gamma_07": point.number(soil.gamma_07)}
     return result
 
 
@@ -44,15 +48,46 @@ def past_stress(soil: GivenSoil, point: ParameterPoint) -> tuple[Dual, Dual] | N
     return point.number(soil.OCR or Scalar(1.0)), point.number(soil.POP or Scalar(0.0))
 
 
+def stress_at_rest(material: Material, vertical: Dual, point: ParameterPoint) -> Dual:
+    """Horizontal stress (m,) of a soil of known past, effective and compression positive, Pa.
+
+    From the highest vertical stress s_p = OCR s_v + POP, with K0nc s_p to the sides, it was
+    unloaded elastically without strain to the sides, K0nc s_p - nu / (1 - nu) (s_p - s_v); not
+    beyond its passive strength (theory 19).
+
+    Args:
+        material: a hardening soil.
+        vertical: (m,) s_v.
+        point: the parameters.
+    """
+    soil = material.soil
+    assert soil is not None
+    k = soil_constants(material, point)
+    OCR, POP = past_stress(soil, point) or (point.constant(1.0), point.constant(0.0))
+    sine, nu = k["friction"].sine(), k["nu"]
+    highest = vertical * OCR + POP
+    sides = highest * k.get("K0nc", 1.0 - sine) - (highest - vertical) * nu / (1.0 - nu)
+    a = k["cohesion"] * k["friction"].cosine() / sine
+    passive = (vertical + a) * (1.0 + sine) / (1.0 - sine) - a
+    beyond = sides.value > passive.value
+    return Dual(np.where(beyond[:, None], passive.columns, sides.columns))
+
+
 def impossible_soil(material: Material, values: Values) -> str | None:
     """Why the constants of a hardening soil do not go together, a clause, or None if they do."""
     k = soil_constants(material, ParameterPoint(values, ()))
     number = {name: float(one.value) for name, one in k.items()}
-    initial = 2.0 * number["E50"] / (2.0 - number["Rf"])
+    initial = 2.0 * number.get("E50", 0.0) / (2.0 - number["Rf"])
     if not number["E"] > initial:
         return (
             f"E of {material.name}, the modulus of unloading, is {number['E']:.6g} Pa, it must be "
             f"above 2 E50 / (2 - Rf) = {initial:.6g} Pa"
+        )
+    unloading = 0.5 * number["E"] / (1.0 + number["nu"])
+    if not number.get("G0", np.inf) > unloading:
+        return (
+            f"G0 of {material.name}, the shear modulus at small strains, is {number['G0']:.6g} Pa, "
+            f"it must be above that of unloading, E / (2 (1 + nu)) = {unloading:.6g} Pa"
         )
     if "Eoed" not in k:
         return None

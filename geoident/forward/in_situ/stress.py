@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.forward.hardening.soils import stress_at_rest
 from geoident.forward.in_situ.overburden import GroundAbove, Overburden
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.in_situ.water import PorePressure, is_wet
@@ -261,11 +262,22 @@ def _geostatic(model: GeostaticStress, on_mesh: CaseOnMesh, places: StressPlaces
             columns[groups == names.index(group)] = point.number(number).columns
         return Dual(columns)
 
+    stated = model.K0 if model.K0 is not None else {}
+    of_past = [
+        (case.materials[material], groups == group)
+        for group, material in on_mesh.sequence.states[0].materials.items()
+        if not isinstance(stated, Scalar) and names[group] not in stated
+    ]
+
     def components(point: ParameterPoint) -> list[Dual]:
         vertical = -(above.weight(case, point) + cover.pressure(point))
         if pores is not None:
             vertical = vertical + pores.at(point).times(wet)
-        along = across = vertical * ratio(model.K0, point)
+        along = vertical * ratio(stated, point)
+        for material, rows in of_past:
+            if rows.any():
+                along.columns[rows] = -stress_at_rest(material, -vertical[rows], point).columns
+        across = along
         if model.K0_across is not None:
             across = vertical * ratio(model.K0_across, point)
         return _components(model, vertical, along, across, point, mesh.dim)

@@ -11,15 +11,16 @@ from geoident.errors import Fault
 from geoident.fem.yielding.domain import empty_domain
 from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import material_axes
-from geoident.forward.hardening.soils import impossible_soil
+from geoident.forward.hardening.soils import impossible_soil, stress_at_rest
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.surfaces import in_principal_stresses, yield_limits, yield_planes
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.cells import CELLS
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Growth, RandomField, constants
+from geoident.model.in_situ import GeostaticStress
 from geoident.model.mesh import spans
-from geoident.model.parameter import Parameter, Values
+from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.yielding import (
     GivenPlanes,
     HoekBrown,
@@ -56,6 +57,19 @@ def yield_faults(case: Case) -> list[Fault]:
     return faults
 
 
+def _ratios_at_rest(case: Case) -> Iterator[tuple[Material, float]]:
+    """Soils whose horizontal stress in situ follows from their past, and by the vertical one."""
+    point = ParameterPoint(case.start, ())
+    for group, name in case.groups.items():
+        model = case.in_situ_of.get(group, case.in_situ)
+        if name is None or not isinstance(model, GeostaticStress) or isinstance(model.K0, Scalar):
+            continue
+        material = case.materials[name]
+        if material.soil is not None and group not in (model.K0 or {}):
+            upright = Dual(point.number(material.soil.p_ref).columns[None])
+            yield material, float((stress_at_rest(material, upright, point) / upright).value[0])
+
+
 def yield_notes(case: Case) -> list[str]:
     """By what each material yields, and cut-offs of tension without effect."""
     start = case.start
@@ -64,6 +78,10 @@ def yield_notes(case: Case) -> list[str]:
         for material in case.materials.values()
         if material.soil is not None
     ]
+    notes += dict.fromkeys(
+        f"K0 of '{material.name}' is that of its past, {at_rest:.3g} at a vertical stress of p_ref"
+        for material, at_rest in _ratios_at_rest(case)
+    )
     for material in _yielding(case):
         notes.append(f"'{material.name}' yields by {_described(case, material)}")
         varied = {growth.surface for growth in material.growths}

@@ -226,9 +226,11 @@ class GeostaticModel(Section):
     """
 
     model: Literal["geostatic"]
-    K0: RatioByGroup = Field(
+    K0: RatioByGroup | None = Field(
+        None,
         description="Ratio of horizontal to vertical (effective) stress, along x or along "
-        "`azimuth`: one number, or one for each element group.",
+        "`azimuth`: one number, or one for each element group. Hardening soil for which it is "
+        "missing has that of its `K0nc`, `OCR` and `POP`.",
         examples=["0.5", {"clay": 0.6, "sand": 0.45}],
     )
     K0_across: RatioByGroup | None = _ACROSS

@@ -20,6 +20,7 @@ from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
 from geoident.io.case.stages import ABSENT, Begin, check_sequence, refuse_group
 from geoident.io.case.structures import BoltSection, PileSection
+from geoident.io.case.yielding.sections import HardeningSoilSection
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
@@ -91,8 +92,11 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
     for path, model, groups in models:
         if isinstance(model, GeostaticModel):
             weighed = True
-            for key in ("K0", "K0_across"):
-                _check_ratios((*path, key), getattr(model, key), groups, section, faults)
+            K0 = model.K0 or {}
+            known = [group for group in groups if _is_hardening(section, group)]
+            for key, given in (("K0", K0), ("K0_across", model.K0_across)):
+                optional = known if key == "K0" else []
+                _check_ratios((*path, key), given, groups, optional, section, faults)
     if not weighed:
         return
     if section.gravity is None:
@@ -151,17 +155,29 @@ def _is_negative(given: CaseNumber, section: CaseSection) -> bool:
     return parameter is not None and all(given.factor * b.factor < 0 for b in parameter.bounds)
 
 
+def _is_hardening(section: CaseSection, group: str) -> bool:
+    """Whether a group is hardening soil at the beginning, whose past tells its K0."""
+    material = section.materials.get(section.groups[group])
+    return material is not None and isinstance(material.yields, HardeningSoilSection)
+
+
 def _check_ratios(
-    path: KeyPath, given: object, groups: Collection[str], section: CaseSection, faults: Faults
+    path: KeyPath,
+    given: object,
+    groups: Collection[str],
+    optional: Collection[str],
+    section: CaseSection,
+    faults: Faults,
 ) -> None:
     """Ratios of horizontal stresses by group: one for each group that needs one, no other."""
     if not isinstance(given, Mapping):
         return
-    missing = [group for group in groups if group not in given]
+    missing = [group for group in groups if group not in given and group not in optional]
     if missing:
         message = f"no {path[-1]} for {', '.join(map(repr, missing))}"
         hint = "Add it, or write one number for all groups."
-        faults.add(path, "missing-group", message, hint, key=True)
+        place = path if given else path[:-1]
+        faults.add(place, "missing-group", message, hint, key=True)
     for group in given:
         if group not in section.groups:
             faults.add_unknown((*path, group), "group", group, section.groups, key=True)

@@ -112,6 +112,7 @@ GIVEN: dict[tuple[str, str], list[Any]] = {
     **{(field, "sd"): ["30 %"] for field in FIELDS},
     **{(field, "length"): ["20 m", ["20 m", "5 m"], ["20", "5 m"]] for field in FIELDS},
     **{(field, "smoothness"): ["1.5"] for field in FIELDS},
+    ("Hardening soil", "gamma_07"): ["2e-4"],
     ("Hoek brown", "GSI"): ["45"],
     ("Hoek diederichs", "GSI"): ["45"],
     **{
@@ -202,7 +203,12 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
     ("Strain", "fibre"): {"structure": "wall"},
     ("Load cell", "point"): {"structure": "wall"},
     ("Load cell", "quantity"): {"structure": "wall", "point": lambda dim: at(dim, 1, 0)},
-    **{("Hardening soil", key): {"Eoed": "2 GPa"} for key in ("K0nc", "OCR", "POP")},
+    **{
+        ("Hardening soil", key): {"E50": "2 GPa", "Eoed": "2 GPa"} for key in ("K0nc", "OCR", "POP")
+    },
+    **{("Hardening soil", key): {"E50": "2 GPa"} for key in ("Eoed", "Rf")},
+    ("Hardening soil", "G0"): {"gamma_07": "1e-4"},
+    ("Hardening soil", "gamma_07"): {"G0": "20 GPa"},
     ("Joint meter", "direction"): {"towards": lambda dim: at(dim, 2, 0)},
     ("Joint meter", "towards"): {"direction": east},
     ("Inclinometer", "casing"): {"A": east},
@@ -225,6 +231,8 @@ BASE: dict[tuple[str, str], list[str]] = {
     ("Measured motion", "file"): [],
     ("Load", "on"): ["force"],
     ("Load", "at"): [],
+    ("Geostatic", ""): ["K0"],  # hardening soil needs none
+    ("Geostatic model", ""): ["K0"],
 }
 """Keys that stand with one in place of the first of all ways; with an empty name, in all trials."""
 

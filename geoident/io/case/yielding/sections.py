@@ -342,8 +342,10 @@ class HardeningSoilSection(SurfaceBase):
     """
 
     type: Literal["hardening-soil"] = Field(description="Kind of law.")
-    E50: Stress = Field(
-        description="Secant modulus at half of the strength in a drained triaxial test at `p_ref`.",
+    E50: Stress | None = Field(
+        None,
+        description="Secant modulus at half of the strength in a drained triaxial test at `p_ref`; "
+        "without it nothing hardens: the stiffness is that of unloading up to Mohr-Coulomb.",
         examples=["30 MPa", "$E50"],
     )
     Eoed: Stress | None = Field(
@@ -385,6 +387,18 @@ class HardeningSoilSection(SurfaceBase):
         description="Highest vertical stress of the past less that in situ, with `Eoed`.",
         examples=["50 kPa"],
     )
+    G0: Stress | None = Field(
+        None,
+        description="Shear modulus at the smallest strains, at `p_ref`, with `gamma_07`; without "
+        "both small strains are no stiffer than unloading.",
+        examples=["120 MPa", "$G0"],
+    )
+    gamma_07: Coefficient | None = Field(
+        None,
+        description="Shear strain gamma_0.7 at which the secant shear modulus has fallen to 0.722 "
+        "`G0`: 1e-4 to 2e-4 of sand, up to 5e-4 of plastic clay.",
+        examples=["1.5e-4", "$gamma_07"],
+    )
 
     def surface(self, context: Context) -> HardeningSoil:
         """The law; what belongs to a cap needs one."""
@@ -392,6 +406,15 @@ class HardeningSoilSection(SurfaceBase):
             if self.Eoed is None and getattr(self, key) is not None:
                 message = f"'{key}' belongs to the cap, and without 'Eoed' there is none"
                 context.at(key).refuse("no-cap", message, "Add 'Eoed: ...', or remove it.")
+        for key in ("Eoed", "Rf"):
+            if self.E50 is None and getattr(self, key) is not None:
+                message = f"'{key}' belongs to soil that hardens, and without 'E50' none does"
+                context.at(key).refuse("no-hardening", message, "Add 'E50: ...', or remove it.")
+        for key, other, value in (("G0", "gamma_07", "1.5e-4"), ("gamma_07", "G0", "100 MPa")):
+            if getattr(self, key) is not None and getattr(self, other) is None:
+                message = f"'{key}' without '{other}': small strains take both"
+                hint = f"Add '{other}: {value}', or remove '{key}'."
+                context.at(key).refuse("small-strains", message, hint)
         defaults = {"p_ref": 1e5, "Rf": 0.9, "dilation": 0.0, "tension": 0.0}
         return self.to_model(
             HardeningSoil,
