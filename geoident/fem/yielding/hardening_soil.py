@@ -88,10 +88,12 @@ class Solution:
     Args:
         x: (11, q) principal stresses, p_c and multipliers.
         active: (7, q) mechanisms that act.
+        slopes: (11, 17, q) of the equations by unknowns and inputs.
     """
 
     x: Floats
     active: Bools
+    slopes: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +292,10 @@ class HardeningSoil:
         if not len(some):
             return trial, state, solution
         x, active, inputs = solution.x[:, some], solution.active[:, some], inputs[:, some]
-        by = self._jacobian(x, inputs, active, constants=by_constants)
+        slopes = solution.slopes[..., some]
+        if by_constants:
+            slopes = self._equations(x, inputs, active, constants=True)[1]
+        by = self._jacobian(slopes, inputs, active)
         # along the axes, in their order (the largest tension first), and across them
         resolve, assemble = axes.resolve[some], axes.assemble[some]
         along = np.einsum("qis,sqc->qic", resolve, trial[:, some])
@@ -336,53 +341,56 @@ class HardeningSoil:
         if near is not None:
             some = near.active.any(axis=0)
             x[:, some] = near.x[:, some]
-        x, active, left = self._newton(x, inputs)
+        solution, left = self._newton(x, inputs)
         if not len(left):
-            return Solution(x, active)
+            return solution
         follow, begin, whole = np.zeros((_N_UNKNOWNS, len(left))), begin[:, left], inputs[:, left]
         follow[:3], follow[_PC] = begin, whole[4]
         done, share = 0.0, 0.25
         while done < 1.0:
             part = whole.copy()
             part[:3] = begin + (done + share) * (whole[:3] - begin)
-            found, acts, failed = self._newton(follow, part)
+            found, failed = self._newton(follow, part)
             if not len(failed):
-                done, follow = done + share, found
+                done, follow = done + share, found.x
             elif share > _LEAST_SHARE:
                 share *= 0.5
             else:
                 raise NoReturn("no stress of a hardening soil")
-        x[:, left], active[:, left] = follow, acts
-        return Solution(x, active)
+        solution.x[:, left], solution.active[:, left] = found.x, found.active
+        solution.slopes[..., left] = found.slopes
+        return solution
 
-    def _newton(self, x: Floats, inputs: Floats) -> tuple[Floats, Bools, Ints]:
-        """Unknowns (11, q) by a semismooth Newton method, what acts (7, q), points not solved."""
-        x, active = x.copy(), np.zeros((7, x.shape[1]), dtype=bool)
+    def _newton(self, x: Floats, inputs: Floats) -> tuple[Solution, Ints]:
+        """The solution from unknowns (11, q) on by a semismooth method, and points without one."""
+        q = x.shape[1]
+        x, active = x.copy(), np.zeros((7, q), dtype=bool)
+        at_end = np.empty((_N_UNKNOWNS, _N_UNKNOWNS + _N_INPUTS, q))
         rest = np.arange(x.shape[1])
         scale = self._p_ref * LEAST_STRESS + np.abs(inputs[:3]).max(axis=0)
         for _ in range(_MOST_STEPS):
             equations, slopes, acts = self._equations(x[:, rest], inputs[:, rest])
-            active[:, rest] = acts
+            active[:, rest], at_end[..., rest] = acts, slopes
             open_ = np.abs(equations).max(axis=0) > _CONVERGED * scale[rest]
             rest = rest[open_]
             if not len(rest):
                 break
             try:
-                step = _solved(slopes[..., open_], equations[:, None, open_], acts[:, open_])
+                own = slopes[:, :_N_UNKNOWNS, open_]
+                step = _solved(own, equations[:, None, open_], acts[:, open_])
             except np.linalg.LinAlgError:
                 break
             x[:, rest] -= step[:, 0]
             x[_PC, rest] = np.maximum(x[_PC, rest], inputs[4, rest] * (1.0 - 1e-9))
             if not np.isfinite(x[:, rest]).all():
                 break
-        return x, active, rest
+        return Solution(x, active, at_end), rest
 
-    def _jacobian(self, x: Floats, inputs: Floats, active: Bools, *, constants: bool) -> Floats:
+    def _jacobian(self, slopes: Floats, inputs: Floats, active: Bools) -> Floats:
         """Derivatives (q, 5, 6 + k) of principal stresses, gamma_p, p_c by inputs and constants."""
-        slopes = self._equations(x, inputs, active, constants=constants)[1]
         given = slopes[:, _N_UNKNOWNS:]
         moved = -_solved(slopes[:, :_N_UNKNOWNS], given, active)
-        by = np.zeros((5, _N_INPUTS + len(self._names), x.shape[1]))
+        by = np.zeros((5, _N_INPUTS + len(self._names), inputs.shape[1]))
         n = given.shape[1]
         by[:3, :n] = moved[:3]
         by[3, :n] = moved[_MULTIPLIERS][_SHEAR].sum(axis=0) / self._modulus(inputs[5])
@@ -396,7 +404,7 @@ class HardeningSoil:
         inputs: Floats,
         active: Bools | None = None,
         *,
-        constants: bool | None = None,
+        constants: bool = False,
     ) -> tuple[Floats, Floats, Bools]:
         """Equations (11, q), in the order of the unknowns, their derivatives, what acts (7, q).
 
@@ -404,8 +412,8 @@ class HardeningSoil:
             x: (11, q).
             inputs: (6, q).
             active: mechanisms that act; None: those beyond their limit.
-            constants: None: derivatives (11, 11, q) by the unknowns; False: (11, 17, q) also by the
-                inputs; True: (11, 17 + k, q) also by the constants.
+            constants: False: derivatives (11, 17, q) by the unknowns and the inputs; True: (11, 17
+                + k, q) also by the constants.
         """
         size = self._modulus(inputs[5])
         multipliers = x[_MULTIPLIERS] / size
@@ -415,8 +423,8 @@ class HardeningSoil:
             active = x[_MULTIPLIERS] + law.excess.value > _CONVERGED * scale
         columns = np.moveaxis(joined([law.residual, law.excess]).columns, -1, 1)
         equations, of_gamma = columns[:, 0], columns[:, 1 + _OF_GAMMA]
-        given = () if constants is None else range(_N_INPUTS + columns.shape[1] - 2 - _OF_LEVEL)
-        slopes = np.zeros((_N_UNKNOWNS, _N_UNKNOWNS + len(given), x.shape[1]))
+        n_more = columns.shape[1] - 2 - _OF_LEVEL
+        slopes = np.zeros((_N_UNKNOWNS, _N_UNKNOWNS + _N_INPUTS + n_more, x.shape[1]))
         slopes[:, :4] = columns[:, 1:5]
         by_multipliers = slopes[:, _MULTIPLIERS]
         by_multipliers[:, _SHEAR] = (of_gamma / size)[:, None]
@@ -426,28 +434,23 @@ class HardeningSoil:
         by_multipliers[_PC, _OF_CAP] -= law.growth / size
         mechanism = np.arange(7)
         by_multipliers[4 + mechanism[_PULL], mechanism[_PULL]] -= _SOFT
-        if given:
-            by_inputs = slopes[:, _N_UNKNOWNS:]
-            by_inputs[:, 3] = of_gamma
-            by_inputs[:, 5:] = columns[:, 1 + _OF_LEVEL :]
-            by_inputs[np.arange(4), [0, 1, 2, 4]] -= 1.0
+        by_inputs = slopes[:, _N_UNKNOWNS:]
+        by_inputs[:, 3] = of_gamma
+        by_inputs[:, 5:] = columns[:, 1 + _OF_LEVEL :]
+        by_inputs[np.arange(4), [0, 1, 2, 4]] -= 1.0
         equations[4:] = np.where(active, equations[4:], x[_MULTIPLIERS])
         slopes[4:] *= active[:, None]
         by_multipliers[4 + mechanism, mechanism] += ~active
         return equations, slopes, active
 
-    def _law(
-        self, x: Floats, inputs: Floats, multipliers: Floats, *, constants: bool | None
-    ) -> _Law:
+    def _law(self, x: Floats, inputs: Floats, multipliers: Floats, *, constants: bool) -> _Law:
         """The law at an iterate, with its derivatives; multipliers (7, q) are given numbers."""
-        n = _OF_LEVEL + {None: 0, False: 1, True: 1 + len(self._names)}[constants]
+        n = _OF_LEVEL + 1 + (len(self._names) if constants else 0)
         y = _variables(np.stack([*x[:3], x[_PC], inputs[3] + multipliers[_SHEAR].sum(axis=0)]), n)
         s, p_c, gamma = y[:3], y[3], y[_OF_GAMMA]
         np.maximum(gamma.columns[..., 0], 0.0, out=gamma.columns[..., 0])  # of an iterate
-        level: Number = inputs[5]
+        level = _variables(inputs[5:], n, _OF_LEVEL)[0]
         k: Numbers = dict(zip(self._names, self._columns[:, 0].tolist(), strict=True))
-        if constants is not None:
-            level = _variables(inputs[5:], n, _OF_LEVEL)[0]
         if constants:
             numbers = _variables(self._columns[:, :1], n, _OF_LEVEL + 1)
             k = {name: numbers[i] for i, name in enumerate(self._names)}

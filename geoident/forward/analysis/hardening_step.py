@@ -147,12 +147,13 @@ class HardeningSteps:
         total, done = np.zeros_like(task.forces), 0.0
         yields = np.zeros(carried.stress.shape[1], dtype=bool)
         parts, guess = [1.0 / PARTS] * PARTS, np.zeros(len(total))
+        last: _Iterate | None = None
         while parts:
             share = parts.pop()
             target = start + (done + share) * change
             part = _PartOfStage(self._systems, task, self._present(task), share, target)
             try:
-                du, yields = part.solve(share * guess)
+                du, yields, last = part.solve(share * guess, last)
             except _NotSolved:
                 if share <= _LEAST_PART:
                     raise self._no_equilibrium(task, done, total, yields) from None
@@ -218,24 +219,25 @@ class _PartOfStage:
         alone = self._points.forces(task.carried.stress[..., 0] * work, self._volume)
         self._at_work = max(float(np.abs(f).max(initial=0.0)) for f in (target[:, 0], alone))
 
-    def solve(self, guess: Floats) -> tuple[Floats, Bools]:
-        """Displacement steps (n_dofs, 1 + n + k), and which points yield; carries stress and state.
+    def solve(self, guess: Floats, last: _Iterate | None) -> tuple[Floats, Bools, _Iterate]:
+        """Displacement steps (n_dofs, 1 + n + k), which points yield, and the end, carried on.
 
         Args:
             guess: (n_dofs,) displacement step to begin with.
+            last: the end of the part before.
 
         Raises:
             _NotSolved: Newton's method did not end.
         """
         try:
-            end = self._newton(guess)
-            return self._carry(end)
+            end = self._newton(guess, last)
+            return (*self._carry(end), end)
         except (NoReturn, NotPositiveDefinite) as error:
             raise _NotSolved from error
 
-    def _newton(self, guess: Floats) -> _Iterate:
+    def _newton(self, guess: Floats, last: _Iterate | None) -> _Iterate:
         """The end of the part."""
-        iterate = self._at(guess)
+        iterate = self._at(guess, last)
         for _ in range(_MOST_STEPS):
             if iterate.imbalance <= _BALANCED:
                 return iterate
