@@ -184,7 +184,7 @@ def test_hardening_soil_has_its_limit():
     """The factor is that of its c and phi, whatever its stiffness and its past."""
     axial, lateral = 200e3, 60e3
     soil = HardeningSoil(
-        *map(Scalar, (20e6, 0.5, 100e3, 0.9, C, PHI, radians(8.0), 0.0)), Eoed=Scalar(20e6)
+        *map(Scalar, (0.5, 100e3, 0.9, C, PHI, radians(8.0), 0.0)), Scalar(20e6), Scalar(20e6)
     )
     material = replace(rock(60e6, 0.2), soil=soil)
     found = factor_of(pressed(material, axial, lateral))
@@ -196,7 +196,7 @@ def test_hardening_soil_has_its_limit():
 def test_hardening_soil_that_collapses_as_it_is():
     """No equilibrium is found; with its limit alone and more strength there is one."""
     axial, lateral = 400e3, 60e3
-    soil = HardeningSoil(*map(Scalar, (20e6, 0.5, 100e3, 0.9, C, PHI, PHI, 0.0)))
+    soil = HardeningSoil(*map(Scalar, (0.5, 100e3, 0.9, C, PHI, PHI, 0.0, 20e6)))
     exact = coulomb(C, PHI, axial, lateral)
     found = factor_of(pressed(replace(rock(60e6, 0.2), soil=soil), axial, lateral))
     assert found.value == pytest.approx(exact, rel=0.004)
