@@ -26,7 +26,7 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection, NoReturn
-from geoident.fem.yielding.hardening_soil import HardeningSoil
+from geoident.fem.yielding.hardening_soil import HardeningSoil, Solution
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
@@ -83,6 +83,7 @@ class _Iterate:
         du: (n_motions,)
         points: (q,) with a tangent of their own, ascending.
         change: (q, s, s) of V E there.
+        solutions: of each soil.
         residual: (n,) of the unknowns.
         imbalance: the largest of them, by the largest force at work.
     """
@@ -90,6 +91,7 @@ class _Iterate:
     du: Floats
     points: Ints
     change: Floats
+    solutions: list[list[Solution]]
     residual: Floats
     imbalance: float
 
@@ -277,15 +279,15 @@ class _PartOfStage:
         """Follow a step, or the largest half of it that makes nothing much worse."""
         for cut in range(_MOST_CUTS):
             try:
-                following = self._at(iterate.du + 0.5**cut * step)
+                following = self._at(iterate.du + 0.5**cut * step, iterate)
             except (NoReturn, NoProjection):
                 continue
             if following.imbalance <= max(2.0 * iterate.imbalance, _ROUNDED):
                 return following
         raise _NotSolved
 
-    def _at(self, du: Floats) -> _Iterate:
-        """Stresses, tangents and residual at motions (n_motions,)."""
+    def _at(self, du: Floats, near: _Iterate | None = None) -> _Iterate:
+        """Stresses, tangents and residual at motions (n_motions,), ones near others."""
         task, points, n_strain = self._task, self._points, self._ground.n_strain
         structures = self._systems.structures
         u = du[: points.n_dofs]
@@ -299,8 +301,8 @@ class _PartOfStage:
         stress = self._begin.copy()
         for name, place in task.system.points_of.items():
             stress[:, place] += self._moduli[name].stress(strain[:, place])
-        places, changes = [], []
-        for soil in self._soils:
+        places, changes, solutions = [], [], []
+        for n, soil in enumerate(self._soils):
             q = len(soil.points)
             columns = np.zeros((n_strain, q, 1 + n_strain))
             columns[..., 0] = strain[:, soil.points]
@@ -309,10 +311,18 @@ class _PartOfStage:
             before[..., 0] = self._carried.stress[:, soil.points, 0]
             state = np.zeros((2, q, 1 + n_strain))
             state[..., 0] = self._carried.hardened[soil.name][:, soil.points, 0]
-            end = soil.law.integrate(before, state, columns, POINT_PARTS, by_constants=False)
+            end = soil.law.integrate(
+                before,
+                state,
+                columns,
+                POINT_PARTS,
+                by_constants=False,
+                near=near.solutions[n] if near else (),
+            )
             stress[:, soil.points] = end.stress[..., 0]
             places.append(soil.points)
             changes.append(np.moveaxis(end.stress[..., 1:], 1, 0) - soil.law.elasticity)
+            solutions.append(end.solutions)
         for ground in self._others:
             stress[:, ground.points] = self._begin[:, ground.points]
             response = ground.integrate_stress(stress, strain, 0.0)
@@ -330,7 +340,7 @@ class _PartOfStage:
         order = np.argsort(place, kind="stable")
         place = place[order]
         change = np.concatenate(changes)[order] * points.volume[place][:, None, None]
-        return _Iterate(du, place, change, residual, worst)
+        return _Iterate(du, place, change, solutions, residual, worst)
 
     def _factor(self, iterate: _Iterate) -> Factor:
         """Of the consistent tangent."""
@@ -356,14 +366,14 @@ class _PartOfStage:
         if du.shape[1] > 1:
             members = task.carried.members[:, rest]
             points.add_stiffness_derivatives(systems, end.du, trial[..., rest], members)
-            stress = self._returned(trial, moved)[0]
+            stress = self._returned(trial, moved, end)[0]
             forces = self._target[:, rest] - points.forces(stress[..., rest], points.volume)
             forces -= points.elastic_forces(members)
             if len(dofs):
                 du[dofs, rest] = self._factor(end).solve(forces[dofs])
             trial[..., rest] += self._elastic(du[:, rest])
             moved[:, rest] += du[:n_dofs, rest]
-        stress, yields, responses = self._returned(trial, moved)
+        stress, yields, responses = self._returned(trial, moved, end)
         points.carry(stress, du, slice(None))
         self._carried.take(task.carried)
         return du, yields, responses
@@ -379,24 +389,29 @@ class _PartOfStage:
         return stress
 
     def _returned(
-        self, trial: Floats, moved: Floats
+        self, trial: Floats, moved: Floats, at: _Iterate
     ) -> tuple[Floats, Bools, list[PlasticResponse]]:
         """Stresses (s, m, 1 + n + k) at the end of the part; the state of soils is carried.
 
         Args:
             trial: (s, m, 1 + n + k) elastic ones.
             moved: (n_dofs, 1 + n + k) displacements.
+            at: these displacements.
 
         Returns:
             The stresses, which points of the ground yield, and what yields beside the soils.
         """
         stress, responses = trial.copy(), list[PlasticResponse]()
         yields = np.zeros(self._points.n_points, dtype=bool)
-        for soil in self._soils:
+        for soil, known in zip(self._soils, at.solutions, strict=True):
             strain = self._ground.strain(moved, soil.points)
             before, states = self._carried, self._carried.hardened[soil.name]
             end = soil.law.integrate(
-                before.stress[:, soil.points], states[:, soil.points], strain, POINT_PARTS
+                before.stress[:, soil.points],
+                states[:, soil.points],
+                strain,
+                POINT_PARTS,
+                known=known,
             )
             stress[:, soil.points] = end.stress
             self._task.carried.hardened[soil.name][:, soil.points] = end.state
