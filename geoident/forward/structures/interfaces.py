@@ -107,9 +107,9 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
 
     if not case.interfaces:
         return []
-    if case.in_steps is not None:
-        message = f"interfaces in a case with steps in time are not computed yet ({case.in_steps})"
-        refuse(("interfaces",), message, "Leave out the interfaces, or what takes time.")
+    if case.conducts:
+        message = "heat that is conducted across interfaces is not computed yet"
+        refuse(("interfaces",), message, "Leave out the interfaces, or 'heat' of the ground.")
     for name, material in case.materials.items():
         if material.soil is not None:
             message = f"interfaces beside {material.soil.description} are not computed yet"
