@@ -27,6 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from geoident.fem.consolidation import pressure_shapes
 from geoident.fem.elements import raised_rule, reference_element
 from geoident.fem.faces import FaceTable, face_table
 from geoident.fem.kinematics import Kinematics
@@ -295,6 +296,9 @@ class JointPoints:
         beside: (k,) the elements on the first side of these places.
         mean: (m, k) that of a point from those at the places, so that the forces on the nodes are
             those of the traction on the face.
+        elements: (m, 2) on the first and on the second side.
+        sides: (m, n_nodes) how pressures at corners give those at the points, of both sides.
+        size: of a face on average, m.
     """
 
     members: Members
@@ -305,6 +309,9 @@ class JointPoints:
     places: Floats
     beside: Ints
     mean: sp.csr_array
+    elements: Ints
+    sides: tuple[sp.csr_array, sp.csr_array]
+    size: float
 
     def tractions(self, stress: Floats) -> Floats:
         """Tractions (n_rows, c), Pa, of stresses (n_strain, k, c) of the ground at the places."""
@@ -334,6 +341,7 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
     sizes = np.concatenate([np.full(one.count, len(one.weight) // one.count) for one in of_parts])
     mean = sp.csr_array(sp.block_diag([one.mean for one in of_parts]))
     jumps = [sp.vstack([one.jumps[k] for one in of_parts]) for k in range(mesh.dim)]
+    one_side, other = (sp.csr_array(sp.vstack([p.sides[k] for p in of_parts])) for k in range(2))
     members = Members(
         sp.csr_array(sp.vstack(jumps)),
         np.tile(weight, mesh.dim),
@@ -349,6 +357,9 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
         places,
         beside,
         mean,
+        np.concatenate([one.elements for one in of_parts]),
+        (one_side, other),
+        float(np.mean([_size_of(mesh, part) for part in parts])),
     )
 
 
@@ -365,6 +376,8 @@ class _PartPoints:
     slips: Floats
     mean: sp.csr_array
     jumps: list[sp.csr_array]
+    elements: Ints
+    sides: list[sp.csr_array]
 
 
 def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: bool) -> _PartPoints:
@@ -422,6 +435,12 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
         jump = sp.csr_array(entries, shape=(n * q, mesh.points.size))
         jump.eliminate_zeros()
         jumps.append(jump)
+    linear = pressure_shapes(CELLS[part.kind].shape, xi)
+    rows = np.repeat(np.arange(n * q), linear.shape[1])
+    sides_of = []
+    for ends in (part.first[:, : linear.shape[1]], part.second[:, : linear.shape[1]]):
+        entries = (np.tile(linear.ravel(), n), (rows, np.repeat(ends, q, axis=0).ravel()))
+        sides_of.append(sp.csr_array(entries, shape=(n * q, mesh.n_nodes)))
     return _PartPoints(
         n,
         position.reshape(-1, dim),
@@ -432,7 +451,14 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
         slips.reshape(dim - 1, -1, dim),
         mean,
         jumps,
+        np.repeat(part.elements, q, axis=0),
+        sides_of,
     )
+
+
+def _size_of(mesh: Mesh, part: JointFaces) -> float:
+    """Size of the faces on average, m."""
+    return float(np.ptp(mesh.points[part.first], axis=1).max(axis=1).mean())
 
 
 _ENDS_FIRST = [0, 2, 1]

@@ -24,6 +24,7 @@ class Interface:
         dilation: angle, rad, by which slip opens it.
         tensile_strength: Pa.
         planes: sides of the polygon in place of the circle of shear in a solid.
+        permeable: whether water that takes time to leave the ground flows across.
     """
 
     along: str
@@ -35,6 +36,7 @@ class Interface:
     dilation: Scalar = Scalar(0.0)
     tensile_strength: Scalar = Scalar(0.0)
     planes: int = 16
+    permeable: bool = True
 
     ageing: ClassVar[None] = None
 

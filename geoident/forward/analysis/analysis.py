@@ -166,7 +166,7 @@ class StagedAnalysis:
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.joints = JointTractions(on_mesh, systems.structures)
         self.release = PartialRelease(on_mesh, self.actions, parts)
-        self.pores = Pores(on_mesh, systems.definite)
+        self.pores = Pores(on_mesh, systems.definite, systems.structures.joints)
         self.conduction = Conduction(on_mesh)
         self.warm = warm or WarmStart()
 

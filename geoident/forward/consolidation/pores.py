@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +12,10 @@ from scipy.sparse.csgraph import connected_components
 from geoident.fem.consolidation import PoreMatrices, pore_matrices
 from geoident.fem.solvers.quasi_definite import QuasiDefinite
 from geoident.forward.actions.supports import group_nodes
+from geoident.forward.consolidation.joint_pores import JointPores
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.structures.members import StructureMembers
 from geoident.forward.summed import Summed, summed
 from geoident.model.actions import WATER, Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
@@ -52,12 +54,17 @@ class Pores:
     Args:
         on_mesh: the case on its mesh.
         definite: prepares a positive definite matrix (n, n) of unknowns at nodes (n,).
+        joints: the interfaces.
     """
 
     def __init__(
-        self, on_mesh: CaseOnMesh, definite: Callable[[sp.csr_array, Ints], QuasiDefinite]
+        self,
+        on_mesh: CaseOnMesh,
+        definite: Callable[[sp.csr_array, Ints], QuasiDefinite],
+        joints: Sequence[StructureMembers],
     ) -> None:
         self._on_mesh, self._case = on_mesh, on_mesh.case
+        self._joints = JointPores(on_mesh, joints)
         self._definite = definite
         self._sequence = on_mesh.sequence
         self._matrices: dict[int, PoreMatrices] = {}
@@ -92,6 +99,9 @@ class Pores:
             taken = hydraulic.taken(len(matrices.flow), point)
             if taken is not None:  # pressure times its shapes, as in what is stored
                 flow.append((taken / weight, matrices.storage))
+        of_joints = self._joints.parts(current, self[state].groups, weight, point)
+        coupling += of_joints[0]
+        flow += of_joints[1]
         n_nodes, n_dofs = self._on_mesh.mesh.n_nodes, self._on_mesh.discretization.n_dofs
         square = (n_nodes, n_nodes)
         return PoreOperators(
@@ -185,6 +195,7 @@ class Pores:
         given[nodes_in(mesh.blocks, at_once[self._sequence.group_of])] = True
         for name in current.drained:
             given[self._drained_nodes(name)] = True
+        given[self._joints.open_nodes(current, groups)] = True
         corners = [self._of_group(group).nodes for group in groups]
         nodes = np.unique(np.concatenate([np.empty(0, np.int64), *corners]))
         there = np.zeros(mesh.n_nodes, dtype=bool)

@@ -119,9 +119,15 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
 
     if not case.interfaces:
         return []
-    if case.in_steps is not None:
-        message = f"interfaces in a case with steps in time are not computed yet ({case.in_steps})"
-        refuse(("interfaces",), message, "Leave out the interfaces, or what takes time.")
+    if case.conducts:
+        message = "heat that is conducted across interfaces is not computed yet"
+        refuse(("interfaces",), message, "Leave out the interfaces, or 'heat' of the ground.")
+    divided = any(one.beams for faces in on_mesh.joints.values() for one in faces)
+    if case.consolidates and divided:
+        message = "a beam on an interface beside ground that consolidates is not computed yet"
+        refuse(
+            ("interfaces",), message, "Model the wall by elements with an interface on each side."
+        )
     beside = {
         int(group)
         for faces in on_mesh.joints.values()

@@ -9,7 +9,16 @@ from pydantic import Field
 
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
-from geoident.io.schema.values import Angle, CaseNumber, Count, Multiple, Name, Stress, WallSubgrade
+from geoident.io.schema.values import (
+    Angle,
+    CaseNumber,
+    Count,
+    Flag,
+    Multiple,
+    Name,
+    Stress,
+    WallSubgrade,
+)
 from geoident.model.case import Material
 from geoident.model.interfaces import Interface
 from geoident.model.yielding import MohrCoulomb
@@ -72,6 +81,11 @@ class InterfaceSection(Section):
         None,
         description="Sides of the polygon in place of the circle of shear in a solid; even, 16 if "
         "missing.",
+    )
+    permeable: Flag = Field(
+        True,
+        description="Whether water of ground that consolidates flows across it; false for a sheet "
+        "or a wall face that holds it back.",
     )
 
     def check(self, faults: SectionFaults) -> None:
