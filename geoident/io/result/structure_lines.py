@@ -27,7 +27,7 @@ class StructureLines:
             alone) and ``right``, the unit vector to whose side M is positive in tension; zero in
             space and for bars.
         of_cells: arrays (n,): ``structure`` (its number, from 0), ``number`` of the piece,
-            ``per_metre``, ``N_hoop``, ``stressed_to``.
+            ``per_metre``, ``N_hoop``, ``stressed_to``; ``grout`` where there is any.
         present: (n,) which of them stand.
     """
 
@@ -63,6 +63,8 @@ def structure_lines(forces: MemberForces, state: int) -> StructureLines:
         "N_hoop": at(forces.hoop),
         "stressed_to": at(forces.prestress),
     }
+    if forces.grout is not None:
+        of_cells["grout"] = at(forces.grout)
     points = with_z(forces.ends).reshape(-1, 3)
     return StructureLines(points, at_points, of_cells, np.isfinite(at(forces.axial)))
 
