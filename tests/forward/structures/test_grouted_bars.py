@@ -250,10 +250,10 @@ def test_shaft_and_toe_of_a_pile(axis):
 
 def test_the_most_that_a_pile_bears():
     pile = bars(
-        kind=Piles, k_base=Scalar(1e8), base_capacity=Scalar(1.5e5), bond=Scalar(BOND), pieces=12
+        kind=Piles, k_base=Scalar(1e8), base_capacity=Scalar(1.5e5), bond=Scalar(BOND), pieces=4
     )
     most = BOND * L + 1.5e5
-    staged = held(box("quad8", (3, 3), size=(4.0, 4.0)), pile, forces(-0.999 * most))
+    staged = held(box("quad8", (1, 1), size=(4.0, 4.0)), pile, forces(-0.999 * most))
     members = staged.survey(NOTHING, fields=False).members
     toe = members.structures.index("bar (toe)")
     assert members.axial[toe, -1] == pytest.approx(-(0.999 * most - BOND * L), rel=1e-6)
