@@ -13,6 +13,9 @@ Taken in the middle the slip of a long bar in rigid ground has exactly the stiff
 form, EA lambda with lambda^2 = k_grout / EA, however long the pieces are; the decay of N has an
 error of (lambda h)^2 / 12.
 
+A pile of a diameter takes the mean motion around its shaft in place of that on its axis: a load on
+a line would sink in without end as the mesh gets finer.
+
 A free length between a plate at the head and the grout is a piece with an axial strain alone, and
 the toe of a pile is a spring against the ground below it.
 """
@@ -71,19 +74,29 @@ class GroutedRows:
         entries = np.ones(len(nodes)), (np.arange(len(nodes)), nodes * self._mesh.dim)
         return sp.csr_array(entries, shape=(len(nodes), self._mesh.points.size))
 
-    def ground(self, sites: Sequence[Site], bars: Ints) -> sp.csr_array:
-        """(m, n_dofs) t . u of the ground at places (m,), each on one of the bars (m,)."""
+    def ground(self, sites: Sequence[Sequence[Site]], bars: Ints) -> sp.csr_array:
+        """(m, n_dofs) t . u of the ground at places (m,), each on one of the bars (m,).
+
+        A place is a point, or several around the shaft of which the mean counts.
+        """
         dim = self._mesh.dim
-        parts = [np.outer(s.shapes, self.direction[b]) for s, b in zip(sites, bars, strict=True)]
-        columns = [s.nodes[:, None] * dim + np.arange(dim) for s in sites]
-        rows = np.repeat(np.arange(len(sites)), [part.size for part in parts])
+        each = [
+            (row, site, self.direction[bar] / len(held))
+            for row, (held, bar) in enumerate(zip(sites, bars, strict=True))
+            for site in held
+        ]
+        parts = [np.outer(site.shapes, along) for _, site, along in each]
+        columns = [site.nodes[:, None] * dim + np.arange(dim) for _, site, _ in each]
+        rows = np.repeat([row for row, _, _ in each], [part.size for part in parts])
         entries = (
             np.concatenate([part.ravel() for part in parts]),
             (rows, np.concatenate([column.ravel() for column in columns])),
         )
         return sp.csr_array(entries, shape=(len(sites), self._mesh.points.size))
 
-    def grouted(self, middles: Sequence[Site], heads: Sequence[Site] | None) -> Members:
+    def grouted(
+        self, middles: Sequence[Sequence[Site]], heads: Sequence[Sequence[Site]] | None
+    ) -> Members:
         """The grouted lengths: rows e of all pieces, then their slips.
 
         Args:
@@ -115,7 +128,7 @@ class GroutedRows:
             ends.reshape(len(lengths), 2, -1),
         )
 
-    def free_lengths(self, heads: Sequence[Site], at: Floats) -> Members:
+    def free_lengths(self, heads: Sequence[Sequence[Site]], at: Floats) -> Members:
         """Bars from the ground at their heads (n, dim), m, to the first stations."""
         n = len(self.nodes)
         length = np.linalg.norm(self._points[:, 0] - at, axis=1)
@@ -124,7 +137,7 @@ class GroutedRows:
         operator = sp.csr_array(sp.diags_array(1 / length) @ apart)
         return Members(operator, length * self.extent, np.zeros(n, dtype=np.int64), ends)
 
-    def toes(self, sites: Sequence[Site]) -> Members:
+    def toes(self, sites: Sequence[Sequence[Site]]) -> Members:
         """Springs from the last stations to the ground there, stretched where these lift off."""
         n = len(self.nodes)
         apart = self.ground(sites, np.arange(n)) - self.motion(self.nodes[:, -1])

@@ -36,7 +36,7 @@ def bar_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Place
         if channel.quantity == "slip":
             site = on_mesh.locator.best(place.point, present)
             if site is not None:
-                moved = moved - of_bars.ground([site], np.array([channel.member]))
+                moved = moved - of_bars.ground([[site]], np.array([channel.member]))
         sense = float(np.dot(channel.direction, of_bars.direction[channel.member]))
         rows.append(sp.csr_array(np.sign(sense) * moved))
     observable = RelativeDisplacements(sp.csr_array(sp.vstack(rows)))

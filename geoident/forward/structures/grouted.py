@@ -125,15 +125,25 @@ def parts_of(
         structure: in ground that holds all its points (`structures.checks`).
         present: (n_elements,) what is there as long as it stands.
     """
+    circles = _around_shafts(on_mesh, structure)
 
-    def holding(points: Floats) -> list[Site]:
-        sites = [on_mesh.locator.best(tuple(point), present) for point in points.tolist()]
-        return [site for site in sites if site is not None]
+    def holding(points: Floats, *, around: bool = False) -> list[list[Site]]:
+        """What holds points (n, dim), or (n, k, dim) of several bars."""
+        every = points.reshape(len(structure.ends), -1, points.shape[-1])
+        held = []
+        for circle, own in zip(circles, every, strict=True):
+            for point in own:
+                ring = point + circle if around else point[None]
+                sites = [on_mesh.locator.best(tuple(x), present) for x in ring.tolist()]
+                if not any(sites):  # beside the mesh
+                    sites = [on_mesh.locator.best(tuple(point.tolist()), present)]
+                held.append([site for site in sites if site is not None])
+        return held
 
     rows, points = grouted_rows(on_mesh, name, structure), points_of(structure)
     at_head = np.array([head for head, _ in structure.ends], dtype=np.float64)
     heads = holding(at_head) if structure.head == "joined" else None
-    middles = holding(((points[:, :-1] + points[:, 1:]) / 2).reshape(-1, points.shape[2]))
+    middles = holding((points[:, :-1] + points[:, 1:]) / 2, around=True)
     yield name, _shafts(structure), rows.grouted(middles, None if structure.free else heads)
     if structure.free and heads is not None:
         yield f"{name} (free length)", _free_lengths(structure, points), rows.free_lengths(
@@ -147,7 +157,31 @@ def parts_of(
             stiffness=structure.k_base,
             strength=structure.base_capacity,
         )
-        yield f"{name} (toe)", toes, rows.toes(holding(points[:, -1]))
+        yield f"{name} (toe)", toes, rows.toes(holding(points[:, -1], around=True))
+
+
+_AROUND = 8
+"""Points around the shaft of a pile in a solid."""
+
+
+def _around_shafts(on_mesh: CaseOnMesh, structure: GroutedBars) -> list[Floats]:
+    """For each bar points (k, dim) around its axis, of which the mean motion counts, m.
+
+    In the plane a row of piles is spread along a line; elsewhere a pile has the diameter with which
+    it starts.
+    """
+    ends = np.array(structure.ends, dtype=np.float64)
+    line, case = np.zeros((1, ends.shape[2])), on_mesh.case
+    if not isinstance(structure, Piles) or structure.diameter is None:
+        return [line] * len(ends)
+    radius = structure.diameter.value(case.start) / 2
+    if case.analysis is Analysis.AXISYMMETRIC:
+        return [np.array([[radius, 0.0]]) if not pair[:, 0].any() else line for pair in ends]
+    if case.analysis is Analysis.PLANE_STRAIN:
+        return [line] * len(ends)
+    angle = 2 * np.pi * np.arange(_AROUND)[:, None] / _AROUND
+    across = [np.linalg.svd(pair[1:] - pair[:1])[2][1:] for pair in ends]
+    return [radius * (np.cos(angle) * a + np.sin(angle) * b) for a, b in across]
 
 
 def _shafts(structure: GroutedBars) -> GroutedBars:

@@ -26,7 +26,7 @@ _OF_INTERFACES = {(2, 2): _LINE, (2, 3): 21, (3, 3): _TRIANGLE, (3, 4): _QUADRIL
 
 _UNITS = {
     "N": "N", "M": "N m/m", "Q": "N/m", "n_1": "N/m", "n_2": "N/m", "m_": "N m/m",
-    "t_": "Pa", "slips": "", "slip": "m", "opening": "m",
+    "t_": "Pa", "grout": "N/m", "slips": "", "slip": "m", "opening": "m",
 }  # fmt: skip
 """Units of arrays by how their names begin."""
 
@@ -62,7 +62,7 @@ def structure_lines(forces: MemberForces, state: int) -> StructureCells:
     Point data: ``N``, ``M``, ``Q`` (per metre where per_metre; of bars N alone) and ``right``, the
     unit vector to whose side M is positive in tension; zero in space and for bars. Cell data:
     ``structure`` (its number, from 0), ``number`` of the piece, ``per_metre``, ``N_hoop``,
-    ``stressed_to``.
+    ``stressed_to``; ``grout``, N/m, where there is any.
 
     Args:
         forces: forces at all stages, N and N m.
@@ -70,6 +70,7 @@ def structure_lines(forces: MemberForces, state: int) -> StructureCells:
     """
     axial, moment = _at(forces.axial, state), _at(forces.moment, state)
     n = len(forces.structures)
+    grout = {} if forces.grout is None else {"grout": _at(forces.grout, state)}
     return StructureCells(
         with_z(forces.ends).reshape(-1, 3),
         np.full(n, 2),
@@ -83,6 +84,7 @@ def structure_lines(forces: MemberForces, state: int) -> StructureCells:
         of_cells={
             "N_hoop": _at(forces.hoop, state),
             "stressed_to": _at(forces.prestress, state),
+            **grout,
         },
         static={
             "structure": _numbers(forces.structures),

@@ -65,6 +65,18 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
     beams = [str(n) for n in dict.fromkeys(names[forces.per_metre])]
     bars = [str(n) for n in dict.fromkeys(names[~forces.per_metre])]
     pictures = [_beam_picture(forces, name, count) for count, name in enumerate(beams, start=1)]
+    grouted = _grouted(forces)
+    for count, name in enumerate(dict.fromkeys(names[grouted].tolist()), start=1):
+        pictures.append(
+            Picture(
+                f"grouted-{count}",
+                f"Axial force along {name}",
+                "N from the head to the toe of the bar that bears most, tension positive. "
+                f"{_some_stages(_of(forces, name), _MOST_STAGES)}",
+                partial(_grouted_figure, forces, name),
+            )
+        )
+    bars = [name for name in bars if not grouted[names == name].any()]
     if bars:
         pictures.append(
             Picture(
@@ -75,17 +87,17 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
                 partial(_bar_figure, forces, bars),
             )
         )
-        if forces.ends.shape[2] == 2:
-            pictures.append(
-                Picture(
-                    "bars-along",
-                    "Bars and their forces where they stand",
-                    "Axial force of one bar, kN, tension positive. Wide: a large force; solid: "
-                    "tension, dashed: compression. Faint: walls and linings. "
-                    f"{_some_stages(_present(forces, ~forces.per_metre), _MOST_DRAWN)}",
-                    partial(_bars_along_figure, forces),
-                )
+    if (~forces.per_metre).any() and forces.ends.shape[2] == 2:
+        pictures.append(
+            Picture(
+                "bars-along",
+                "Bars and their forces where they stand",
+                "Axial force of one bar, kN, tension positive. Wide: a large force; solid: "
+                "tension, dashed: compression. Faint: walls and linings. "
+                f"{_some_stages(_present(forces, ~forces.per_metre), _MOST_DRAWN)}",
+                partial(_bars_along_figure, forces),
             )
+        )
     return (*_strength_pictures(result, forces), *pictures)
 
 
@@ -368,7 +380,9 @@ def _bars_along_figure(members: MemberForces) -> Figure:
     for axes, stage in zip(panels, stages, strict=False):
         for piece in members.ends[members.per_metre & np.isfinite(members.axial[:, stage])]:
             axes.plot(*piece.T, color=FAINT, lw=1.5)
-        _draw_bar_forces(axes, members.ends[bars], forces[:, stage], largest)
+        _draw_bar_forces(
+            axes, members.ends[bars], forces[:, stage], largest, ~_grouted(members)[bars]
+        )
         axes.set_title(short(members.stages[stage], 24))
         axes.set_aspect("equal")
         axes.set_xlim(low[0], high[0])
@@ -379,14 +393,51 @@ def _bars_along_figure(members: MemberForces) -> Figure:
     return figure
 
 
-def _draw_bar_forces(axes: Axes, ends: Floats, forces: Floats, largest: float) -> None:
-    """Bars (n, 2, 2) with their forces (n,), NaN where they do not stand."""
+def _grouted(forces: MemberForces) -> Bools:
+    """(n_members,) pieces of grouted bars."""
+    if forces.grout is None:
+        return np.zeros(len(forces.structures), dtype=bool)
+    return np.asarray(np.isfinite(forces.grout).any(axis=1))
+
+
+def _grouted_figure(forces: MemberForces, name: str) -> Figure:
+    """N along one bar, a line a stage."""
+    members = np.flatnonzero(np.array(forces.structures) == name)
+    ends = forces.ends[members]
+    begins = np.flatnonzero((ends[1:, 0] != ends[:-1, 1]).any(axis=1)) + 1
+    each = np.split(members, begins)
+    most = [float(np.nanmax(np.abs(forces.axial[one]), initial=0.0)) for one in each]
+    bar = each[int(np.argmax(most))]
+    length = np.linalg.norm(forces.ends[bar, 1] - forces.ends[bar, 0], axis=1)
+    middle = np.cumsum(length) - length / 2
+    figure = Figure(figsize=(WIDTH * 0.6, 2.8))
+    axes = figure.subplots()
+    for k, stage in enumerate(_spread(_of(forces, name), _MOST_STAGES)):
+        label = short(forces.stages[stage], 24)
+        axes.plot(middle, forces.axial[bar, stage] / _KILO, lw=1.3, color=colour(k), label=label)
+    axes.axhline(0.0, color=FAINT, lw=0.6)
+    axes.set_xlabel("from the beginning of the grout (m)")
+    axes.set_ylabel("N (kN)")
+    axes.grid(visible=True, axis="y")
+    axes.legend(fontsize=SMALL)
+    return figure
+
+
+def _draw_bar_forces(
+    axes: Axes, ends: Floats, forces: Floats, largest: float, labelled: Bools
+) -> None:
+    """Bars (n, 2, 2) with their forces (n,), NaN where they do not stand.
+
+    The largest ones of those that are labelled (n,) have their numbers.
+    """
     known = np.flatnonzero(np.isfinite(forces))
     for k in known:
         width = 0.8 + 4.2 * abs(float(forces[k])) / largest
         style: Any = "-" if forces[k] >= 0.0 else (0, (2.2, 0.8))
-        axes.plot(*ends[k].T, color=COMPUTED, lw=width, ls=style, alpha=0.75)
-    named = known[np.argsort(-np.abs(forces[known]), kind="stable")][:_MOST_NAMED]
+        axes.plot(*ends[k].T, color=COMPUTED, lw=width, ls=style, alpha=0.75,
+                  solid_capstyle="butt")  # fmt: skip
+    named = known[labelled[known]]
+    named = named[np.argsort(-np.abs(forces[named]), kind="stable")][:_MOST_NAMED]
     place_labels(
         axes,
         [ends[k].mean(axis=0) for k in named],

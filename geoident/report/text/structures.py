@@ -73,15 +73,16 @@ def force_table(forces: MemberForces | None, *, per_metre: bool | None = None) -
         per_metre: only walls and linings, or only bars; None for all structures.
 
     Hoop forces are shown if there are shells, the force to which bars were stressed at a stage if
-    any were, and the part of the strength of linings that is used if the case gives it.
+    any were, the part of the strength of linings that is used if the case gives it, and the force
+    per length with which grout holds bars, kN/m.
     """
     header = ["structure", "stage", "N from", "N to", "|M| up to", "|Q| up to"]
     rows: list[list[str]] = []
     if forces is not None:
         shells, stressed = (np.isfinite(x).any() for x in (forces.hoop, forces.prestress))
-        used = forces.utilisation
+        used, grout = forces.utilisation, forces.grout
         header += ["hoop N from", "hoop N to"] * bool(shells) + ["stressed to"] * bool(stressed)
-        header += ["strength used"] * (used is not None)
+        header += ["strength used"] * (used is not None) + ["|grout| up to"] * (grout is not None)
         for name, members, stage in _present(forces):
             if per_metre is not None and forces.per_metre[members[0]] != per_metre:
                 continue
@@ -89,6 +90,7 @@ def force_table(forces: MemberForces | None, *, per_metre: bool | None = None) -
             row += _range(forces.hoop[members, stage]) if shells else []
             row += _range(forces.prestress[members, stage])[:1] if stressed else []
             row += [] if used is None else [percent_used(used[members, stage])]
+            row += [] if grout is None else _range(np.abs(grout[members, stage]))[1:]
             rows.append(row)
     return TextTable(tuple(header), rows, right="ll" + "r" * (len(header) - 2))
 

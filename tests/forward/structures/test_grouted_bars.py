@@ -18,7 +18,7 @@ from geoident.model.structures import GroutedBars, Piles
 from tests.forward.structures.test_interfaces import on_level
 from tests.support.cases import displacement, material, model, rollers
 from tests.support.derivatives import assert_exact, assert_slopes
-from tests.support.meshes import box
+from tests.support.meshes import box, from_grid
 
 NOTHING, ZERO = np.empty(0), Scalar(0.0)
 EA, K, BOND, L = 1e8, 2e9, 1e5, 3.0
@@ -125,12 +125,13 @@ def slipped(a):
     return BOND * a + behind, BOND / K + behind * a / EA + BOND * a * a / (2 * EA)
 
 
-def test_a_bolt_slips_from_its_head_on_and_is_elastic_again():
+def test_a_bolt_slips_from_its_head_on_and_is_elastic_again(verification):
     """Loaded in three steps to two fronts of slip, and let go."""
     fronts, n = (0.6, 1.8), 150
     pulls, motions = zip(*(slipped(a) for a in fronts), strict=True)
     u = -read(bars(bond=Scalar(BOND), pieces=n), *pulls, 0.8 * pulls[1])[0]
     np.testing.assert_allclose(u[:2], motions, rtol=2e-3)
+    verification("bolt", "pulled", [f"{p / 1e3:.0f}" for p in pulls], exact=motions, found=u[:2])
     back = 0.2 * pulls[1] / (EA * LAMBDA) / tanh(LAMBDA * L)  # without slip backwards
     assert u[1] - u[2] == pytest.approx(back, rel=2e-3)
 
@@ -249,10 +250,10 @@ def test_shaft_and_toe_of_a_pile(axis):
 
 def test_the_most_that_a_pile_bears():
     pile = bars(
-        kind=Piles, k_base=Scalar(1e8), base_capacity=Scalar(1.5e5), bond=Scalar(BOND), pieces=12
+        kind=Piles, k_base=Scalar(1e8), base_capacity=Scalar(1.5e5), bond=Scalar(BOND), pieces=4
     )
     most = BOND * L + 1.5e5
-    staged = held(box("quad8", (3, 3), size=(4.0, 4.0)), pile, forces(-0.999 * most))
+    staged = held(box("quad8", (1, 1), size=(4.0, 4.0)), pile, forces(-0.999 * most))
     members = staged.survey(NOTHING, fields=False).members
     toe = members.structures.index("bar (toe)")
     assert members.axial[toe, -1] == pytest.approx(-(0.999 * most - BOND * L), rel=1e-6)
@@ -260,6 +261,46 @@ def test_the_most_that_a_pile_bears():
     with pytest.raises(CollapseError) as error:
         read(pile, -1.001 * most)
     assert error.value.fraction == pytest.approx(1 / 1.001, rel=1e-5)
+
+
+G, NU, RADIUS, DEEP = 20e6, 0.3, 0.4, 20.0
+
+
+def randolph_and_wroth(F, E_pile):
+    """Settlement of a pile in an elastic half-space (Randolph and Wroth 1978)."""
+    zeta = np.log(2.5 * DEEP * (1 - NU) / RADIUS)
+    mu = sqrt(2 / (zeta * E_pile / G)) * DEEP / RADIUS
+    base, slender = 4 / (1 - NU), tanh(mu) / mu * DEEP / RADIUS
+    stiffness = (base + 2 * np.pi / zeta * slender) / (1 + base * slender * G / (np.pi * E_pile))
+    return F / (G * RADIUS * stiffness)
+
+
+@pytest.mark.parametrize("E_pile", [30e9, 1e14])
+def test_a_pile_in_a_half_space(E_pile, verification):
+    """With a rough shaft (no slip to speak of) and the ground around it; theirs is good to 5 %."""
+    far = 25 * DEEP
+    x = np.concatenate([[0.0, 0.4], np.geomspace(RADIUS, far, 18)[1:]])
+    down = [np.linspace(0, DEEP, 17), DEEP + RADIUS * np.geomspace(1, (far - DEEP) / RADIUS, 12)]
+    y = -np.concatenate(down)[::-1]
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
+    pile = Piles(
+        (((0.0, 0.0), (0.0, -DEEP)),), number=Scalar(1.0), E=Scalar(E_pile), head="free",
+        diameter=Scalar(2 * RADIUS), k_grout=Scalar(1e10), k_base=Scalar(1e11), pieces=64,
+    )  # fmt: skip
+    staged = model(
+        from_grid("quad8", grid, (len(x) - 1, len(y) - 1)),
+        analysis=Analysis.AXISYMMETRIC,
+        materials={"soil": material("soil", 2 * G * (1 + NU), NU)},
+        groups={"all": "soil"},
+        supports=(Support("x1", (0, 1)), Support("y0", (0, 1))),
+        structures={"bar": pile},
+        stages=(Stage("built", build=("bar",)), *forces(-1e6)),
+        channels=(gauge("u", "bar-displacement", pile),),
+    )
+    found, exact = staged.computed(NOTHING)[0, -1], randolph_and_wroth(1e6, E_pile)
+    assert found == pytest.approx(exact, rel=0.05)
+    where = ["elastic" if E_pile < 1e12 else "rigid"]
+    verification("pile", where[0], where, exact=[exact], found=[found])
 
 
 # --- derivatives -------------------------------------------------------------------------------
