@@ -14,22 +14,21 @@ from .meshes import opening
 
 def walled(kind: str, **shape: float) -> Mesh:
     """`opening` in the plane with the group of lines ``wall`` between core and rock."""
-    mesh = opening(kind, 2, **shape)
+    return with_wall(opening(kind, 2, **shape), shape["radius"])
+
+
+def with_wall(mesh: Mesh, radius: float) -> Mesh:
+    """A mesh of `opening`, of one kind, with the group of faces ``wall`` between core and rock."""
     table = face_table(mesh)
     core = np.zeros(mesh.n_elements, dtype=bool)
     core[mesh.groups["core"]] = True
-    found = patches(mesh, table, table.free(core))
-    on_wall = [
-        p.nodes[
-            np.all(
-                np.abs(np.linalg.norm(mesh.points[p.nodes[:, :2]], axis=2) - shape["radius"])
-                < 1e-9,
-                axis=1,
-            )
-        ]
-        for p in found
-    ]
-    return with_lines(mesh, "wall", np.concatenate(on_wall))
+    (patch,) = patches(mesh, table, table.free(core))
+    r = np.linalg.norm(mesh.points[patch.nodes], axis=2)
+    nodes = patch.nodes[np.all(np.abs(r - radius) < 1e-6 * radius, axis=1)]
+    first = sum(len(block) for block in mesh.facets)
+    block = ElementBlock(patch.kind, nodes, np.arange(1, 1 + len(nodes)))
+    groups = {**mesh.facet_groups, "wall": np.arange(first, first + len(nodes))}
+    return replace(mesh, facets=(*mesh.facets, block), facet_groups=groups)
 
 
 def with_lines(mesh: Mesh, name: str, nodes: np.ndarray) -> Mesh:

@@ -121,6 +121,7 @@ def _end_of_arc(
     compliance = float(load @ unloaded.tangent(start).solve(load))
     alpha, growth, reached = _FIRST_MEASURE * compliance, 2.0, 0.0
     t, du, is_limit = 0.0, start.du, True
+    flow, unknown = failure.mechanism, failure.mechanism is None or not failure.mechanism.any()
     while alpha <= 2.0**_MOST_DOUBLINGS * compliance:
         following = _controlled(unloaded, load, alpha, t, du, budget)
         if following is None:
@@ -131,6 +132,8 @@ def _end_of_arc(
             alpha = growth * reached
             continue
         t_next, du_next = following
+        if unknown:
+            flow = du_next - du
         softer = alpha > _SOFTER * compliance * t_next
         if softer and unloaded.largest_strain(du_next).max() > LARGE_STRAIN:
             break
@@ -145,7 +148,7 @@ def _end_of_arc(
         reached, growth = alpha, min(growth**2, 2.0)
         alpha *= growth
     proven = failure.proven or is_limit
-    return CarriedPart(t, equations.at(du), NoEquilibrium(failure.mechanism, proven=proven))
+    return CarriedPart(t, equations.at(du), NoEquilibrium(flow, proven=proven))
 
 
 def _controlled(

@@ -134,6 +134,7 @@ def solve(
     budget: StepBudget | None = None,
     at_start: float = BALANCED,
     most_strain: float = np.inf,
+    most_steps: int = MOST_STEPS,
 ) -> Balance:
     """The equilibrium of a stage.
 
@@ -144,6 +145,7 @@ def solve(
         budget: steps that are left where there is no potential; None for a search of its own.
         at_start: out-of-balance force up to which the start is in equilibrium.
         most_strain: of yielding points in this stage; an equilibrium beyond it counts as none.
+        most_steps: Newton steps where there is a potential.
 
     Raises:
         NoEquilibrium: see there.
@@ -151,7 +153,7 @@ def solve(
     """
     start = _nearest(equations, guesses)
     if equations.associated:
-        balance = _minimise(equations, start, at_start)
+        balance = _minimise(equations, start, at_start, most_steps)
     else:
         budget = budget or StepBudget(SEARCH)
         balance = _non_associated(equations, start, budget, at_start, strict=strict)
@@ -185,14 +187,16 @@ def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Iterate:
     return min(iterates, key=equations.distance)
 
 
-def _minimise(equations: StageEquations, iterate: Iterate, at_start: float) -> Balance:
+def _minimise(
+    equations: StageEquations, iterate: Iterate, at_start: float, most_steps: int
+) -> Balance:
     """Newton's method for the minimum of Pi.
 
     Raises:
         NoEquilibrium: Pi falls without end, or no minimum was found.
     """
     tangent: Tangent | None = None
-    for step in range(MOST_STEPS):
+    for step in range(most_steps):
         if iterate.imbalance <= (at_start if tangent is None else BALANCED):
             return Balance(_refined(equations, iterate, tangent), tangent)
         tangent = equations.tangent(iterate)

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 
@@ -31,14 +32,20 @@ from geoident.forward.analysis.bands import band_at
 from geoident.forward.analysis.collapse import carried_part, collapses
 from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse, ReachedPlanes
-from geoident.forward.analysis.equilibrium import LARGE_STRAIN, overstrained, solve
+from geoident.forward.analysis.equilibrium import (
+    LARGE_STRAIN,
+    MOST_STEPS,
+    SEARCH,
+    overstrained,
+    solve,
+)
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
 from geoident.forward.analysis.stage import StageTask, not_positive_definite
 from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations
 from geoident.forward.analysis.stage_points import StagePoints, Turning
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
-from geoident.forward.analysis.viscous_path import BALANCED, KNOWN
+from geoident.forward.analysis.viscous_path import BALANCED, KNOWN, StepBudget
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.structures.limits import StructureLaws
@@ -71,6 +78,23 @@ parameter."""
 
 _NEAR_BY = 1e-4
 """How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
+
+
+class Haste(Enum):
+    """How a search for an equilibrium is shortened, where it is one of many.
+
+    Attributes:
+        steps: Newton's where there is a potential.
+        search: steps of a search where there is none.
+        proves: whether it is looked for a proof where none is found.
+    """
+
+    NONE = (MOST_STEPS, SEARCH, True)
+    FEW_STEPS = (20, 70, False)  # equilibria of slopes take 8 to 15, and 40 to 60
+    PROOF = (0, SEARCH, True)  # the same was tried with few steps
+
+    def __init__(self, steps: int, search: int, proves: bool) -> None:
+        self.steps, self.search, self.proves = steps, search, proves
 
 
 @dataclass(frozen=True)
@@ -244,6 +268,7 @@ class PlasticSteps:
         moduli: at the parameters of the analysis; yield laws are made with them.
         explain: find the part of the load that can be carried, where there is a collapse.
         strict: of non-associated flow only the diffuse one (not localised in bands) counts.
+        haste: how a search for an equilibrium may be shortened.
 
     Attributes:
         findings: of the analysis.
@@ -255,6 +280,7 @@ class PlasticSteps:
     moduli: ModuliAt
     explain: bool
     strict: bool = False
+    haste: Haste = Haste.NONE
 
     def __post_init__(self) -> None:
         self._laws = YieldLaws(self.moduli)
@@ -309,6 +335,8 @@ class PlasticSteps:
                         strict=self.strict,
                         at_start=BALANCED if self.warm.knows(task) else KNOWN,
                         most_strain=LARGE_STRAIN,
+                        most_steps=self.haste.steps,
+                        budget=StepBudget(self.haste.search),
                     )
             except NoEquilibrium as error:
                 balance = self._after_failure(task, equations, error, points)
@@ -495,7 +523,7 @@ class PlasticSteps:
             raise ModelError(msg + "far below the friction") from failure
         carried, water = None, task.water
         flows = water is not None and water.h > 0.0
-        if associated and not failure.proven and not flows:
+        if associated and not failure.proven and not flows and self.haste.proves:
             carried = carried_part(equations, failure, _CONFIRMING_STEPS)
             failure = carried.failure
             if carried.fraction >= 1.0 and carried.end is not None:
@@ -508,7 +536,7 @@ class PlasticSteps:
             if balance is not None and balance.residual <= SOUND and not failure.runs_away:
                 return balance
             proven = False
-            if water is None:
+            if water is None and self.haste.proves:
                 # Associated flow carries at least as much (Radenkovic 1961).
                 proven = collapses(equations.with_associated_flow(), _CONFIRMING_STEPS)
                 if balance is not None and not proven:

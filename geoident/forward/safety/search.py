@@ -30,7 +30,7 @@ from geoident.forward.analysis.collapse_message import (
     describe_slips,
     mechanism_on_mesh,
 )
-from geoident.forward.analysis.plastic_step import PlasticSteps, WarmStart
+from geoident.forward.analysis.plastic_step import Haste, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import StageEnd, StageTask, StressState
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.model import StagedModel
@@ -56,6 +56,10 @@ _FIRST, _GROWTH, _LARGEST = 1.08, 1.6, 2.0
 
 _SOUND = 0.05
 """Part of what a reduction puts out of balance that stress beyond the surface may carry at most."""
+
+_MOST_STRAIN = 0.2
+"""Strain by the reduction beyond which the ground counts as failed: meshes that lock under flow
+without change of volume find equilibria far away, where small strains describe nothing."""
 
 _ALIKE = 1.15
 """Factor up to which the mechanism of a proven collapse stands for that of a smaller one."""
@@ -216,15 +220,20 @@ class _Reduction:
         self._moved = [np.zeros(len(reached.forces))]
         self._factors, self._solved = [reached.factor], 0
         self._proven = False  # whether the last failure is
+        self._hasty = False  # whether the last failure is that of a hasty search
         self._collapse: tuple[float, CollapseError] | None = None  # the last that is proven
 
     def found(self) -> SafetyFactor:
         """The factor of safety."""
         state = self._model.sequence.states[self._number]
-        low, high = self._bracket()
-        while high / low > 1.0 + self._search.tolerance and np.isfinite(high):
-            middle = float(np.sqrt(low * high))
-            low, high = (middle, high) if self._stands(middle) else (low, middle)
+        low, high = self._bracket(self._reached.factor, _FIRST)
+        while True:
+            while high / low > 1.0 + self._search.tolerance and np.isfinite(high):
+                middle = float(np.sqrt(low * high))
+                low, high = (middle, high) if self._stands(middle) else (low, middle)
+            if not (self._hasty and np.isfinite(high)) or not self._stands(high, surely=True):
+                break
+            low, high = self._bracket(high, 1.0 + self._search.tolerance)
         mechanism, place = self._mechanism(high)
         materials, joints = self._materials(), self._joints()
         structures = self._model.case.structures
@@ -256,13 +265,17 @@ class _Reduction:
         state, parts = self._model.sequence.states[self._number], self._model.structures.parts
         return [part for part in parts if part.joint is not None and part.stands(state)]
 
-    def _bracket(self) -> tuple[float, float]:
-        """A factor with which the stage stands, and a larger one with which not, or infinity."""
-        low, most, guess = self._reached.factor, self._search.most, self._search.guess
-        if self._reached.collapse is not None:
-            self._note(2.0 * low, self._reached.collapse)
-            return low, 2.0 * low
-        step = _FIRST
+    def _bracket(self, low: float, step: float) -> tuple[float, float]:
+        """A factor with which the stage stands, and a larger one with which not, or infinity.
+
+        Args:
+            low: one with which it stands.
+            step: the first by which that is multiplied.
+        """
+        most, guess, collapse = self._search.most, self._search.guess, self._reached.collapse
+        if collapse is not None and low < 2.0 * self._reached.factor:
+            self._note(2.0 * self._reached.factor, collapse)
+            return low, 2.0 * self._reached.factor
         if guess is not None and low * _NEAR < guess < most:
             if not self._stands(guess / _NEAR):
                 return low, guess / _NEAR
@@ -274,39 +287,66 @@ class _Reduction:
             low, step = trial, min(step**_GROWTH, _LARGEST)
         return low, np.inf
 
-    def _stands(self, factor: float) -> bool:
-        """Whether there is an equilibrium with strength divided by a factor; it is gone on from."""
-        self._search.tell(f"strength / {factor:.4g}")
+    def _stands(self, factor: float, *, surely: bool = False) -> bool:
+        """Whether there is an equilibrium with strength divided by a factor; it is gone on from.
+
+        Most of the time goes where there is none. So a few steps are tried first; where the bracket
+        ends a proof is, with associated flow, and if that is not found all else.
+
+        Args:
+            factor: F.
+            surely: try all.
+        """
+        self._search.tell(f"strength / {factor:.4g}" + (", for sure" if surely else ""))
         self._solved += 1
-        carried = self._carried.copy()
-        steps, task = self._steps(factor), self._task(carried)
+        if not surely:
+            return self._tried(factor, Haste.FEW_STEPS)
+        if self._steps(factor).associated(self._task(self._carried)):
+            if self._tried(factor, Haste.PROOF):
+                return True
+            if self._proven:
+                return False
+        return self._tried(factor, Haste.NONE)
+
+    def _tried(self, factor: float, haste: Haste) -> bool:
+        """The same, as far as a search goes that is shortened."""
+        carried, surely = self._carried.copy(), haste.proves
+        steps, task = self._steps(factor, haste), self._task(carried)
         steps.return_stress(task)
         try:
             du, _ = steps.step(task)
         except CollapseError as error:
             self._note(factor, error)
+            self._hasty = not (surely or error.proven)
             return False
         if max(steps.findings.overstressed.values(), default=0.0) > _SOUND:
-            self._proven = False
+            self._proven, self._hasty = False, not surely
+            return False
+        moved = self._moved[-1] + du[: len(self._moved[-1]), 0]
+        strain = self._model.discretization.points.strain(moved)[:, task.system.present]
+        if np.abs(strain).max(initial=0.0) > _MOST_STRAIN:
+            self._proven = self._hasty = False
             return False
         self._carried = carried
         self._factors.append(factor)
-        self._moved.append(self._moved[-1] + du[:, 0])
+        self._moved.append(moved)
         return True
 
     def _note(self, factor: float, collapse: CollapseError) -> None:
         """Note how the stage fails with a factor, the smallest so far."""
-        self._proven = collapse.proven
+        self._proven, self._hasty = collapse.proven, False
         if collapse.proven and collapse.mechanism is not None:
             self._collapse = factor, collapse
 
-    def _steps(self, factor: float) -> PlasticSteps:
+    def _steps(self, factor: float, haste: Haste = Haste.NONE) -> PlasticSteps:
         model = self._model
         on_mesh = with_reduced_strength(
             model.on_mesh, self._point.values, factor, self._reached.confined
         )
         moduli = ModuliAt(on_mesh, self._point, model.discretization.points.n_strain)
-        return PlasticSteps(on_mesh.case, model.systems, WarmStart(), moduli, explain=False)
+        return PlasticSteps(
+            on_mesh.case, model.systems, WarmStart(), moduli, explain=False, haste=haste
+        )
 
     def _task(self, carried: StressState) -> StageTask:
         """The state once more, with nothing new that acts or moves."""

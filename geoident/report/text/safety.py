@@ -81,6 +81,11 @@ def _factor_sentences(one: StageSafety) -> Iterator[str]:
             "That it collapses there is not proven, since its dilation is below its friction; with "
             "associated flow the factor is at least this."
         )
+    if one.fails and not one.proven and one.associated:
+        yield (
+            "Beyond that strains exceed 20 %, as meshes without room to flow have them, or no "
+            "search came to an end."
+        )
     if one.kept:
         yield f"These keep their strength: {one.kept}."
     if one.unyielding:

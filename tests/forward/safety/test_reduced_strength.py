@@ -21,6 +21,7 @@ from geoident.model.actions import Pressure, Traction
 from geoident.model.case import Material, Stage, Support
 from geoident.model.ground import Attitude
 from geoident.model.parameter import Scalar
+from geoident.model.structures import Beam, SectionLimits
 from geoident.model.yielding import DruckerPrager, HardeningSoil, WeakPlane
 
 
@@ -243,3 +244,24 @@ def test_factors_while_water_leaves(tmp_path):
     phi = radians(25.0)
     assert first.value == pytest.approx(coulomb(5e3, phi, 130e3, 70e3), rel=0.004)
     assert last.value == pytest.approx(coulomb(5e3, phi, 160e3, 100e3), rel=0.004)
+
+
+@pytest.mark.parametrize("limits", [None, SectionLimits(M=Scalar(1.0))])
+def test_structures_keep_their_strength_and_are_named(limits):
+    """A thin beam on the block; with hinges its rotations are unknowns, too."""
+    beam = Beam("y1", EA=Scalar(1.0), EI=Scalar(1.0), limits=limits)
+    plain = block(mohr(C, 0.0), 110e3, 60e3)
+    press = replace(plain.case.stages[0], build=("beam",))
+    staged = model(
+        box("quad8", (1, 1)),
+        materials=plain.case.materials,
+        groups={"all": "rock"},
+        supports=plain.case.supports,
+        structures={"beam": beam},
+        stages=(press,),
+    )
+    found = factor_of(staged)
+    assert found.value == pytest.approx(coulomb(C, 0.0, 110e3, 60e3), rel=0.004)
+    assert (found.kept, found.unyielding) == (
+        ((), ("beam",)) if limits is None else (("beam",), ())
+    )
