@@ -126,7 +126,15 @@ def test_the_page_of_a_factor(tmp_path):
 def test_several_processes_find_the_same_band(tmp_path):
     path = write_case(tmp_path)
     assert run_command("fit", path, "-q").exit_code == 0
-    words = ("predict", path.with_name("case.fit.h5"), "--safety", "--draws", "12", "--json")
+    words = (
+        "predict",
+        path.with_name("case.fit.h5"),
+        "--safety",
+        "--draws",
+        "12",
+        "--json",
+        "--fresh",
+    )
     one, three = (json.loads(run_command(*words, "-j", jobs).stdout) for jobs in ("1", "3"))
     assert one["stages"] == three["stages"]
 
