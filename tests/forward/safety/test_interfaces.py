@@ -96,6 +96,7 @@ def test_a_slope_that_slides_as_it_is():
     assert found.value == pytest.approx(exact, rel=0.003)
 
 
+@pytest.mark.slow  # the slide in the plane
 def test_a_roof_wedge():
     """Bray's weight at the friction that is left, elastic up to there (relaxation by stiffness)."""
     friction = radians(45.0)
