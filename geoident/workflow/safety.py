@@ -24,6 +24,7 @@ from geoident.io.text.atomic import atomic_output
 from geoident.io.text.wording import nearest
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
+from geoident.model.moments import stage_and_time
 from geoident.model.results.result import FieldSeries, Result
 from geoident.model.results.safety import SafetyFactor, StageSafety, alike, depends_on
 from geoident.model.results.times import StageTimes
@@ -288,6 +289,13 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
     case = model.case
     names = [stage.name for stage in case.stages]
     for name in wanted:
+        moment = stage_and_time(name, {stage.whole for stage in case.stages if stage.lasts})
+        if name not in names and moment is not None:
+            raise UsageError(
+                f"The case has no moment '{name}'; its states are: {', '.join(names)}. Add "
+                f"'moments: [{moment[1]}]' to the stage '{moment[0]}', with other moments that you "
+                "want."
+            )
         if name not in names:
             near = nearest(name, names)
             more = f" Did you mean '{near}'?" if near else ""

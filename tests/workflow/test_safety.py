@@ -46,7 +46,7 @@ TRESCA = "yield: {type: mohr-coulomb, cohesion: $su, friction: 0 deg}"
 
 
 def write_case(folder, su: str = PRIOR, limits: str = TRESCA):
-    write_msh(box("quad4", (1, 1)), folder / "block.msh", ["x0", "y0", "y1"])
+    write_msh(box("quad4", (1, 1)), folder / "block.msh", ["x0", "x1", "y0", "y1"])
     path = folder / "case.yaml"
     path.write_text(CASE.replace("SU", su).replace("YIELD", limits))
     return path
@@ -126,7 +126,15 @@ def test_the_page_of_a_factor(tmp_path):
 def test_several_processes_find_the_same_band(tmp_path):
     path = write_case(tmp_path)
     assert run_command("fit", path, "-q").exit_code == 0
-    words = ("predict", path.with_name("case.fit.h5"), "--safety", "--draws", "12", "--json")
+    words = (
+        "predict",
+        path.with_name("case.fit.h5"),
+        "--safety",
+        "--draws",
+        "12",
+        "--json",
+        "--fresh",
+    )
     one, three = (json.loads(run_command(*words, "-j", jobs).stdout) for jobs in ("1", "3"))
     assert one["stages"] == three["stages"]
 
@@ -161,6 +169,17 @@ def test_faulty_words(tmp_path, limits, words, code, said):
     ended = run_command("simulate", write_case(tmp_path, limits=limits), *words)
     assert ended.exit_code == code
     assert said in " ".join(ended.output.split())
+
+
+def test_a_moment_that_the_case_does_not_have(tmp_path):
+    wet = TRESCA + ", hydraulic: {permeability: 1e-9 m/s}"
+    path = write_case(tmp_path, limits=wet)
+    text = path.read_text().replace("name: some", "lasts: 10 d, name: some")
+    text = text.replace("block.msh}", "block.msh, order: 2}\ndrained: {x1: {}}")
+    path.write_text(text)
+    ended = run_command("simulate", path, "--safety", "--at", "some + 3 d")
+    assert ended.exit_code == 2
+    assert "Add 'moments: [3 d]' to the stage 'some'" in " ".join(ended.output.split())
 
 
 def test_nothing_yields(tmp_path):

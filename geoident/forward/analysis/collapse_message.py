@@ -182,20 +182,41 @@ def describe_mechanism(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> s
 
 
 def mechanism_on_mesh(
-    on_mesh: CaseOnMesh, task: StageTask, u: Floats, fraction: float
+    on_mesh: CaseOnMesh,
+    task: StageTask,
+    u: Floats,
+    fraction: float,
+    joints: Sequence[StructureMembers] = (),
+    jumps: Floats | None = None,
 ) -> Mechanism:
     """A mechanism as it is drawn: its velocities, and the shear rate of each element.
+
+    An interface that slips counts as a rate of shear of the elements on its first side: else what
+    elastic rock beside it strains would look like shear.
 
     Args:
         on_mesh: the case on its mesh.
         task: the stage.
         u: (n_dofs,) velocities.
         fraction: part of the change of load that is carried; NaN where not known.
+        joints: parts of interfaces that stand.
+        jumps: (n_rows,) strains of all structures; None for no joints.
     """
     mesh = on_mesh.mesh
     shear = np.zeros(mesh.n_elements)
     rate = _shear_rate(on_mesh, task.system, u)
     np.maximum.at(shear, on_mesh.discretization.points.element, rate)
+    size = np.concatenate(
+        [np.ptp(mesh.points[block.nodes], axis=1).max(axis=1) for block in mesh.blocks]
+    )
+    for part in joints:
+        assert part.joint is not None
+        assert jumps is not None
+        points = part.joint.points
+        jump = np.linalg.norm(jumps[part.rows].reshape(-1, len(points.position)), axis=0)
+        row, place = points.mean.nonzero()
+        beside = points.beside[place]
+        np.maximum.at(shear, beside, jump[row] / size[beside])
     return Mechanism(
         task.state.name,
         task.number,

@@ -382,8 +382,9 @@ class _Reduction:
             return None, ""
         model, task = self._model, self._task(self._carried)
         u = u / np.abs(u).max()
-        place = describe_slips(self._joints(), model.structures.strain(u))
+        joints, jumps = self._joints(), model.structures.strain(u)
+        place = describe_slips(joints, jumps)
         if not all(material.is_elastic for material in self._materials()):
             place += describe_mechanism(model.on_mesh, task.system, u)
         place = place.removeprefix("; ")
-        return mechanism_on_mesh(model.on_mesh, task, u, np.nan), place
+        return mechanism_on_mesh(model.on_mesh, task, u, np.nan, joints, jumps), place

@@ -64,6 +64,12 @@ def test_plane_failure_of_a_rock_slope(dip, verification):
     assert found.value == pytest.approx(exact, rel=0.003)
     assert "the interface 'joint' slips or opens" in found.place
     assert found.unyielding == ("rock",)
+    mesh = found.mechanism.mesh
+    corners = mesh.points[mesh.blocks[0].nodes[:, :3]]
+    off = abs(corners[..., 1] - corners[..., 0] * tan(dip)).min(axis=1)
+    shears = found.mechanism.shear > 0.3
+    assert shears.any()
+    assert off[shears].max() < 1e-6  # what is drawn dark lies on the joint
     variant = f"joint at {np.degrees(dip):.0f} degrees, tri6"
     verification("safety", variant, ["plane slide"], exact=exact, found=found.value)
 
@@ -90,6 +96,7 @@ def test_a_slope_that_slides_as_it_is():
     assert found.value == pytest.approx(exact, rel=0.003)
 
 
+@pytest.mark.slow  # the slide in the plane
 def test_a_roof_wedge():
     """Bray's weight at the friction that is left, elastic up to there (relaxation by stiffness)."""
     friction = radians(45.0)
