@@ -30,7 +30,7 @@ AVOIDED = (
     "seamless",
 )
 # names, abbreviations and words of titles in other languages
-NOT_WRONG = "ags,ges,methode,numer,ponts,trough,troughs"
+NOT_WRONG = "wroth,ags,ges,methode,numer,ponts,trough,troughs"
 
 
 def names(path):
