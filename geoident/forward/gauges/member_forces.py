@@ -69,7 +69,7 @@ class MemberReadings(Observable):
             value = state.structures.bar(part.name, channel.member, forces, state.point)
         else:
             axial, _ = rigidities(part.structure, state.point)
-            value = _scaled(forces[part.rows.start + channel.member], 1.0 / axial)
+            value = scaled(forces[part.rows.start + channel.member], 1.0 / axial)
         return -value if channel.compression else value
 
 
@@ -96,7 +96,7 @@ def _of_beam(
         force = section.axial if channel.quantity == "N" else section.shear
         return np.asarray(force[place.pieces].mean(axis=0))
     EA, EI = rigidities(beam, point)
-    strain = _scaled(section.stretch[place.pieces].mean(axis=0), 1.0 / EA)
+    strain = scaled(section.stretch[place.pieces].mean(axis=0), 1.0 / EA)
     if channel.quantity == "axis":
         return strain
     if channel.fibre is not None:
@@ -104,11 +104,11 @@ def _of_beam(
     else:
         assert beam.thickness is not None  # `on_structures` refuses a beam without
         y = point.number(beam.thickness).times(0.5)
-    bent = _scaled(bending(section.bent_first, section.bent_second), y / EI)
+    bent = scaled(bending(section.bent_first, section.bent_second), y / EI)
     return strain + bent if channel.quantity == "inside" else strain - bent
 
 
-def _scaled(values: Floats, factor: Dual) -> Floats:
+def scaled(values: Floats, factor: Dual) -> Floats:
     """Values (1 + n + k,) times a number with n derivatives."""
     n = len(factor.columns)
     result = values * factor.value

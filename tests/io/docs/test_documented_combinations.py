@@ -377,7 +377,10 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
         "structures": {
             "plane-strain": {"bolts": {**bolts, "spacing": "2 m"}, "wall": wall},
             "axisymmetric": {"bolts": {**bolts, "number": "12"}, "wall": wall},
-            "solid": {"bolts": bolts},
+            "solid": {
+                "bolts": bolts,
+                "wall": {**wall, "kind": "shell", "nu": "0.2", "axis": ["1", "0", "0"]},
+            },
         }[analysis],
         "stages": [{"name": "heading", "excavate": ["heading"], "build": ["bolts"]}],
     }
