@@ -385,6 +385,14 @@ def test_derivatives_by_all_its_numbers_are_exact():
     assert_exact(staged.response(pairs), p, names)
 
 
+def test_a_strain_across_a_shell_is_refused():
+    across = gauge("strain", "across", (RADIUS, 0.0, 0.3), "inside", structure="lining",
+                   direction=(1.0, 0.0, 0.0), reads=Reads.VALUE)  # fmt: skip
+    with pytest.raises(InputError, match="which has none") as error:
+        _lined("hex8", 3, 0.3, OPEN, reach=4, channels=(across,))
+    assert [fault.code for fault in error.value.faults] == ["direction-across"]
+
+
 @pytest.mark.parametrize(
     ("changes", "code"),
     [

@@ -202,8 +202,7 @@ class StrainSection(ValueGauge):
         places = self.point, self.bar, self.towards
         fibre = self.fibre or ""
         along = unit_direction(self.direction, context.at("direction"))
-        given = {"quantity": fibre, "fibre": depth, "direction": along}
-        return [on_structure(self, name, *places, context, **given)]
+        return [on_structure(self, name, *places, context, along, quantity=fibre, fibre=depth)]
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:
