@@ -128,7 +128,8 @@ class ShellMembers(Members):
             forces: q (n_rows, ...) of the shell.
         """
         flat = forces.reshape(len(forces), -1)
-        means = [np.asarray(self._means(number) @ flat) for number in range(6)]
+        total, apart, shear, bent, warp, twist = (self._means(row) @ flat for row in range(6))
+        means = total + apart, total - apart, shear, bent + warp, bent - warp, twist
         return np.stack(means).reshape(6, len(self.area), *forces.shape[1:])
 
     @property
@@ -138,27 +139,25 @@ class ShellMembers(Members):
         np.add.at(total, self.triangles.face, self.frames)
         return np.asarray(total / np.linalg.norm(total, axis=2, keepdims=True))
 
-    def force_row(self, number: int, faces: Floats) -> sp.csr_array:
-        """(1, n_rows) which sum of q is a force at a place.
+    def row(self, parts: Sequence[float], faces: Floats) -> sp.csr_array:
+        """(1, n_rows) which sum of q is some sum of its means at a place.
 
         Args:
-            number: of the force, in the order of `face_forces`.
-            faces: (n_faces,) weights of the forces of the faces in it.
+            parts: (6,) of the membrane's sum, difference and shear, and of those of bending.
+            faces: (n_faces,) weights of the means of the faces in it.
         """
-        return sp.csr_array(sp.csr_array(faces[None]) @ self._means(number))
+        chosen = [part * self._means(row) for row, part in enumerate(parts) if part]
+        return sp.csr_array(sp.csr_array(faces[None]) @ sum(chosen[1:], chosen[0]))
 
-    def _means(self, number: int) -> sp.csr_array:
-        """(n_faces, n_rows) which sums of q are the means of a force."""
-        bends, component = divmod(number, 3)
+    def _means(self, row: int) -> sp.csr_array:
+        """(n_faces, n_rows) which sums of q are its means over the faces: see `row`."""
+        bends, component = divmod(row, 3)
         face, n = self.face_of[bends], len(self.area)
         first = 3 * len(self.face_of[0]) * bends
         weight = self.weight[first : first + len(face)]
         share = weight / np.bincount(face, weight, minlength=n)[face]
-        terms = ((0, 1.0), (1, 1.0)), ((0, 1.0), (1, -1.0)), ((2, 1.0),)
-        data = [sign * share for _, sign in terms[component]]
-        at = [first + row * len(face) + np.arange(len(face)) for row, _ in terms[component]]
-        places = np.tile(face, len(at)), np.concatenate(at)
-        return sp.csr_array((np.concatenate(data), places), shape=(n, len(self.weight)))
+        at = first + component * len(face) + np.arange(len(face))
+        return sp.csr_array((share, (face, at)), shape=(n, len(self.weight)))
 
 
 def flat_triangles(mesh: Mesh, faces: Ints, turned: Bools) -> FlatTriangles:

@@ -11,20 +11,21 @@ from geoident.forward.gauges.bar_displacement import bar_displacements
 from geoident.forward.gauges.beam_tilt import tilts_of_beams
 from geoident.forward.gauges.beyond_mesh import beside_fault
 from geoident.forward.gauges.joint_meter import joint_meters
-from geoident.forward.gauges.lining_pressure import pressures_on_beams
+from geoident.forward.gauges.lining_pressure import pressures_on_linings
 from geoident.forward.gauges.member_forces import member_readings
 from geoident.forward.gauges.motion import relative_displacements
 from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import Placed, point_fault
 from geoident.forward.gauges.pore_pressure import pore_pressures
-from geoident.forward.gauges.shell_forces import shell_forces
+from geoident.forward.gauges.shell_forces import shell_readings
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import stresses
 from geoident.forward.gauges.thermometer import thermometers
 from geoident.forward.gauges.zeros import WEIGHTS
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import Case, format_path
-from geoident.model.gauges import SHELL_FORCES, Channel
+from geoident.model.gauges import Channel
+from geoident.model.structures import Shell
 
 Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
 
@@ -50,25 +51,37 @@ OBSERVABLES: Mapping[str, Placing] = {
 ON_STRUCTURES: Mapping[str, Placing] = {
     "load-cell": member_readings,
     "strain": member_readings,
-    "pressure-cell": pressures_on_beams,
+    "pressure-cell": pressures_on_linings,
     "tilt": tilts_of_beams,
     "bar-displacement": bar_displacements,
 }
-"""What they read on a structure."""
+"""What they read on a beam or on bars."""
+
+ON_SHELLS: Mapping[str, Placing] = {
+    "load-cell": shell_readings,
+    "strain": shell_readings,
+    "pressure-cell": pressures_on_linings,
+}
+"""What they read on a shell."""
 
 
-def placing_of(channel: Channel) -> Placing:
-    """How a channel is placed: by its kind, where it sits, and whether points move in it."""
-    if channel.quantity in SHELL_FORCES:
-        return shell_forces
-    if channel.structure:
-        return ON_STRUCTURES[channel.kind]
+def _in_ground(channel: Channel) -> Placing:
+    """How a channel in the ground is placed: by its kind, and whether points move in it."""
     return relative_displacements if channel.terms else OBSERVABLES[channel.kind]
+
+
+def _placing_of(channel: Channel, case: Case) -> Placing:
+    """How a channel is placed: by its kind, and where it sits."""
+    if not channel.structure:
+        return _in_ground(channel)
+    is_shell = isinstance(case.structures[channel.structure], Shell)
+    return (ON_SHELLS if is_shell else ON_STRUCTURES)[channel.kind]
 
 
 def reads_displacements(channel: Channel) -> bool:
     """Whether a channel reads displacements of points and nothing else."""
-    return placing_of(channel) is relative_displacements and not channel.turns
+    moves = not channel.structure and _in_ground(channel) is relative_displacements
+    return moves and not channel.turns
 
 
 def place_gauges(on_mesh: CaseOnMesh) -> tuple[PlacedGauges, list[Fault]]:
@@ -77,7 +90,7 @@ def place_gauges(on_mesh: CaseOnMesh) -> tuple[PlacedGauges, list[Fault]]:
     readable = np.zeros((len(channels), len(on_mesh.sequence.states)), dtype=bool)
     reasons = [""] * len(channels)
     parts, snapped, as_built, faults = [], set[str](), set[str](), list[Fault]()
-    placing = [placing_of(channel) for channel in channels]
+    placing = [_placing_of(channel, on_mesh.case) for channel in channels]
     for place in dict.fromkeys(placing):
         rows = np.flatnonzero([other is place for other in placing])
         placed = place([channels[row] for row in rows], on_mesh)
@@ -115,7 +128,7 @@ def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
     for channel in on_mesh.case.channels:
         if channel.structure:
             continue
-        moving = placing_of(channel) is relative_displacements
+        moving = _in_ground(channel) is relative_displacements
         points = [point for point, _ in channel.motions] if moving else [channel.second]
         for point in points:
             sites = on_mesh.locator.sites(on_mesh.kinematics.in_section(point)[0])

@@ -72,7 +72,7 @@ class MemberReadings(Observable):
             by = bar_share(part.structure, state.point)  # one bar bears its share
             if channel.kind != "load-cell":
                 by = 1.0 / rigidities(part.structure, state.point)[0]
-            value = _scaled(_of_bar(part, channel, forces), by)
+            value = scaled(_of_bar(part, channel, forces), by)
         return -value if channel.compression else value
 
 
@@ -113,7 +113,7 @@ def _of_beam(
         force = section.axial if channel.quantity == "N" else section.shear
         return np.asarray(force[place.pieces].mean(axis=0))
     EA, EI = rigidities(beam, point)
-    strain = _scaled(section.stretch[place.pieces].mean(axis=0), 1.0 / EA)
+    strain = scaled(section.stretch[place.pieces].mean(axis=0), 1.0 / EA)
     if channel.quantity == "axis":
         return strain
     if channel.fibre is not None:
@@ -121,11 +121,11 @@ def _of_beam(
     else:
         assert beam.thickness is not None  # `on_structures` refuses a beam without
         y = point.number(beam.thickness).times(0.5)
-    bent = _scaled(bending(section.bent_first, section.bent_second), y / EI)
+    bent = scaled(bending(section.bent_first, section.bent_second), y / EI)
     return strain + bent if channel.quantity == "inside" else strain - bent
 
 
-def _scaled(values: Floats, factor: Dual) -> Floats:
+def scaled(values: Floats, factor: Dual) -> Floats:
     """Values (1 + n + k,) times a number with n derivatives."""
     n = len(factor.columns)
     result = values * factor.value

@@ -22,7 +22,7 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.placing import facing_balance, present_throughout
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import SHELL_FORCES, Channel
-from geoident.model.structures import Bars, Beam, Shell, Structure
+from geoident.model.structures import Bars, Beam, Shell, Structure, ages
 from geoident.units import with_article
 
 NOT_STANDING = "its structure does not stand then"
@@ -171,14 +171,14 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 "none: which side is its inside is not known"
             )
             yield fault("which-side", message, "give 'towards': a point on the inside")
-        if channel.kind == "strain" and structure.ageing is not None:
-            message = f"reads the strain of {of}, whose stiffness grows while it strains"
-            hint = "read its force (kind: load-cell), or a displacement"
-            yield fault("ageing", message, hint)
         if on_beam and fibre and not (structure.thickness or channel.fibre):
             message = f"reads a fibre of {of}, whose thickness is not given"
             hint = "give 'depth': its distance from the axis of the beam"
             yield fault("no-thickness", message, hint)
+    if channel.kind == "strain" and ages(structure):
+        message = f"reads the strain of {of}, whose stiffness grows while it strains"
+        hint = "read its force (kind: load-cell), or a displacement"
+        yield fault("ageing", message, hint)
     wanted = _dimension(channel, structure)
     if channel.dimension != wanted:
         kind = "shell" if isinstance(structure, Shell) else "beam"

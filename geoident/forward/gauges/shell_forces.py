@@ -1,4 +1,4 @@
-"""Normal forces and moments of shells at a point, per metre (`fem.shells`).
+"""Normal forces and moments of shells at a point, per metre, and strains (`fem.shells`).
 
 A face of the mesh gives the mean of each force over it: in it the forces cancel with which the
 nodes of quadratic elements load a shell unevenly. From the middle of the face that holds the point
@@ -7,8 +7,9 @@ its value goes on to the point with the gradient that fits the faces around it b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,14 +18,20 @@ from geoident.errors import Fault
 from geoident.fem.location import REACH, format_point
 from geoident.fem.shells import ShellMembers
 from geoident.forward.analysis.stage import LinearRows
+from geoident.forward.gauges.member_forces import scaled
 from geoident.forward.gauges.observation import AnalysisState, Observable
 from geoident.forward.gauges.on_structures import NOT_STANDING, standing
 from geoident.forward.gauges.placement import Placed
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.members import rigidities
 from geoident.forward.structures.placing import placed, present_throughout
 from geoident.model.arrays import Bools, Floats
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import SHELL_FORCES, Channel
 from geoident.model.structures import Shell
+
+_ALONG = 0.7
+"""Part of the direction of a strain gauge that lies along its shell, at least."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,8 @@ class PlaceOnShell:
         away: distance of the place from the point that was asked for, in parts of a face.
         point: (3,) the place, m.
         side_known: whether it is known which side is the inside.
+        axes: (2, 3) unit vectors 1 and 2 there.
+        inside: (3,) unit vector to the inside.
     """
 
     faces: Floats
@@ -44,6 +53,8 @@ class PlaceOnShell:
     away: float
     point: Floats
     side_known: bool
+    axes: Floats
+    inside: Floats
 
     @classmethod
     def nearest(cls, mesh_points: Floats, members: ShellMembers, channel: Channel) -> PlaceOnShell:
@@ -76,61 +87,134 @@ class PlaceOnShell:
             sign = -1.0 if inwards < 0.0 else 1.0
         size = float(np.sqrt(members.area[own]))
         known = channel.towards is not None or bool(members.side_known[own])
-        return cls(weights, sign, float(apart[best]) / size, feet[best], known)
+        away = float(apart[best]) / size
+        return cls(weights, sign, away, feet[best], known, frame[:2], sign * frame[2])
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A part of a reading: a sum over the rows of a shell, times a number of it.
+
+    Args:
+        row: (1, n_rows) the sum.
+        factor: the number, at parameter values; None for one.
+    """
+
+    row: sp.csr_array
+    factor: Callable[[ParameterPoint], Dual] | None = None
 
 
 class ShellReadings(Observable):
-    """Forces of shells, linear in the forces q of their rows.
+    """Forces and strains of shells, linear in the forces q of their rows.
 
     Args:
         channels: what is read, each of one shell.
-        rows: of each channel the sums (n_rows,) over the rows of its shell.
+        terms: of each channel, which add up.
     """
 
-    def __init__(self, channels: Sequence[Channel], rows: Sequence[sp.csr_array]) -> None:
-        self._channels, self._rows = channels, rows
+    def __init__(self, channels: Sequence[Channel], terms: Sequence[Sequence[_Term]]) -> None:
+        self._channels, self._terms = channels, terms
 
     def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
-        """The sums themselves."""
-        return LinearRows(members=self._matrix(state))
+        """The sums, with the numbers of the shells."""
+        n_rows, rows = len(state.end.members), []
+        point = ParameterPoint(state.point.values, ())
+        for channel, terms in zip(self._channels, self._terms, strict=True):
+            start = state.structures.part(channel.structure).rows.start
+            data = [t.row.data * (t.factor(point).value if t.factor else 1.0) for t in terms]
+            at = np.concatenate([t.row.indices for t in terms]) + start
+            entries = np.concatenate(data), (np.zeros(len(at), dtype=np.int64), at)
+            rows.append(sp.csr_array(entries, shape=(1, n_rows)))
+        return LinearRows(members=sp.csr_array(sp.vstack(rows)))
 
     def values(self, state: AnalysisState) -> Floats:
-        """Values (g, 1 + n + k) at a state, N/m and N."""
-        return np.asarray(self._matrix(state) @ state.end.members)
+        """Values (g, 1 + n + k) at a state, SI."""
+        read = []
+        for channel, terms in zip(self._channels, self._terms, strict=True):
+            forces = state.end.members[state.structures.part(channel.structure).rows]
+            parts = [
+                scaled((t.row @ forces)[0], t.factor(state.point)) if t.factor else t.row @ forces
+                for t in terms
+            ]
+            read.append(sum(part.ravel() for part in parts))
+        return np.array(read)
 
-    def _matrix(self, state: AnalysisState) -> sp.csr_array:
-        """(g, n_rows) by the rows of all structures."""
-        shape, rows = (1, len(state.end.members)), []
-        for channel, row in zip(self._channels, self._rows, strict=True):
-            at = row.indices + state.structures.part(channel.structure).rows.start
-            rows.append(sp.csr_array((row.data, at, row.indptr), shape=shape))
-        return sp.csr_array(sp.vstack(rows))
 
-
-def shell_forces(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
-    """Channels that read forces of shells, while these stand."""
+def shell_readings(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read forces and strains of shells, while these stand."""
     readable, faults = standing(channels, on_mesh)
-    shells: dict[str, ShellMembers] = {}
-    rows = []
+    terms = []
     for channel in channels:
-        shell, name = on_mesh.case.structures[channel.structure], channel.structure
-        present = present_throughout(on_mesh.sequence, name)
+        shell = on_mesh.case.structures[channel.structure]
+        found = place_on_shell(channel, on_mesh)
         assert isinstance(shell, Shell)
-        if present is None:
+        if found is None:
             continue
-        if name not in shells:
-            members = placed(on_mesh, name, present)
-            assert isinstance(members, ShellMembers)
-            shells[name] = members
-        place = PlaceOnShell.nearest(on_mesh.mesh.points, shells[name], channel)
-        faults = (*faults, *_faults(channel, place, on_mesh))
-        number = SHELL_FORCES.index(channel.quantity)
-        sign = place.sign if number >= 3 else -1.0 if channel.compression else 1.0
-        rows.append(shells[name].force_row(number, sign * place.faces))
-    return Placed(ShellReadings(channels, rows), readable, faults=faults, unreadable=NOT_STANDING)
+        members, place = found
+        faults = (*faults, *shell_faults(channel, place, on_mesh))
+        made = _strain if channel.kind == "strain" else _force
+        terms.append(made(channel, shell, members, place))
+    return Placed(ShellReadings(channels, terms), readable, faults=faults, unreadable=NOT_STANDING)
 
 
-def _faults(channel: Channel, place: PlaceOnShell, on_mesh: CaseOnMesh) -> Iterator[Fault]:
+def place_on_shell(
+    channel: Channel, on_mesh: CaseOnMesh
+) -> tuple[ShellMembers, PlaceOnShell] | None:
+    """The shell of a channel and its place there; None where it is none, or never stands."""
+    present = present_throughout(on_mesh.sequence, channel.structure)
+    shell = on_mesh.case.structures[channel.structure]
+    if present is None or not isinstance(shell, Shell):
+        return None
+    members = placed(on_mesh, channel.structure, present)
+    assert isinstance(members, ShellMembers)
+    return members, PlaceOnShell.nearest(on_mesh.mesh.points, members, channel)
+
+
+def _force(
+    channel: Channel, shell: Shell, members: ShellMembers, place: PlaceOnShell
+) -> list[_Term]:
+    """A force: n_11 is the sum and the difference of the rows, n_22 the one less the other."""
+    bends, component = divmod(SHELL_FORCES.index(channel.quantity), 3)
+    sign = place.sign if bends else -1.0 if channel.compression else 1.0
+    parts = np.zeros((2, 3))
+    parts[bends] = ((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0))[component]
+    return [_Term(members.row((sign * parts).ravel().tolist(), place.faces))]
+
+
+def _strain(
+    channel: Channel, shell: Shell, members: ShellMembers, place: PlaceOnShell
+) -> list[_Term]:
+    """The strain along the direction d of a fibre at a distance y from the middle, to the inside.
+
+    With the angle a from axis 1 to d and the rigidities of the rows (`fem.shells`), of the membrane
+
+        e = 1/2 (e_11 + e_22) + cos(2 a)/2 (e_11 - e_22) + sin(2 a)/2 g_12
+
+    and y times that of the curvatures.
+    """
+    along = place.axes @ np.array(channel.direction)
+    angle = np.arctan2(along[1], along[0])
+    even, apart, shear = 0.5, 0.5 * float(np.cos(2 * angle)), 0.5 * float(np.sin(2 * angle))
+    side = {"axis": 0.0, "inside": place.sign, "outside": -place.sign}[channel.quantity]
+
+    def factor(rigidity: int, point: ParameterPoint) -> Dual:
+        stiff = rigidities(shell, point)[rigidity]
+        if rigidity < 2:
+            return 1.0 / stiff
+        if channel.fibre is not None:
+            return point.constant(channel.fibre * side) / stiff
+        return point.number(shell.thickness).times(0.5 * side) / stiff
+
+    rows = ((even, 0, 0, 0, 0, 0), (0, apart, shear, 0, 0, 0),
+            (0, 0, 0, even, 0, 0), (0, 0, 0, 0, apart, shear))  # fmt: skip
+    return [
+        _Term(members.row(parts, place.faces), partial(factor, number))
+        for number, parts in enumerate(rows)
+        if any(parts) and (side or number < 2)
+    ]
+
+
+def shell_faults(channel: Channel, place: PlaceOnShell, on_mesh: CaseOnMesh) -> Iterator[Fault]:
     """What is wrong with the place of a channel."""
     of, asked = f"the structure '{channel.structure}'", format_point(channel.second)
 
@@ -145,7 +229,13 @@ def _faults(channel: Channel, place: PlaceOnShell, on_mesh: CaseOnMesh) -> Itera
         message += f"{format_point(place.point)}, "
         message += f"{np.linalg.norm(place.point - np.array(channel.second)):.3g} m away"
         yield fault("not-on-structure", message, "correct the point or the structure", "point")
-    elif channel.quantity.startswith("m") and not place.side_known:
+        return
+    across = float(np.linalg.norm(place.axes @ np.array(channel.direction)))
+    if channel.kind == "strain" and across < _ALONG:
+        message = f"reads a strain across {of} at {asked}, which has none"
+        yield fault("direction-across", message, "give a direction along it", "direction")
+    sided = channel.kind == "pressure-cell" or channel.quantity in ("inside", "outside")
+    if (sided or channel.quantity.startswith("m")) and not place.side_known:
         message = f"reads {of} at {asked}, where there is ground on both sides of it or on none: "
         message += "which side is its inside is not known"
         yield fault("which-side", message, "give 'towards': a point on the inside")

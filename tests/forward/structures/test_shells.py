@@ -12,6 +12,7 @@ from geoident.errors import InputError
 from geoident.model.actions import PointForce, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.creep import StiffnessTable
+from geoident.model.gauges import Reads
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Shell
@@ -243,6 +244,37 @@ def test_its_gauges_read_the_closed_form_between_the_middles_of_faces():
     np.testing.assert_allclose(read.computed[:, 0], exact, rtol=0.015)
 
 
+def test_strain_gauges_and_pressure_cells_read_what_the_ring_has():
+    """e = n_22 / D and y m_22 / B where nothing strains along the tunnel; p = -N / R."""
+    t, (mean, vary, bent) = 0.3, _thin_ring(0.3)
+    D = E * t / (1 - NU**2)
+    cells, exact = [], []
+    for angle in (0.0, 90.0):
+        at, sign = np.radians(angle), np.cos(np.radians(2 * angle))
+        place = (RADIUS * np.cos(at), RADIUS * np.sin(at), 0.1)
+        around = (-float(np.sin(at)), float(np.cos(at)), 0.0)
+        for fibre, y, depth in (("axis", 0.0, None), ("inside", t / 2, None),
+                                ("outside", -0.1, 0.1)):  # fmt: skip
+            name = f"{fibre} {angle}"
+            cells.append(gauge("strain", name, place, fibre, structure="lining", fibre=depth,
+                               direction=around, reads=Reads.VALUE))  # fmt: skip
+            exact.append((mean + vary * sign) / D + y * bent * sign / (D * t**2 / 12))
+    along = {"direction": (0.0, 0.0, 1.0), "reads": Reads.VALUE}
+    cells.append(gauge("strain", "along", place, "axis", structure="lining", **along))
+    stage = _lined("hex8", 8, t, OPEN, channels=tuple(cells))
+    read = stage.survey(NOTHING, fields=False).computed[:, 0]
+    np.testing.assert_allclose(read[:-1], exact, atol=1e-5)
+    assert abs(read[-1]) < 1e-9
+    cell = gauge("pressure-cell", "P", place, structure="lining", dimension="pressure",
+                 compression=True)  # fmt: skip
+    even = ConstantStress((Scalar(-P0),) * 3 + (ZERO,) * 3)
+    found = _lined("hex20", 4, t, OPEN, channels=(cell,), in_situ=even).survey(
+        NOTHING, fields=False
+    )
+    pressure = -found.shells.normal[:, 1, 0].mean() / RADIUS
+    assert found.computed[0, 0] == pytest.approx(pressure, rel=0.03)
+
+
 def test_a_shell_built_after_all_motion_bears_nothing_and_leaves_no_trace():
     stages = (
         Stage("open", excavate=("core",)),
@@ -336,6 +368,9 @@ def _sought(*, age=False):
         dimension = "line load" if quantity[0] == "n" else "moment per length"
         channels.append(gauge("load-cell", quantity, at, quantity, structure="lining",
                               dimension=dimension))  # fmt: skip
+    for fibre in ("inside", "outside"):
+        channels.append(gauge("strain", fibre, at, fibre, structure="lining", reads=Reads.VALUE,
+                              direction=(-0.3, 0.6, 0.5), towards=(0.0, 0.0, 0.3)))  # fmt: skip
     rock = material("rock", Scalar(1.0, "E_rock"), NU_ROCK)
     staged = _lined(
         "hex8", 3, 0.3, stages, reach=6, parameters=parameters, materials={"rock": rock},
@@ -346,8 +381,16 @@ def _sought(*, age=False):
 
 def test_derivatives_by_all_its_numbers_are_exact():
     staged, p, names = _sought()
-    pairs = [(name, "line") for name in ("u", "n_22", "n_11", "m_22", "m_11")]
+    pairs = [(name, "line") for name in ("u", "n_22", "n_11", "m_22", "m_11", "inside", "outside")]
     assert_exact(staged.response(pairs), p, names)
+
+
+def test_a_strain_across_a_shell_is_refused():
+    across = gauge("strain", "across", (RADIUS, 0.0, 0.3), "inside", structure="lining",
+                   direction=(1.0, 0.0, 0.0), reads=Reads.VALUE)  # fmt: skip
+    with pytest.raises(InputError, match="which has none") as error:
+        _lined("hex8", 3, 0.3, OPEN, reach=4, channels=(across,))
+    assert [fault.code for fault in error.value.faults] == ["direction-across"]
 
 
 @pytest.mark.parametrize(

@@ -402,7 +402,11 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
                 "tied": {**tied, "number": "12"},
                 "wall": wall,
             },
-            "solid": {"bolts": bolts, "tied": tied},
+            "solid": {
+                "bolts": bolts,
+                "tied": tied,
+                "wall": {**wall, "kind": "shell", "nu": "0.2", "axis": ["1", "0", "0"]},
+            },
         }[analysis],
         "stages": [{"name": "heading", "excavate": ["heading"], "build": ["bolts", "tied"]}],
     }

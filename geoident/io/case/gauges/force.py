@@ -100,15 +100,17 @@ class StressGaugeSection(ValueGauge):
 
 
 class PressureCellSection(ValueGauge):
-    """Total pressure normal to a plane in the ground, or of the ground on a beam.
+    """Total pressure normal to a plane in the ground, or of the ground on a beam or shell.
 
     Of skeleton and water together, compression positive. In the ground `normal` is the normal of
-    the plane; on a beam (`on`) it is read across the beam, in the ground beside it.
+    the plane; on a beam or shell (`on`) it is read across it, in the ground beside it.
     """
 
     one_of = (
         *ValueGauge.one_of,
-        Alternatives("normal", "on towards?", hint="'towards' distinguishes the sides of a beam."),
+        Alternatives(
+            "normal", "on towards?", hint="'towards' distinguishes the sides of a lining."
+        ),
     )
 
     measures = ("pressure",)
@@ -118,7 +120,7 @@ class PressureCellSection(ValueGauge):
     normal: DirectionVector | None = Field(
         None, description="Normal of the plane on which the pressure is read."
     )
-    on: Name | None = Field(None, description="Beam on which the pressure is read.")
+    on: Name | None = Field(None, description="Beam or shell on which the pressure is read.")
     towards: Coordinates | None = Field(None, description=TOWARDS)
 
     def check(self, faults: SectionFaults) -> None:

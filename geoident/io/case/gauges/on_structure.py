@@ -11,6 +11,7 @@ import numpy as np
 from geoident.io.case.gauges.gauge import GaugeBase, Motion, subtract, unit_vector
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
+from geoident.model.arrays import Vector
 from geoident.model.gauges import SHELL_FORCES, Channel
 from geoident.model.structures import (
     Bars,
@@ -23,7 +24,7 @@ from geoident.model.structures import (
     Struts,
 )
 
-TOWARDS = "A point on the inside of the beam; needed where ground is on both sides of it."
+TOWARDS = "A point on the inside of the beam or shell; needed where ground is on both sides of it."
 
 
 def on_structure(
@@ -33,6 +34,7 @@ def on_structure(
     bar: int | None,
     towards: list[CaseNumber] | None,
     context: Context,
+    direction: Vector | None = None,
     **given: Any,
 ) -> Channel:
     """The channel of a gauge on some structure; the place on a bar is found later.
@@ -44,13 +46,14 @@ def on_structure(
         bar: number of the bar, from 1, if it is given by that.
         towards: the point on the inside, if it is given.
         context: where the gauge is written.
+        direction: along which a strain of a shell is read.
         given: see `GaugeBase.make_channel`.
     """
     place = None if point is None else context.at("point").vector(point)
     inside = None if towards is None else context.at("towards").vector(towards)
     member = 0 if bar is None else bar - 1
     point_or_none = place or (0.0,) * context.dim
-    motion = Motion(None, point_or_none, (0.0,) * context.dim)
+    motion = Motion(None, point_or_none, direction or (0.0,) * context.dim)
     own = {"quantity": "", "member": member, "towards": inside, **given}
     return section.make_channel(name, name, motion, context.path, **own)
 
@@ -96,6 +99,9 @@ def on_structures(
             elif getattr(section, "bar", None) is not None:
                 message = f"'{channel.structure}' is a beam, which has no bars"
                 place.at("bar").refuse("wrong-structure", message, "Remove it.", key=True)
+            elif getattr(section, "direction", None) is not None:
+                message = f"'{channel.structure}' is a beam, which strains along itself"
+                place.at("direction").refuse("wrong-structure", message, "Remove it.", key=True)
             else:
                 yield channel
         elif (on_bar := _on_bar(channel, section, structure, place)) is not None:
@@ -110,11 +116,11 @@ def _is_of_shell(
     if not isinstance(structure, Shell):
         message = f"'{name}' is no shell, whose {channel.quantity} is read"
         place.at("quantity").refuse("wrong-structure", message, "Of beams N, M or Q, of bars N.")
-    elif channel.kind != "load-cell":
+    elif channel.kind == "tilt":
         message = f"'{name}' is a shell, of which a {channel.kind} reads nothing"
-        hint = "Read a force of it by 'kind: load-cell', or a displacement of a point of it."
+        hint = "Give the two points of 'between' on it."
         place.at("kind").refuse("wrong-structure", message, hint)
-    elif channel.quantity not in SHELL_FORCES:
+    elif channel.kind == "load-cell" and channel.quantity not in SHELL_FORCES:
         message = f"'{name}' is a shell, whose quantities are {', '.join(SHELL_FORCES)}"
         hint = "Add 'quantity: n_22', the normal force along axis 2."
         place.refuse("wrong-structure", message, hint, key=True)
@@ -124,6 +130,9 @@ def _is_of_shell(
     elif getattr(section, "bar", None) is not None:
         message = f"'{name}' is a shell, which has no bars"
         place.at("bar").refuse("wrong-structure", message, "Remove it.", key=True)
+    elif channel.kind == "strain" and getattr(section, "direction", None) is None:
+        message = f"'{name}' is a shell; along which direction its strain is read is missing"
+        place.refuse("missing-key", message, "Add 'direction: [0, 0, 1]'.", key=True)
     else:
         return True
     return False

@@ -46,7 +46,8 @@ class StrainSection(ValueGauge):
     * `along` a line with `every` or `at`: mean strains over the length `base` around each station,
       as a fibre optic cable reads them: channels GAUGE.2.5, with the station in metres along it;
     * `structure` with `bar`, or with `point` and `fibre`: of a bar, or of a fibre of a beam; of a
-      grouted bar at a `point` of it, or where its grout begins.
+      shell also with the `direction`; of a grouted bar at a `point` of it, or where its grout
+      begins.
 
     Of the ground it is the change since `zero`; of a structure the value since it was built.
     """
@@ -60,7 +61,7 @@ class StrainSection(ValueGauge):
             "along every base?",
             "along at base",
             "structure bar? point?",
-            "structure point fibre depth? towards?",
+            "structure point fibre depth? towards? direction?",
             hint="Give the keys of one of these ways.",
         ),
     )
@@ -69,7 +70,9 @@ class StrainSection(ValueGauge):
 
     kind: Literal["strain"]
     point: Coordinates | None = Field(None, description="Where it is read.")
-    direction: DirectionVector | None = Field(None, description="Along which it is read.")
+    direction: DirectionVector | None = Field(
+        None, description="Along which it is read; on a shell its part along the shell."
+    )
     component: StressComponent | Literal["volume"] | None = Field(
         None,
         description="In place of a direction; of shear strains gamma = 2 eps. `volume`: the sum of "
@@ -93,12 +96,12 @@ class StrainSection(ValueGauge):
         None, description="Which of its bars, counted from 1; may be missing if it has one."
     )
     fibre: Literal["inside", "outside", "axis"] | None = Field(
-        None, description="Which fibre of a beam."
+        None, description="Which fibre of a beam or shell."
     )
     depth: FixedSize | None = Field(
         None,
-        description="Distance of the fibre from the axis of the beam; half of its thickness if "
-        "missing.",
+        description="Distance of the fibre from the axis of the beam or the middle of the shell; "
+        "half of its thickness if missing.",
     )
     towards: Coordinates | None = Field(None, description=TOWARDS)
     positive: Literal["tension", "compression"] = Field(
@@ -199,7 +202,8 @@ class StrainSection(ValueGauge):
         depth = None if self.depth is None else self.depth.factor
         places = self.point, self.bar, self.towards
         fibre = self.fibre or ""
-        return [on_structure(self, name, *places, context, quantity=fibre, fibre=depth)]
+        along = unit_direction(self.direction, context.at("direction"))
+        return [on_structure(self, name, *places, context, along, quantity=fibre, fibre=depth)]
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:
