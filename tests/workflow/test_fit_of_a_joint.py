@@ -90,9 +90,12 @@ def test_stiffness_and_friction_are_found_and_a_later_stage_predicted(tmp_path):
     assert "40 elements became 160" in said.output  # split anew after their edges are halved
     assert "Little of the accuracy of the readings is lost to mesh error" in said.output
     said = run_command(
-        "report", str(tmp_path / "case.fit.h5"), "--no-page", "--figures", str(tmp_path / "figures")
+        "report", str(tmp_path / "case.fit.h5"), "--figures", str(tmp_path / "figures")
     )
     assert said.exit_code == 0, said.output
+    page = next(tmp_path.glob("*.html")).read_text()
+    assert "k_n = " in page
+    assert "|slip| up to" in page
     drawn = {path.stem for path in (tmp_path / "figures").iterdir()}
     assert {"interface-1", "interfaces", "model"} <= drawn
     said = run_command("export", str(tmp_path / "case.fit.h5"), "--format", "vtu")

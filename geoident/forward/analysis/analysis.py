@@ -155,7 +155,7 @@ class StagedAnalysis:
     ) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
-        in_joints = JointWater(on_mesh, systems.structures)
+        self.in_joints = in_joints = JointWater(on_mesh, systems.structures)
         self.actions = Actions(
             on_mesh, lambda state: chain(systems.structures.loads(state), in_joints.parts(state))
         )
@@ -418,6 +418,8 @@ class AnalysisRun:
             for group in state.release.keys() & state.leaving:
                 pushed = analysis.pores.push(state.base, group, carried.pores, point)
                 unreleased[group] = unreleased[group] + pushed
+        for group in (state.release.keys() & state.leaving) if self._structures.joints else ():
+            unreleased[group] = unreleased[group] + self._through_joints(number, group, carried)
         self._unreleased[number] = unreleased
         forces += analysis.release.forces(number, unreleased, point)
         # what is gone or placed anew carries nothing; nodes that are gone forget their motion
@@ -461,6 +463,24 @@ class AnalysisRun:
             self.traces.append(ElasticTrace(task, du[:, 0], slopes, values))
         u += du
         return yielded
+
+    def _through_joints(self, number: int, group: int, carried: StressState) -> Floats:
+        """How a group that leaves supported the ground through interfaces, (n_dofs, 1 + n + k).
+
+        An interface between two such groups counts for one of them.
+        """
+        states = self._analysis.sequence.states
+        state = states[number]
+        base = states[state.base]
+        ends = [
+            part
+            for part in self._structures.joints
+            if part.joint is not None
+            and part.joint.stands(base)
+            and not part.joint.stands(state)
+            and group == min(state.leaving.intersection(part.joint.groups), default=None)
+        ]
+        return self._analysis.in_joints.support(base, ends, carried.members, self.point)
 
     def _with_heat(self, task: StageTask) -> StageTask:
         """A state with the temperatures of its stage.

@@ -120,13 +120,7 @@ class MeshReaction:
         self._names = tuple(f"released part {k}" for k in range(len(self.releases)))
         named = dict(zip(self.releases, self._names, strict=True))
         in_turn, at_once = (
-            CaseOnMesh(
-                _unsupported(on_mesh, case.face.groups, names),
-                on_mesh.mesh,
-                on_mesh.fields,
-                on_mesh.turned,
-                on_mesh.growths,
-            )
+            replace(on_mesh, case=_unsupported(on_mesh, case.face.groups, names))
             for names in (named, {})
         )
         self._in_turn, self._at_once = (

@@ -136,9 +136,12 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
     }
     for n, state in enumerate(sequence.states[1:]):
         partly = {g for g, part in state.release.items() if part != Scalar(1.0)} & beside
-        for group in sorted(partly & state.leaving):
+        for group in sorted(partly & state.leaving) if case.consolidates else ():
             name = sequence.groups[group]
-            message = f"'{name}' borders on an interface, and its stress is released in parts"
+            message = (
+                f"'{name}' borders on an interface, its stress is released in parts, and water "
+                "takes time to leave the ground, which is not computed together yet"
+            )
             hint = "Excavate it whole, without 'release' or 'distance'; or move the interface."
             refuse(("stages", n), message, hint)
     return faults

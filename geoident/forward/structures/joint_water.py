@@ -39,14 +39,42 @@ class JointWater:
 
     def parts(self, state: ConstructionState) -> Iterator[ForcePart]:
         """What the water in interfaces does at a state: a name, its forces (n_dofs, 1 + n)."""
+        wet = self._in(state, self._structures.joints)
+        if wet and state.water is not None:
+            yield "the pressure of the water in interfaces", partial(self._forces, wet, state.water)
+
+    def support(
+        self,
+        state: ConstructionState,
+        parts: Sequence[StructureMembers],
+        members: Floats,
+        point: ParameterPoint,
+    ) -> Floats:
+        """What some interfaces and their water do to the ground, (n_dofs, 1 + n + k) N.
+
+        Args:
+            state: in which they stand.
+            parts: the interfaces.
+            members: (n_rows, 1 + n + k) forces in structures, Pa.
+            point: the parameters.
+        """
+        rows = np.zeros_like(members)
+        for part in parts:
+            rows[part.rows] = members[part.rows]
+        forces = -self._structures.nodal_forces(rows)
+        wet = self._in(state, parts)
+        if wet and state.water is not None:
+            forces[:, : point.n_columns] += self._forces(wet, state.water, point)
+        return forces
+
+    def _in(
+        self, state: ConstructionState, parts: Sequence[StructureMembers]
+    ) -> list[StructureMembers]:
+        """Those of some interfaces that have water in them at a state."""
         water = state.water
         if water is None:
-            return
-        wet = [
-            one for one in self._structures.joints if one.stands(state) and self._has(one, water)
-        ]
-        if wet:
-            yield "the pressure of the water in interfaces", partial(self._forces, wet, water)
+            return []
+        return [one for one in parts if one.stands(state) and self._has(one, water)]
 
     def _has(self, part: StructureMembers, water: Water) -> bool:
         """Whether water is in an interface: named, or in the pores of a side."""

@@ -46,7 +46,11 @@ from geoident.report.text.gauges import few_of, read_or_predicted, reading_table
 from geoident.report.text.inputs.construction import construction_table, load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import ShownNumbers, entries
-from geoident.report.text.inputs.structures import structures_table, supports_table
+from geoident.report.text.inputs.structures import (
+    interfaces_table,
+    structures_table,
+    supports_table,
+)
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
 from geoident.report.text.residuals import (
@@ -289,6 +293,7 @@ def _model(result: Result, pictures: Album) -> PagePart:
         joined(sentences),
         TitledTable("Construction", construction_table(case, numbers)),
         TitledTable("Structures", structures_table(case, numbers)),
+        TitledTable("Interfaces", interfaces_table(case, numbers)),
         TitledTable("Supports", supports_table(case, numbers)),
         Figures((*pictures.model, *(p for p in pictures.readings if p.name == "signs"))),
     )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.cases import material
 from support.derivatives import assert_exact
+from support.inner_faces import with_inner_faces
 from support.opening_grid import FLOOR, OpeningCase
 from support.tunnels import walled
 from support.yielding import constant, mohr, parameters, rock
@@ -15,6 +16,7 @@ from support.yielding import constant, mohr, parameters, rock
 from geoident.errors import CollapseError, InputError
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.model.case import Stage
+from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
 
 from .test_advance import profile, stages
@@ -75,6 +77,22 @@ def test_the_mean_of_the_wall_moves_by_the_profile(law, psi):
         off[conversion] = np.array(moved[:-1]) / moved[-1] - shares
     np.testing.assert_allclose(off["mesh"], 0.0, atol=1e-9)
     assert off["reaction-curve"].max() > 0.02
+
+
+def test_an_interface_into_the_wall_has_its_part_in_the_reaction():
+    """A soft joint across the tunnel and the rock: its opened wall still moves by the profile."""
+    whole = walled("quad8", n=2, layers=6, radius=RADIUS, reach=12.0 * RADIUS)
+    mesh = with_inner_faces(whole, joint=lambda x: abs(x[..., 0] - x[..., 1]) < 1e-6)
+    found = staged(
+        mesh, rock(5e9, 0.25, mohr(MPa, 0.5, psi=0.3)), face=profile("chern", conversion="mesh"),
+        stages=stages(DISTANCES), in_situ=UNEVEN,
+        interfaces={"joint": Interface("joint", Scalar(1e9), Scalar(2e8))},
+    )  # fmt: skip
+    fields = found.survey(np.empty(0), fields=True).fields
+    walls = replace(found.mesh, facets=found.mesh.facets[: len(whole.facets)])
+    moved = [wall_by_hand(walls, u) for u in fields.displacement[1:]]
+    shares = [s.share for s in found.face_states({})]
+    np.testing.assert_allclose(np.array(moved[:-1]) / moved[-1], shares, atol=1e-3)
 
 
 def test_a_circle_in_even_stress_releases_as_the_closed_form():

@@ -1,4 +1,4 @@
-"""Structures and supports of a case."""
+"""Structures, interfaces and supports of a case."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ _STIFFNESS = (
     "E", "nu", "thickness", "diameter", "length", "area", "EA", "EI", "stiffness", "head_stiffness",
     "density", "weight", "k_grout", "k_shaft", "k_base",
 )  # fmt: skip
+_LIMITS = "cohesion", "friction", "R_inter", "dilation", "tensile_strength"
 _DETAILS = (
     "spacing", "rows", "number", "grouted", "prestress", "strength", "capacity", "hardening_time",
     "hardening_distance", "bond", "skin_friction", "base_capacity", "free", "head",
@@ -80,6 +81,23 @@ def _stages_of(case: CaseTexts, name: str) -> str:
             if isinstance(stage, Mapping) and name in listed(stage.get(key))
         ]
     return ", ".join(stages) or "never built"
+
+
+def interfaces_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
+    """Along which faces interfaces run, their stiffness and their limits.
+
+    Args:
+        case: as texts.
+        numbers: how its numbers are shown.
+    """
+    rows = []
+    for name, given in entries(case, "interfaces").items():
+        if isinstance(given, Mapping):
+            limits = [f"{k} = {numbers.text(given[k])}" for k in _LIMITS if k in given]
+            limits += [f"of {given['of']}"] if "of" in given else []
+            stiff = "; ".join(f"{k} = {numbers.text(given[k])}" for k in ("k_n", "k_s"))
+            rows.append([name, str(given["along"]), stiff, "; ".join(limits) or "none: elastic"])
+    return TextTable(("interface", "along", "stiffness", "limits"), rows)
 
 
 def supports_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
