@@ -68,7 +68,7 @@ class Dual:
     __radd__ = __add__
 
     def __sub__(self, other: Number) -> Dual:
-        return self + (-other)
+        return Dual(self.columns - other.columns) if isinstance(other, Dual) else self.plus(-other)
 
     def __rsub__(self, other: Floats | float) -> Dual:
         return -self + other
@@ -140,6 +140,10 @@ class Dual:
     def plus(self, term: Floats | float) -> Dual:
         """Sum with given numbers (...)."""
         value = self.value + term
+        if value.shape == self.columns.shape[:-1]:
+            columns = self.columns.copy(order="K")
+            columns[..., 0] = value
+            return Dual(columns)
         slopes = np.broadcast_to(self.columns[..., 1:], (*value.shape, self.columns.shape[-1] - 1))
         return Dual(np.concatenate([value[..., None], slopes], axis=-1))
 

@@ -24,13 +24,15 @@ takes; alpha and H follow from Eoed and K0nc (`cap_constants`). No principal str
 the tensile strength.
 
 The equations of a step (implicit Euler, in the principal axes of the elastic trial stress) are
-solved by a semismooth Newton method. They are written with dual numbers: the tangent and the
-derivatives by all constants are those of the converged equations.
+solved by a semismooth Newton method. The law is written once, with dual numbers of what it depends
+on: stress, p_c and gamma_p, at the end also L and the constants. Multipliers enter the equations as
+factors, so that the derivatives by them are its terms. The tangent and the derivatives by all
+constants are those of the converged equations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -40,8 +42,8 @@ from geoident.fem.elasticity import isotropic, lame_constants
 from geoident.fem.yielding.domain import NoReturn
 from geoident.fem.yielding.principal_axes import spectrum
 from geoident.fem.yielding.small_strains import STRINGS, SmallStrains
-from geoident.model.arrays import Bools, Floats
-from geoident.model.dual import Dual, stacked
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import Dual, Number, joined, stacked
 
 GAMMA, CAP = 0, 1
 """Places of gamma_p and p_c in the state of a point, before those of strings (`SmallStrains`). A
@@ -50,11 +52,14 @@ point whose p_c is zero is in none yet."""
 LEAST_STRESS = 0.01
 """Part of p_ref below which s_3 and p_c do not lower the stiffness."""
 
-_PAIRS = ((0, 2), (0, 1), (1, 2))
-_SHEAR, _OF_CAP, _PC, _PULL = slice(3, 6), 6, 7, slice(8, 11)
-"""Unknowns after the principal stresses: three multipliers of shear, that of the cap, p_c, and
-three of tension. Multipliers are times the modulus, so that all are in Pa."""
+_UPPER, _LOWER = np.array([0, 0, 1]), np.array([2, 1, 2])
+"""Principal stresses i and j of the three pairs."""
+_PC, _MULTIPLIERS = 3, slice(4, 11)
 _N_UNKNOWNS = 11
+"""Principal stresses, p_c and the multipliers of the seven mechanisms. Multipliers are times the
+modulus, so that all are in Pa."""
+_SHEAR, _OF_CAP, _PULL = slice(0, 3), 3, slice(4, 7)
+"""Mechanisms: three pairs, the cap, three cut-offs of tension."""
 _N_INPUTS = 6
 """Trial stresses (3), gamma_p, p_c and L; after them the constants."""
 
@@ -65,15 +70,33 @@ act at once."""
 _TINY = 1e-6
 """Part of p_ref that keeps what is divided by above zero at the apex."""
 
+_OF_GAMMA, _OF_LEVEL = 4, 5
+"""The law is differentiated by principal stresses, p_c, gamma_p, L and constants, in this order."""
+
 _CONVERGED = 1e-12
-_MOST_STEPS = 50
+_MOST_STEPS = 15
+_LEAST_SHARE = 1.0 / 256.0
+"""Of the way to a trial stress, below which it is not halved."""
 
 
-Numbers: TypeAlias = "Mapping[str, Dual] | Mapping[str, Dual | float]"
+Numbers: TypeAlias = "Mapping[str, Dual] | Mapping[str, float]"
 """Constants of the law by name: numbers where they are not differentiated by."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Of the equations of an implicit step.
+
+    Args:
+        x: (11, q) principal stresses, p_c and multipliers.
+        active: (7, q) mechanisms that act.
+    """
+
+    x: Floats
+    active: Bools
+
+
+@dataclass(frozen=True, eq=False)
 class Integrated:
     """Where a strain step led.
 
@@ -81,11 +104,30 @@ class Integrated:
         stress: (s, q, 1 + c) with its derivatives, Pa.
         state: (z, q, 1 + c) gamma_p and p_c, after them what small strains remember.
         yields: (q,) points whose plastic strain grew in the last part of the step.
+        solutions: of its parts.
     """
 
     stress: Floats
     state: Floats
     yields: Bools
+    solutions: list[Solution]
+
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """The law at an iterate of an implicit step.
+
+    Args:
+        residual: (4, q) of the equations of principal stresses and p_c, Pa.
+        excess: (7, q) over the limits, Pa.
+        flow: (3, 7, q) plastic strains by the multipliers.
+        growth: (q,) of p_c by the multiplier of the cap, Pa.
+    """
+
+    residual: Dual
+    excess: Dual
+    flow: Floats
+    growth: Floats
 
 
 class HardeningSoil:
@@ -109,6 +151,7 @@ class HardeningSoil:
         numbers |= {"squared": alpha * alpha, "H": hardening}
         self._names = tuple(numbers)
         self._columns = np.stack([number.columns for number in numbers.values()])
+        self._lame, self._mu = (float(numbers[name].value) for name in ("lame", "mu"))
         self._K0nc = constants.get("K0nc")
         self._small = SmallStrains(constants, n_strain) if "G0" in constants else None
         self.n_state = 2 if self._small is None else 2 + STRINGS * n_strain
@@ -145,7 +188,7 @@ class HardeningSoil:
         if once is not None and self._K0nc is not None:
             upright = _padded(once[0], c) * -Dual(stress[vertical]) + _padded(once[1], c)
             sides = _padded(self._K0nc, c) * upright
-            past = self._of_stress([upright, sides, sides], k)
+            past = self._of_stress(stacked([upright, sides, sides]), k)
             for other, mine in zip(past, (gamma, cap), strict=True):
                 higher = other.value > mine.value
                 mine.columns[higher] = other.columns[higher]
@@ -155,8 +198,8 @@ class HardeningSoil:
         state[GAMMA, new], state[CAP, new] = gamma.columns, cap.columns
         return state
 
-    def _of_stress(self, s: list[Dual], k: Mapping[str, Dual]) -> tuple[Dual, Dual]:
-        """gamma_p and p_c (q,) whose surfaces go through principal stresses, three of (q,)."""
+    def _of_stress(self, s: Dual, k: Mapping[str, Dual]) -> tuple[Dual, Dual]:
+        """gamma_p and p_c (q,) whose surfaces go through principal stresses (3, q)."""
         strength = _strength(s[2], k)
         ratio = _least((s[0] - s[2]) / strength, 1.0 - 1e-9)
         q, gamma = ratio * strength, ratio * 0.0
@@ -187,6 +230,8 @@ class HardeningSoil:
         parts: int,
         *,
         by_constants: bool = True,
+        known: Sequence[Solution] = (),
+        near: Sequence[Solution] = (),
     ) -> Integrated:
         """Stress and state after a strain step, with their derivatives.
 
@@ -197,6 +242,8 @@ class HardeningSoil:
             strain: (s, q, 1 + c) the step.
             parts: equal parts of the step, each an implicit step of its own.
             by_constants: False: the derivatives are by other things than parameters.
+            known: solutions of the parts of the same step, for their derivatives.
+            near: those of a step close by, from which to begin.
 
         Raises:
             NoReturn: the equations of a point were not solved.
@@ -206,15 +253,25 @@ class HardeningSoil:
             np.pad(of[..., :n], [(0, 0)] * (of.ndim - 1) + [(0, c + 1 - of[..., :n].shape[-1])])
             for of in (self._columns, self._matrix)
         )
-        yields, state = np.zeros(stress.shape[1], dtype=bool), state.copy()
+        state = state.copy()
         if self._small is not None:
             own = self._columns.shape[1] - 1 if by_constants else 0
             strain, state[2:] = self._small.follow(state[2:], strain, own)
-        for _ in range(parts):
-            stress, state, yields = self._part(
-                stress, state, strain / parts, constants, Dual(matrix), by_constants=by_constants
+        solutions = []
+        for n_part in range(parts):
+            stress, state, solution = self._part(
+                stress,
+                state,
+                strain / parts,
+                constants,
+                Dual(matrix),
+                known=known[n_part] if known else None,
+                near=near[n_part] if near else None,
+                by_constants=by_constants,
             )
-        return Integrated(stress, state, yields)
+            solutions.append(solution)
+        yields = np.asarray(solutions[-1].active.any(axis=0))
+        return Integrated(stress, state, yields, solutions)
 
     def _part(
         self,
@@ -224,24 +281,27 @@ class HardeningSoil:
         constants: Floats,
         matrix: Dual,
         *,
+        known: Solution | None,
+        near: Solution | None,
         by_constants: bool,
-    ) -> tuple[Floats, Floats, Bools]:
+    ) -> tuple[Floats, Floats, Solution]:
         """One implicit step; constants (k, 1 + c) and E (s, s) with as many derivatives."""
         c = stress.shape[2] - 1
         k = {name: Dual(constants[n]) for n, name in enumerate(self._names)}
-        level = self._level(_principal(stress)[2], k)
+        begin = _principal(stress)
+        level = self._level(begin[2], k)
         moved = _product(matrix, strain)
         trial = stress + (Dual(moved) * level).columns
         axes = spectrum(trial[..., 0])
         s_trial = -axes.values[::-1]
         before = np.stack([state[GAMMA, :, 0], state[CAP, :, 0], level.value])
         inputs = np.concatenate([s_trial, before])  # (6, q)
-        x, active = self._solve(inputs)
-        yields = np.asarray(active.any(axis=1))
-        if not yields.any():
-            return trial, state, yields
-        some = np.flatnonzero(yields)
-        by = self._jacobian(x[:, some], inputs[:, some], active[some], constants=by_constants)
+        solution = known or self._solve(begin.value, inputs, near)
+        some = np.flatnonzero(solution.active.any(axis=0))
+        if not len(some):
+            return trial, state, solution
+        x, active, inputs = solution.x[:, some], solution.active[:, some], inputs[:, some]
+        by = self._jacobian(x, inputs, active, constants=by_constants)
         # along the axes, in their order (the largest tension first), and across them
         resolve, assemble = axes.resolve[some], axes.assemble[some]
         along = np.einsum("qis,sqc->qic", resolve, trial[:, some])
@@ -252,128 +312,181 @@ class HardeningSoil:
         pushed[:, 5] = level.columns[some]
         pushed[:, _N_INPUTS:] = constants
         moved_x = by @ pushed[..., 1:]  # (q, 5, c)
-        ends[:, :3, 0] = -x[2::-1, some].T
+        ends[:, :3, 0] = -x[2::-1].T
         ends[:, :3, 1:] = -moved_x[:, 2::-1]
-        ratio = _turning(s_trial[:, some], x[:3, some], by)
+        ratio = _turning(inputs[:3], x[:3], by)
         ends[:, 3:, 0] = 0.0
         ends[:, 3:, 1:] = ratio[..., None] * along[:, 3:, 1:]
         stress, state = trial.copy(), state.copy()
         stress[:, some] = np.einsum("qsi,qic->sqc", assemble, ends)
-        state[GAMMA, some, 0] += x[_SHEAR, some].sum(axis=0) / self._modulus(inputs[5, some])
-        state[CAP, some, 0] = x[_PC, some]
+        state[GAMMA, some, 0] += x[_MULTIPLIERS][_SHEAR].sum(axis=0) / self._modulus(inputs[5])
+        state[CAP, some, 0] = x[_PC]
         state[: CAP + 1, some, 1:] = np.moveaxis(moved_x[:, 3:5], 1, 0)
-        return stress, state, yields
+        return stress, state, solution
 
     def _modulus(self, level: Floats) -> Floats:
         """E_ur L (q,) by which multipliers are multiplied, Pa; it is not differentiated."""
         return np.asarray(self._E * level)
 
-    def _solve(self, inputs: Floats) -> tuple[Floats, Bools]:
-        """Unknowns (11, q) and mechanisms (q, 7) that act, by a semismooth Newton method.
+    def _solve(self, begin: Floats, inputs: Floats, near: Solution | None) -> Solution:
+        """The unknowns and the mechanisms that act.
+
+        Points whose mechanisms do not settle, as near the apex, are followed from the beginning of
+        the step: the trial stress comes there in parts.
 
         Args:
+            begin: (3, q) principal stresses at the beginning of the step.
             inputs: (6, q).
+            near: a solution at other inputs, from which to begin.
+
+        Raises:
+            NoReturn: the equations of a point were not solved.
         """
-        q = inputs.shape[1]
-        x, active = np.zeros((_N_UNKNOWNS, q)), np.zeros((q, 7), dtype=bool)
+        x = np.zeros((_N_UNKNOWNS, inputs.shape[1]))
         x[:3], x[_PC] = inputs[:3], inputs[4]
-        rest = np.arange(q)
+        if near is not None:
+            some = near.active.any(axis=0)
+            x[:, some] = near.x[:, some]
+        x, active, left = self._newton(x, inputs)
+        if not len(left):
+            return Solution(x, active)
+        follow, begin, whole = np.zeros((_N_UNKNOWNS, len(left))), begin[:, left], inputs[:, left]
+        follow[:3], follow[_PC] = begin, whole[4]
+        done, share = 0.0, 0.25
+        while done < 1.0:
+            part = whole.copy()
+            part[:3] = begin + (done + share) * (whole[:3] - begin)
+            found, acts, failed = self._newton(follow, part)
+            if not len(failed):
+                done, follow = done + share, found
+            elif share > _LEAST_SHARE:
+                share *= 0.5
+            else:
+                raise NoReturn("no stress of a hardening soil")
+        x[:, left], active[:, left] = follow, acts
+        return Solution(x, active)
+
+    def _newton(self, x: Floats, inputs: Floats) -> tuple[Floats, Bools, Ints]:
+        """Unknowns (11, q) by a semismooth Newton method, what acts (7, q), points not solved."""
+        x, active = x.copy(), np.zeros((7, x.shape[1]), dtype=bool)
+        rest = np.arange(x.shape[1])
         scale = self._p_ref * LEAST_STRESS + np.abs(inputs[:3]).max(axis=0)
         for _ in range(_MOST_STEPS):
-            residual, excess = self._residual(x[:, rest], inputs[:, rest])
-            size = scale[rest, None]
-            acts = _multipliers(x[:, rest]) + excess.value > _CONVERGED * size
-            now = _chosen(residual, excess, acts, x[:, rest])
-            active[rest] = acts
-            open_ = np.abs(now.value).max(axis=1) > _CONVERGED * scale[rest]
+            equations, slopes, acts = self._equations(x[:, rest], inputs[:, rest])
+            active[:, rest] = acts
+            open_ = np.abs(equations).max(axis=0) > _CONVERGED * scale[rest]
             rest = rest[open_]
             if not len(rest):
-                return x, active
-            columns = now.columns[open_]
+                break
             try:
-                step = np.linalg.solve(columns[..., 1:], columns[..., :1])[..., 0]
-            except np.linalg.LinAlgError as error:
-                raise NoReturn("no stress of a hardening soil") from error
-            x[:, rest] -= step.T
+                step = _solved(slopes[..., open_], equations[:, None, open_], acts[:, open_])
+            except np.linalg.LinAlgError:
+                break
+            x[:, rest] -= step[:, 0]
             x[_PC, rest] = np.maximum(x[_PC, rest], inputs[4, rest] * (1.0 - 1e-9))
             if not np.isfinite(x[:, rest]).all():
                 break
-        raise NoReturn("no stress of a hardening soil")
+        return x, active, rest
 
     def _jacobian(self, x: Floats, inputs: Floats, active: Bools, *, constants: bool) -> Floats:
         """Derivatives (q, 5, 6 + k) of principal stresses, gamma_p, p_c by inputs and constants."""
-        residual, excess = self._residual(x, inputs, constants=constants)
-        columns = _chosen(residual, excess, active, x).columns
-        own, given = columns[..., 1 : 1 + _N_UNKNOWNS], columns[..., 1 + _N_UNKNOWNS :]
-        slopes = -np.linalg.solve(own, given)
-        size = self._modulus(inputs[5])[:, None]
-        by = np.zeros((len(active), 5, _N_INPUTS + len(self._names)))
-        by[:, :3, : slopes.shape[2]] = slopes[:, :3]
-        by[:, 3, : slopes.shape[2]] = slopes[:, _SHEAR].sum(axis=1) / size
-        by[:, 3, 3] += 1.0
-        by[:, 4, : slopes.shape[2]] = slopes[:, _PC]
-        return by
+        slopes = self._equations(x, inputs, active, constants=constants)[1]
+        given = slopes[:, _N_UNKNOWNS:]
+        moved = -_solved(slopes[:, :_N_UNKNOWNS], given, active)
+        by = np.zeros((5, _N_INPUTS + len(self._names), x.shape[1]))
+        n = given.shape[1]
+        by[:3, :n] = moved[:3]
+        by[3, :n] = moved[_MULTIPLIERS][_SHEAR].sum(axis=0) / self._modulus(inputs[5])
+        by[3, 3] += 1.0
+        by[4, :n] = moved[_PC]
+        return np.ascontiguousarray(by.transpose(2, 0, 1))
 
-    def _residual(
-        self, x: Floats, inputs: Floats, *, constants: bool | None = None
-    ) -> tuple[Dual, Dual]:
-        """Equations (q, 4) of stresses and p_c, and excess (q, 7) over the seven limits, Pa.
-
-        With derivatives by the unknowns; unless ``constants`` is None also by inputs and constants.
+    def _equations(
+        self,
+        x: Floats,
+        inputs: Floats,
+        active: Bools | None = None,
+        *,
+        constants: bool | None = None,
+    ) -> tuple[Floats, Floats, Bools]:
+        """Equations (11, q), in the order of the unknowns, their derivatives, what acts (7, q).
 
         Args:
             x: (11, q).
             inputs: (6, q).
-            constants: whether derivatives by the constants are wanted.
+            active: mechanisms that act; None: those beyond their limit.
+            constants: None: derivatives (11, 11, q) by the unknowns; False: (11, 17, q) also by the
+                inputs; True: (11, 17 + k, q) also by the constants.
         """
-        n_more = 0 if constants is None else _N_INPUTS + len(self._names)
-        n = _N_UNKNOWNS + n_more
-        unknown = [_independent(x[i], i, n) for i in range(_N_UNKNOWNS)]
-        given = [
-            _independent(inputs[i], _N_UNKNOWNS + i if n_more else None, n)
-            for i in range(_N_INPUTS)
-        ]
-        first = _N_UNKNOWNS + _N_INPUTS
-        k: dict[str, Dual | float] = {
-            name: _independent(self._columns[i, :1], first + i, n)
-            if constants
-            else float(self._columns[i, 0])
-            for i, name in enumerate(self._names)
-        }
-        s, p_c, level = unknown[:3], unknown[_PC], given[5]
         size = self._modulus(inputs[5])
-        shear = [one / size for one in unknown[_SHEAR]]
-        pulled = [one / size for one in unknown[_PULL]]
-        of_cap = unknown[_OF_CAP] / size
-        a, p_ref = k["a"], k["p_ref"]
-        gamma = given[3] + shear[0] + shear[1] + shear[2]
+        multipliers = x[_MULTIPLIERS] / size
+        law = self._law(x, inputs, multipliers, constants=constants)
+        if active is None:
+            scale = self._p_ref * LEAST_STRESS + np.abs(inputs[:3]).max(axis=0)
+            active = x[_MULTIPLIERS] + law.excess.value > _CONVERGED * scale
+        columns = np.moveaxis(joined([law.residual, law.excess]).columns, -1, 1)
+        equations, of_gamma = columns[:, 0], columns[:, 1 + _OF_GAMMA]
+        given = () if constants is None else range(_N_INPUTS + columns.shape[1] - 2 - _OF_LEVEL)
+        slopes = np.zeros((_N_UNKNOWNS, _N_UNKNOWNS + len(given), x.shape[1]))
+        slopes[:, :4] = columns[:, 1:5]
+        by_multipliers = slopes[:, _MULTIPLIERS]
+        by_multipliers[:, _SHEAR] = (of_gamma / size)[:, None]
+        by_multipliers[:3] += (
+            self._lame * law.flow.sum(axis=0) + 2.0 * self._mu * law.flow
+        ) / self._E
+        by_multipliers[_PC, _OF_CAP] -= law.growth / size
+        mechanism = np.arange(7)
+        by_multipliers[4 + mechanism[_PULL], mechanism[_PULL]] -= _SOFT
+        if given:
+            by_inputs = slopes[:, _N_UNKNOWNS:]
+            by_inputs[:, 3] = of_gamma
+            by_inputs[:, 5:] = columns[:, 1 + _OF_LEVEL :]
+            by_inputs[np.arange(4), [0, 1, 2, 4]] -= 1.0
+        equations[4:] = np.where(active, equations[4:], x[_MULTIPLIERS])
+        slopes[4:] *= active[:, None]
+        by_multipliers[4 + mechanism, mechanism] += ~active
+        return equations, slopes, active
+
+    def _law(
+        self, x: Floats, inputs: Floats, multipliers: Floats, *, constants: bool | None
+    ) -> _Law:
+        """The law at an iterate, with its derivatives; multipliers (7, q) are given numbers."""
+        n = _OF_LEVEL + {None: 0, False: 1, True: 1 + len(self._names)}[constants]
+        y = _variables(np.stack([*x[:3], x[_PC], inputs[3] + multipliers[_SHEAR].sum(axis=0)]), n)
+        s, p_c, gamma = y[:3], y[3], y[_OF_GAMMA]
         np.maximum(gamma.columns[..., 0], 0.0, out=gamma.columns[..., 0])  # of an iterate
-        plastic = [-one for one in pulled]
-        excess = []
-        for multiplier, (i, j) in zip(shear, _PAIRS, strict=True):
-            strength = _strength(s[j], k)
-            limit = _hardened(gamma, strength, level, k) if self.has_shear else strength
-            excess.append(s[i] - s[j] - limit)
-            dilates = _dilation(s[i], s[j], k)
-            plastic[i] = plastic[i] + multiplier * (1.0 - dilates) * 0.5
-            plastic[j] = plastic[j] - multiplier * (1.0 + dilates) * 0.5
-        p = (s[0] + s[1] + s[2]) / 3.0
-        radius = _cap_radius(s, k)
-        for i in range(3):
-            normal = ((s[i] - p) * 1.5 / k["squared"] + (p + a) / 3.0) / radius
-            plastic[i] = plastic[i] + of_cap * normal
-        compacted = of_cap * (p + a) / radius
-        excess.append(radius - a - p_c)
+        level: Number = inputs[5]
+        k: Numbers = dict(zip(self._names, self._columns[:, 0].tolist(), strict=True))
+        if constants is not None:
+            level = _variables(inputs[5:], n, _OF_LEVEL)[0]
+        if constants:
+            numbers = _variables(self._columns[:, :1], n, _OF_LEVEL + 1)
+            k = {name: numbers[i] for i, name in enumerate(self._names)}
+        a, p_ref = k["a"], k["p_ref"]
+        flow = Dual(np.moveaxis(np.zeros((1 + n, 3, 7, x.shape[1])), 0, -1))
+        upper, lower = s[_UPPER], s[_LOWER]
+        limit = _strength(lower, k)
+        if self.has_shear:
+            limit = _hardened(gamma, limit, *_compliances(k, level), k)
+        dilates, pair = _dilation(upper, lower, k), np.arange(3)
+        flow.columns[_UPPER, pair] = ((1.0 - dilates) * 0.5).columns
+        flow.columns[_LOWER, pair] = ((1.0 + dilates) * -0.5).columns
+        p, radius = _mean(s), _cap_radius(s, k)
+        inside, distance = 1.0 / radius, p + a
+        normal = ((s - p) * (1.5 / k["squared"]) + distance / 3.0) * inside
+        flow.columns[:, _OF_CAP] = normal.columns
+        flow.columns[pair, 4 + pair, :, 0] = -1.0
+        growth = _power((p_c + a) / (p_ref + a), k["m"]) * k["H"] * (distance * inside)
+        plastic = Dual((flow.columns * multipliers[..., None]).sum(axis=1))
+        volume = Dual(plastic.columns.sum(axis=0)) * k["lame"]
+        stress = s - inputs[:3] + (plastic * (2.0 * k["mu"]) + volume) * level
+        cap = radius - a - p_c
         if not self.has_cap:
-            excess[-1] = excess[-1] * 0.0 - self._p_ref
-        excess += [-s[i] - k["tension"] - pulled[i] * k["E"] * level * _SOFT for i in range(3)]
-        volume = (plastic[0] + plastic[1] + plastic[2]) * k["lame"]
-        residual = [
-            s[i] - given[i] + level * (volume + plastic[i] * (2.0 * k["mu"])) for i in range(3)
-        ]
-        grown = _power((p_c + a) / (p_ref + a), k["m"]) * k["H"] * compacted
-        residual.append(p_c - given[4] - grown)
-        return _last(residual), _last(excess)
+            cap = cap * 0.0 - self._p_ref
+        pull = -s - k["tension"] - k["E"] * level * (_SOFT * multipliers[_PULL])
+        grown = p_c - inputs[4] - growth * multipliers[_OF_CAP]
+        excess = [upper - lower - limit, cap[None], pull]
+        return _Law(joined([stress, grown[None]]), joined(excess), flow.value, growth.value)
 
 
 def cap_constants(constants: Mapping[str, Dual]) -> tuple[Dual, Dual]:
@@ -441,7 +554,7 @@ def _derived(constants: Mapping[str, Dual]) -> dict[str, Dual]:
     }
 
 
-def _compliances(k: Numbers, level: Dual) -> tuple[Dual, Dual]:
+def _compliances(k: Numbers, level: Number) -> tuple[Number, Number]:
     """2 / E_i and 2 / E_ur at L, 1/Pa."""
     return 2.0 / (k["E_i"] * level), 2.0 / (k["E"] * level)
 
@@ -452,30 +565,64 @@ def _strength(s_j: Dual, k: Numbers) -> Dual:
     return ((s_j + (k["a"] - tiny)).positive_part() + tiny) * (2.0 * sine / (1.0 - sine))
 
 
-def _hardened(gamma: Dual, strength: Dual, level: Dual, k: Numbers) -> Dual:
-    """min(q(gamma_p), q_f): the root of the quadratic that the hyperbola is."""
-    initial, unloading = _compliances(k, level)
+def _hardened(gamma: Dual, strength: Dual, initial: Number, unloading: Number, k: Numbers) -> Dual:
+    """min(q(gamma_p), q_f): the root of the quadratic that the hyperbola is.
+
+    Its slopes are those of gamma_p = initial q / (1 - q / asymptote) - unloading q.
+    """
     asymptote = strength / k["Rf"]
-    b, twice = (initial - unloading) * asymptote + gamma, 2.0 * gamma * asymptote
-    q = twice / (b + (b * b + 2.0 * unloading * twice).root())
-    return _least(q, strength)
+    g, A, i, u = (_value(one) for one in (gamma, asymptote, initial, unloading))
+    b, twice = (i - u) * A + g, 2.0 * g * A
+    q = twice / (b + np.sqrt(b * b + 2.0 * u * twice))
+    ratio = q / A
+    left = 1.0 - ratio
+    inverse = 1.0 / (i - u * left * left)
+    terms = ((gamma, left * left * inverse), (asymptote, i * ratio * ratio * inverse))
+    constants = ((initial, -left * q * inverse), (unloading, left * left * q * inverse))
+    return _least(_chained(q, *terms, *constants), strength)
 
 
 def _dilation(s_i: Dual, s_j: Dual, k: Numbers) -> Dual:
     """sin(psi_m) of a pair."""
     tiny, constant = k["p_ref"] * _TINY, k["sine_cv"]
-    mean = (s_i + s_j + (2.0 * k["a"] - tiny)).positive_part() + tiny
-    mobilised = _least((s_i - s_j) / mean, k["sine"])
-    return ((mobilised - constant) / (1.0 - mobilised * constant)).positive_part()
+    sum_ = (s_i + s_j + (2.0 * k["a"] - tiny)).positive_part() + tiny
+    ratio, inverse = (s_i.value - s_j.value) / sum_.value, 1.0 / sum_.value
+    mobilised = _least(
+        _chained(ratio, (s_i, inverse), (s_j, -inverse), (sum_, -ratio * inverse)), k["sine"]
+    )
+    m, c = mobilised.value, _value(constant)
+    below = 1.0 / (1.0 - m * c)
+    slopes = (1.0 - c * c) * below**2, (m * m - 1.0) * below**2
+    sine = _chained((m - c) * below, (mobilised, slopes[0]), (constant, slopes[1]))
+    return sine.positive_part()
 
 
-def _cap_radius(s: list[Dual], k: Numbers) -> Dual:
-    """p_c + a of the cap through principal stresses, Pa."""
-    p = (s[0] + s[1] + s[2]) / 3.0
-    parts = [s[i] - p for i in range(3)]
-    squared = (parts[0] * parts[0] + parts[1] * parts[1] + parts[2] * parts[2]) * 1.5
+def _mean(s: Dual) -> Dual:
+    """Mean p (q,) of principal stresses (3, q)."""
+    return Dual(s.columns.sum(axis=0) / 3.0)
+
+
+def _cap_radius(s: Dual, k: Numbers) -> Dual:
+    """p_c + a (q,) of the cap through principal stresses (3, q), Pa."""
+    p = _mean(s)
+    parts = s - p
+    squared = Dual((parts * parts).columns.sum(axis=0) * 1.5)
     tiny, p = k["p_ref"] * _TINY, p + k["a"]
     return (squared / k["squared"] + p * p + tiny * tiny).root()
+
+
+def _value(number: Number) -> Floats:
+    return number.value if isinstance(number, Dual) else np.asarray(number)
+
+
+def _chained(value: Floats, *terms: tuple[Number, Floats]) -> Dual:
+    """A function of numbers: its value (...), and each number with the slope (...) by it."""
+    parts = [slope[..., None] * one.columns for one, slope in terms if isinstance(one, Dual)]
+    columns = parts[0]
+    for part in parts[1:]:
+        columns += part
+    columns[..., 0] = value
+    return Dual(columns)
 
 
 def _least(one: Dual, other: Dual | float) -> Dual:
@@ -496,17 +643,16 @@ def _padded(one: Dual, n: int) -> Dual:
     return Dual(np.pad(one.columns, [(0, 0)] * (one.columns.ndim - 1) + [(0, n - one.n)]))
 
 
-def _independent(values: Floats, place: int | None, n: int) -> Dual:
-    """Numbers (q,) with derivative one by the variable at a place; None: by none."""
-    number = Dual.constant(values, n)
-    if place is not None:
-        number.columns[..., 1 + place] = 1.0
-    return number
+def _variables(values: Floats, n: int, first: int = 0) -> Dual:
+    """Numbers (k, ...), each with derivative one by a variable of its own, from one of n on.
 
-
-def _last(duals: list[Dual]) -> Dual:
-    """Numbers (q,) as (q, k)."""
-    return Dual(np.moveaxis(stacked(duals).columns, 0, 1))
+    Derivatives are apart in memory, those of all points together: numpy is quicker so.
+    """
+    columns = np.zeros((1 + n, *values.shape))
+    columns[0] = values
+    rows = np.arange(len(values))
+    columns[1 + first + rows, rows] = 1.0
+    return Dual(np.moveaxis(columns, 0, -1))
 
 
 def _product(matrix: Dual, strain: Floats) -> Floats:
@@ -516,30 +662,25 @@ def _product(matrix: Dual, strain: Floats) -> Floats:
     return np.asarray(product)
 
 
-def _principal(stress: Floats) -> list[Dual]:
-    """s_1 >= s_2 >= s_3, three of (q,), of stresses (s, q, 1 + c)."""
+def _principal(stress: Floats) -> Dual:
+    """s_1 >= s_2 >= s_3 (3, q) of stresses (s, q, 1 + c)."""
     axes = spectrum(stress[..., 0])
     along = -np.einsum("qis,sqc->iqc", axes.resolve[:, :3], stress)
     along[..., 0] = -axes.values
-    return [Dual(along[i]) for i in (2, 1, 0)]
+    return Dual(along[::-1])
 
 
-def _multipliers(x: Floats) -> Floats:
-    """(q, 7) of the unknowns (11, q)."""
-    return np.concatenate([x[_SHEAR], x[_OF_CAP : _OF_CAP + 1], x[_PULL]]).T
+def _solved(slopes: Floats, right: Floats, active: Bools) -> Floats:
+    """Solutions (11, r, q) of the equations with slopes (11, 11, q) of mechanisms that act (7, q).
 
-
-def _chosen(residual: Dual, excess: Dual, active: Bools, x: Floats) -> Dual:
-    """The equations (q, 11), in the order of the unknowns: of what does not act, no multiplier."""
-    places = np.array([3, 4, 5, 6, 8, 9, 10])
-    none = np.zeros_like(excess.columns)
-    none[..., 0] = _multipliers(x)
-    none[:, np.arange(7), 1 + places] = 1.0
-    limits = np.where(active[..., None], excess.columns, none)
-    whole = np.empty((len(active), _N_UNKNOWNS, excess.columns.shape[2]))
-    whole[:, :3], whole[:, _PC] = residual.columns[:, :3], residual.columns[:, 3]
-    whole[:, places] = limits
-    return Dual(whole)
+    Those that act at no point are left out: of what does not act the multiplier is zero.
+    """
+    kept = np.append(np.ones(4, dtype=bool), active.any(axis=1))
+    result, rest = right.copy(), slopes[kept]
+    given = right[kept] - np.einsum("ijq,jrq->irq", rest[:, ~kept], right[~kept])
+    own = rest[:, kept].transpose(2, 0, 1)
+    result[kept] = np.linalg.solve(own, given.transpose(2, 0, 1)).transpose(1, 2, 0)
+    return result
 
 
 def _turning(trial: Floats, end: Floats, by: Floats) -> Floats:

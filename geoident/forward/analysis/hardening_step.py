@@ -24,7 +24,7 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoReturn
-from geoident.fem.yielding.hardening_soil import HardeningSoil
+from geoident.fem.yielding.hardening_soil import HardeningSoil, Solution
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_points import StagePoints
 from geoident.forward.analysis.systems import StageSystems
@@ -73,10 +73,11 @@ class _Soil:
 
 @dataclass(frozen=True, eq=False)
 class _Iterate:
-    """Stress (s, m) at a displacement step, tangents less E of each soil, and what is left."""
+    """At a displacement step: of each soil tangents less E and solutions, and what is left."""
 
     du: Floats
     changes: list[Floats]
+    solutions: list[list[Solution]]
     residual: Floats
     imbalance: float
 
@@ -252,22 +253,23 @@ class _PartOfStage:
         """Follow a step, or the largest half of it that makes nothing much worse."""
         for cut in range(_MOST_CUTS):
             try:
-                following = self._at(iterate.du + 0.5**cut * step)
+                following = self._at(iterate.du + 0.5**cut * step, iterate)
             except NoReturn:
                 continue
             if following.imbalance <= max(2.0 * iterate.imbalance, _ROUNDED):
                 return following
         raise _NotSolved
 
-    def _at(self, du: Floats) -> _Iterate:
-        """Stresses, tangents and residual at a displacement step (n_dofs,)."""
+    def _at(self, du: Floats, near: _Iterate | None = None) -> _Iterate:
+        """Stresses, tangents and residual at a displacement step (n_dofs,), one near another."""
         task, n_strain = self._task, self._points.n_strain
         whole = du if task.motion is None else du + task.motion[:, 0]
         strain = self._points.strain(whole)
-        stress, changes = self._carried.stress[..., 0].copy(), []
+        stress = self._carried.stress[..., 0].copy()
+        changes, solutions = [], []
         for name, points in task.system.points_of.items():
             stress[:, points] += self._moduli[name].stress(strain[:, points])
-        for soil in self._soils:
+        for n, soil in enumerate(self._soils):
             q = len(soil.points)
             columns = np.zeros((n_strain, q, 1 + n_strain))
             columns[..., 0] = strain[:, soil.points]
@@ -276,10 +278,18 @@ class _PartOfStage:
             before[..., 0] = self._carried.stress[:, soil.points, 0]
             state = np.zeros((soil.law.n_state, q, 1 + n_strain))
             state[..., 0] = self._carried.hardened[soil.name][:, soil.points, 0]
-            end = soil.law.integrate(before, state, columns, POINT_PARTS, by_constants=False)
+            end = soil.law.integrate(
+                before,
+                state,
+                columns,
+                POINT_PARTS,
+                by_constants=False,
+                near=near.solutions[n] if near else (),
+            )
             stress[:, soil.points] = end.stress[..., 0]
             change = np.moveaxis(end.stress[..., 1:], 1, 0) - soil.law.elasticity
             changes.append(change * self._volume[soil.points][:, None, None])
+            solutions.append(end.solutions)
         internal = self._points.forces(stress, self._volume)
         structures = self._systems.structures
         if structures.n_rows:
@@ -288,7 +298,7 @@ class _PartOfStage:
         residual = (self._target[:, 0] - internal)[self._dofs]
         scale = max(self._at_work, float(np.abs(internal).max(initial=0.0))) or 1.0
         worst = float(np.abs(residual).max(initial=0.0)) / scale
-        return _Iterate(du, changes, residual, worst)
+        return _Iterate(du, changes, solutions, residual, worst)
 
     def _factor(self, iterate: _Iterate) -> Factor:
         """Of the consistent tangent."""
@@ -310,13 +320,12 @@ class _PartOfStage:
             task.add_stress(systems, task.motion, slice(0, task.motion.shape[1]))
         moved[:, 0] += end.du
         task.add_stress(systems, du[:, :1], slice(0, 1))
-        yields = self._integrate(moved)
         if du.shape[1] > 1:
             columns = slice(1, None)
             task.add_stiffness_derivatives(
                 systems, end.du, carried.stress[..., columns], carried.members[:, columns]
             )
-            self._integrate(moved)
+            self._integrate(moved, end)
             rest = self._target[:, columns] - self._points.forces(
                 carried.stress[..., columns], self._volume
             )
@@ -326,18 +335,22 @@ class _PartOfStage:
                 du[self._dofs, columns] = self._factor(end).solve(rest[self._dofs])
             task.add_stress(systems, du[:, columns], columns)
             moved[:, columns] += du[:, columns]
-            yields = self._integrate(moved)
+        yields = self._integrate(moved, end)
         self._carried.take(carried)
         return du, yields
 
-    def _integrate(self, moved: Floats) -> Bools:
+    def _integrate(self, moved: Floats, at: _Iterate) -> Bools:
         """Stress and state of the soils after displacements (n_dofs, 1 + n + k), carried."""
         yields = np.zeros(self._points.n_points, dtype=bool)
-        for soil in self._soils:
+        for soil, known in zip(self._soils, at.solutions, strict=True):
             strain = self._points.strain(moved, soil.points)
             before, states = self._carried, self._carried.hardened[soil.name]
             end = soil.law.integrate(
-                before.stress[:, soil.points], states[:, soil.points], strain, POINT_PARTS
+                before.stress[:, soil.points],
+                states[:, soil.points],
+                strain,
+                POINT_PARTS,
+                known=known,
             )
             self._task.carried.stress[:, soil.points] = end.stress
             self._task.carried.hardened[soil.name][:, soil.points] = end.state
