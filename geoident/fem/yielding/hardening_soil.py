@@ -255,7 +255,7 @@ class HardeningSoil:
             np.pad(of[..., :n], [(0, 0)] * (of.ndim - 1) + [(0, c + 1 - of[..., :n].shape[-1])])
             for of in (self._columns, self._matrix)
         )
-        yields, state = np.zeros(stress.shape[1], dtype=bool), state.copy()
+        state = state.copy()
         if self._small is not None:
             own = self._columns.shape[1] - 1 if by_constants else 0
             strain, state[2:] = self._small.follow(state[2:], strain, own)
