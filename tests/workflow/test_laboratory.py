@@ -117,6 +117,25 @@ def test_triaxial_and_oedometer_of_mohr_coulomb(tmp_path, verification):
     assert all(stage.startswith(channel[:3]) for channel, stage in computed)
 
 
+def test_blank_cells_were_not_read(tmp_path):
+    """In a table and in a list of the case, whose numbers take the unit of its last value."""
+    (tmp_path / "tx.csv").write_text(
+        "axial_strain [%], deviator_stress [kPa], volumetric_strain [%]\n"
+        "1, 150,\n2, , 0.3\n3, 160\n"
+    )
+    table = {**_triaxial(100), "readings": "tx.csv"}
+    listed = _triaxial(200, strains="[1, 2, 3 %]", deviator_stress=["150", "250 kPa", None])
+    case = load_inputs(_case(tmp_path, {"TX 1": table, "TX 2": listed})).case
+    read = {(one.channel, one.stage): one.value for one in case.readings}
+    assert read == {
+        ("TX 1 deviator stress", "TX 1 at 1 %"): 150e3,
+        ("TX 1 deviator stress", "TX 1 at 3 %"): 160e3,
+        ("TX 1 volumetric strain", "TX 1 at 2 %"): pytest.approx(0.003),
+        ("TX 2 deviator stress", "TX 2 at 1 %"): 150e3,
+        ("TX 2 deviator stress", "TX 2 at 2 %"): 250e3,
+    }
+
+
 def test_shear_box_reaches_the_strength_of_simple_shear(tmp_path, verification):
     """E. H. Davis (1968): tau = sigma sin(phi) cos(psi) / (1 - sin(phi) sin(psi)) without c."""
     tests = {f"DS {p}": {**SHEAR, "normal_stress": f"{p} kPa"} for p in (50, 100, 200)}
