@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from geoident import fit_project
+from geoident import fit, fit_project
 from geoident.workflow.running.jobs import build_model, load_inputs
 from tests.support.derivatives import assert_exact, assert_slopes
 
@@ -117,6 +117,25 @@ def test_triaxial_and_oedometer_of_mohr_coulomb(tmp_path, verification):
     assert all(stage.startswith(channel[:3]) for channel, stage in computed)
 
 
+def test_blank_cells_were_not_read(tmp_path):
+    """In a table and in a list of the case, whose numbers take the unit of its last value."""
+    (tmp_path / "tx.csv").write_text(
+        "axial_strain [%], deviator_stress [kPa], volumetric_strain [%]\n"
+        "1, 150,\n2, , 0.3\n3, 160\n"
+    )
+    table = {**_triaxial(100), "readings": "tx.csv"}
+    listed = _triaxial(200, strains="[1, 2, 3 %]", deviator_stress=["150", "250 kPa", None])
+    case = load_inputs(_case(tmp_path, {"TX 1": table, "TX 2": listed})).case
+    read = {(one.channel, one.stage): one.value for one in case.readings}
+    assert read == {
+        ("TX 1 deviator stress", "TX 1 at 1 %"): 150e3,
+        ("TX 1 deviator stress", "TX 1 at 3 %"): 160e3,
+        ("TX 1 volumetric strain", "TX 1 at 2 %"): pytest.approx(0.003),
+        ("TX 2 deviator stress", "TX 2 at 1 %"): 150e3,
+        ("TX 2 deviator stress", "TX 2 at 2 %"): 250e3,
+    }
+
+
 def test_shear_box_reaches_the_strength_of_simple_shear(tmp_path, verification):
     """E. H. Davis (1968): tau = sigma sin(phi) cos(psi) / (1 - sin(phi) sin(psi)) without c."""
     tests = {f"DS {p}": {**SHEAR, "normal_stress": f"{p} kPa"} for p in (50, 100, 200)}
@@ -187,6 +206,51 @@ def test_derivative_by_the_stress_in_situ(tmp_path):
     model, p = _model(_case(tmp_path, {"PM": test}, CLAY, parameters))
     pairs = [("PM cavity strain", f"PM at {n} kPa") for n in (120, 200, 250)]
     assert_exact(model.response(pairs), p, model.names, step=5e-4)
+
+
+@pytest.mark.slow
+def test_fit_of_hardening_soil_finds_the_constants_of_published_tests(tmp_path):
+    """Loose Hostun sand of Schanz, Vermeer & Bonnier (1999): E50 20 MPa, Eoed 16 MPa, phi 34 deg.
+
+    Triaxial tests: strains and volumes that the report of ConstitutiveModels gives for half of the
+    strength (secant modulus 33.45 MPa) and for failure, q / cell pressure 2.537; oedometer: the
+    strains that follow from Eoed (sigma / p_ref)^m, 1.821 % between 2 and 200 kPa in the report.
+    """
+    parameters = {
+        "E50": {"start": "30 MPa", "bounds": ["5 MPa", "100 MPa"], "scale": "log"},
+        "Eoed": {"start": "25 MPa", "bounds": ["5 MPa", "100 MPa"], "scale": "log"},
+        "phi": {"start": "36 deg", "bounds": ["25 deg", "45 deg"]},
+    }
+    law = {"type": "hardening-soil", "E50": "$E50", "Eoed": "$Eoed", "m": 0.65, "K0nc": 0.4408}
+    law |= {"cohesion": "0 kPa", "friction": "$phi", "dilation": "0 deg"}
+    half = 0.5 * 2.537 * 300
+    tests = {
+        "TX 300": _triaxial(
+            300,
+            strains=f"[{half / 334.5:.4f}, 10.7 %]",
+            deviator_stress=[half, "761.1 kPa"],
+            volumetric_strain=[None, "0.97 %"],
+        ),
+        "TX 600": _triaxial(
+            600, strains="[13.6 %]", deviator_stress=["1522.2 kPa"], volumetric_strain=["1.24 %"]
+        ),
+        "OED": {
+            **OEDOMETER,
+            "seating_stress": "2 kPa",
+            "readings": {
+                "vertical_stress": [50, 100, "200 kPa"],
+                "axial_strain": [0.9469, 1.3316, "1.821 %"],
+            },
+        },
+    }
+    for cell in (300, 600):
+        accuracy = {"deviator_stress": f"{8 * cell / 300} kPa", "volumetric_strain": "0.03 %"}
+        tests[f"TX {cell}"]["accuracy"] = accuracy
+    sand = {"E": "60 MPa", "nu": 0.2, "yield": law}
+    found = fit(_case(tmp_path, tests, sand, parameters)).parameters
+    for name, truth in {"E50": 20e6, "Eoed": 16e6, "phi": np.radians(34.0)}.items():
+        assert found[name].lower95 < truth < found[name].upper95
+        assert found[name].value == pytest.approx(truth, rel=0.05)
 
 
 SITE = """\

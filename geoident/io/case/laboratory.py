@@ -40,7 +40,12 @@ Pressures = Annotated[list[FixedStress], Field(min_length=1), SharesUnit()]
 Strains = Annotated[
     list[Annotated[CaseNumber, QuantityType("strain")]], Field(min_length=1), SharesUnit()
 ]
-Lengths = Annotated[list[FixedLength], Field(min_length=1), SharesUnit()]
+ReadPressures = Annotated[list[FixedStress | None], Field(min_length=1), SharesUnit()]
+"""Of what is read, None where it was not."""
+ReadStrains = Annotated[
+    list[Annotated[CaseNumber, QuantityType("strain")] | None], Field(min_length=1), SharesUnit()
+]
+ReadLengths = Annotated[list[FixedLength | None], Field(min_length=1), SharesUnit()]
 PressureError = Annotated[CaseNumber, StandardDeviationOf("pressure", above=0.0, usual=False)]
 StrainError = Annotated[CaseNumber, StandardDeviationOf("strain", above=0.0, usual=False)]
 LengthError = Annotated[CaseNumber, StandardDeviationOf("length", above=0.0, usual=False)]
@@ -72,7 +77,7 @@ _IN = "An accuracy alone has the column predicted."
 
 
 class RowsSection(Section):
-    """Rows of a test, column by column."""
+    """Rows of a test, column by column; of a column that is read a value may be left blank."""
 
     def check(self, faults: SectionFaults) -> None:
         """All columns are as long as the first."""
@@ -91,8 +96,8 @@ class TriaxialRows(RowsSection):
     """
 
     axial_strain: Strains = Field(description="Imposed.", examples=[["0.5 %", "1 %"]])
-    deviator_stress: Pressures | None = Field(None, description="Axial less radial stress.")
-    volumetric_strain: Strains | None = Field(None, description="Of the specimen.")
+    deviator_stress: ReadPressures | None = Field(None, description="Axial less radial stress.")
+    volumetric_strain: ReadStrains | None = Field(None, description="Of the specimen.")
 
 
 class OedometerRows(RowsSection):
@@ -104,7 +109,7 @@ class OedometerRows(RowsSection):
     vertical_stress: Pressures = Field(
         description="Effective, imposed; it may fall again.", examples=[["50 kPa", "100 kPa"]]
     )
-    axial_strain: Strains | None = Field(None, description="Settlement by height.")
+    axial_strain: ReadStrains | None = Field(None, description="Settlement by height.")
 
 
 class DirectShearRows(RowsSection):
@@ -114,8 +119,8 @@ class DirectShearRows(RowsSection):
         description="Imposed: horizontal motion by the height of the specimen.",
         examples=[["1 %", "5 %"]],
     )
-    shear_stress: Pressures | None = Field(None, description="Force by area.")
-    vertical_strain: Strains | None = Field(
+    shear_stress: ReadPressures | None = Field(None, description="Force by area.")
+    vertical_strain: ReadStrains | None = Field(
         None, description="Settlement by height, positive where the specimen is compressed."
     )
 
@@ -127,7 +132,7 @@ class PlateLoadRows(RowsSection):
         description="Imposed, mean of the plate; it may fall again.",
         examples=[["100 kPa", "200 kPa"]],
     )
-    settlement: Lengths | None = Field(None, description="Of the middle of the plate.")
+    settlement: ReadLengths | None = Field(None, description="Of the middle of the plate.")
 
 
 class PressuremeterRows(RowsSection):
@@ -136,7 +141,7 @@ class PressuremeterRows(RowsSection):
     pressure: Pressures = Field(
         description="Effective, imposed; it may fall again.", examples=[["300 kPa", "500 kPa"]]
     )
-    cavity_strain: Strains | None = Field(
+    cavity_strain: ReadStrains | None = Field(
         None, description="Growth of the radius by the radius, since the stress in situ."
     )
 
@@ -541,10 +546,11 @@ def _case_of(tests: Mapping[str, AnyTest], least: float) -> Keys:
                 channel = f"{gauge}.{components[0]}"
             more: Keys = {"accuracy": accuracy.text, "zero": zero, "branch": "true"}
             gauges[gauge] = {**entry, **more}
-            values: Sequence[CaseNumber] = getattr(rows, column) or ()
+            values: Sequence[CaseNumber | None] = getattr(rows, column) or ()
             readings += [
                 {"gauge": channel, "stage": stage, "value": value.text}
                 for stage, value in zip(names, values, strict=False)
+                if value is not None
             ]
     around = first.surroundings(least)
     groups = {first.group: first.material, **cast("Keys", around.get("groups", {}))}

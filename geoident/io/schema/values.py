@@ -448,13 +448,14 @@ def or_words(described: dict[str, Any], *words: str) -> None:
 def share_unit(value: object) -> object:
     """A list whose bare numbers take the unit of the last entry: ``[12.5, 3 m]``.
 
-    >>> share_unit(["12.5", "3 m"])
-    ['12.5 m', '3 m']
+    >>> share_unit(["12.5", "3 m", None])
+    ['12.5 m', '3 m', None]
     """
-    if not isinstance(value, list) or not value or not isinstance(value[-1], str):
+    texts = [x for x in value if x is not None] if isinstance(value, list) else []
+    if not isinstance(value, list) or not texts or not isinstance(texts[-1], str):
         return value
     try:
-        unit = read_quantity(value[-1]).unit
+        unit = read_quantity(texts[-1]).unit
     except UnitError:
         return value
     return [f"{x.strip()} {unit}".strip() if _is_bare(x) else x for x in value]

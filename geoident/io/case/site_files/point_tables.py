@@ -99,7 +99,8 @@ class _Table:
     def written(self, rows: list[tuple[int, _Row]]) -> dict[str, Node]:
         """The rows as they would be written in the case."""
         if not self.axes:
-            return {name: [row[name] for _, row in rows] for name in rows[0][1]}
+            names = dict.fromkeys(name for _, row in rows for name in row)
+            return {name: [row.get(name) for _, row in rows] for name in names}
         points: list[Node] = [[row[axis] for axis in self.axes] for _, row in rows]
         if not self.measured:
             written: dict[str, Node] = {**self.given, "points": points}
@@ -196,7 +197,8 @@ class _Table:
             refuse(line, cells[len(units)].column, "bad-row", message, hint)
         for n, (name, unit) in enumerate(units.items()):
             text, at = (cells[n].text, cells[n].column) if n < len(cells) else ("", 1)
-            if name == "accuracy" and not text:
+            not_read = not self.axes and name != next(iter(self.columns))
+            if not text and (name == "accuracy" or not_read):
                 continue
             try:
                 read_quantity(f"{text} {unit}")
