@@ -134,6 +134,7 @@ def pit(
     soil=None,
     low=None,
     numbers=None,
+    parts=(1.0,),
     **limits,
 ):
     """A wall that is braced by a jacked strut, two digs; its interface goes on below its tip.
@@ -146,6 +147,7 @@ def pit(
         soil: material in place of elastic ground; below the wall it stays so.
         low: material below the wall.
         numbers: starts of further parameters.
+        parts: of the stress of the second dig that are released, in as many stages.
         limits: of the wall, and `capacity` of the strut.
     """
     starts = STARTS | (numbers or {})
@@ -182,7 +184,14 @@ def pit(
             Stage("wall", build=("wall",)),
             Stage("dig one", excavate=("one",)),
             Stage("strut", build=("strut",)),
-            Stage("dig two", excavate=("two",)),
+            *(
+                Stage(
+                    f"dig two {n or ''}".strip(),
+                    excavate=("two",) if n == 0 else (),
+                    release={"two": Scalar(part)},
+                )
+                for n, part in enumerate(parts)
+            ),
         ),
         channels=more
         or (
@@ -214,6 +223,20 @@ def test_a_wall_between_stiff_interfaces_is_joined_to_the_ground():
         off = [np.nanmax(np.abs(one - joined) / size) for one in found]
         assert off[0] < 0.01
         assert off[1] < 0.02 * off[0]
+
+
+def test_a_dig_beside_a_wall_that_stays_is_released_in_parts():
+    """With none released nothing moves, with half of it half, in the end as by one dig."""
+    start = np.array(list(STARTS.values()))
+    elastic = Interface("slip", Scalar(2e9), Scalar(4e7))
+    for along in ("slip", "wall"):
+        whole = pit(interface=elastic, along=along).computed(start)[:, -2:]
+        parts = pit(interface=elastic, along=along, parts=(0.0, 0.5, 1.0)).computed(start)[:, -4:]
+        change = whole[:, 1] - whole[:, 0]
+        size = 1e-8 * np.abs(whole).max(axis=1)
+        for k, part in enumerate((0.0, 0.5, 1.0)):
+            moved = parts[:, k + 1] - parts[:, 0]
+            assert (np.abs(moved - part * change) < size).all(), (along, part)
 
 
 def test_derivatives_where_a_wall_slips():
