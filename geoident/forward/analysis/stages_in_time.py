@@ -149,7 +149,7 @@ class StagesInTime:
         """Displacement steps (n_dofs, 1 + n) of what a stage does, and of all creep."""
         part = begin_part(task, self._systems, creep, task.carried, np.inf)
         du = elastic_step(part.task, self._systems, factors)
-        task.carried.take(part.end(self._systems, factors, du))
+        task.carried.take(part.crept())
         return du
 
     def _still_to_come(

@@ -183,11 +183,16 @@ def test_logarithmic_creep_under_steps_of_stress(tmp_path, verification):
 def test_a_stage_without_duration_is_the_end_of_creep(tmp_path):
     """The long-term moduli, also where the ground has crept for a while before."""
     text = BAR.replace("CREEP", "[{share: 0.8, time: 20 d}, {share: 0.2, time: 1 d, in: shear}]")
-    later = "  - {name: later}\ngauges:"
+    later = (
+        "  - {name: later}\n"
+        "  - {name: more, loads: {pull: {on: x1, traction: [3 MPa, 0 MPa]}}}\n"
+        "  - {name: less, loads: {pull: {on: x1, traction: [2 MPa, 0 MPa]}}}\n"
+        "gauges:"
+    )
     found = computed(model_at(write_bar(tmp_path, text.replace("gauges:", later))))[0, 1:]
     long = text.replace("lasts: 100 d", "lasts: 100000 d")
     at_end = computed(model_at(write_bar(tmp_path, long)))[0, 1]
-    assert found[1] == pytest.approx(at_end, rel=1e-6)
+    assert found[1:] == pytest.approx(at_end * np.array([1.0, 3.0, 2.0]), rel=1e-6)
     at_once = computed(model_at(write_bar(tmp_path, text.replace(", lasts: 100 d", ""))))[0, 1]
     assert at_once == pytest.approx(at_end, rel=1e-6)
 
