@@ -16,10 +16,7 @@ from pathlib import Path
 from geoident.errors import GeoidentError, OutputError, Term, UsageError
 from geoident.io.result.hdf5 import refusal
 from geoident.io.result.structure_cells import (
-    StructureCells,
-    interface_faces,
-    shell_faces,
-    structure_lines,
+    structure_series,
     write_structures_vtkhdf,
 )
 from geoident.io.result.vtkhdf import (
@@ -271,7 +268,9 @@ def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
     """Writers of ``FOLDER/RESULT.structures.NN.vtu``, of shells likewise, and of their lists."""
     folder = export.folder
     writers: dict[Path, Writer] = {}
-    for kind, states in _structure_states(export.result).items():
+    result = export.result
+    series = structure_series(result.members, result.shells, result.interfaces)
+    for kind, states in series.items():
         name = f"{stem(export.path)}.{kind}"
         names = state_names(export.result)[: len(states)]
         times = _first(export.result.gauges.series_times, len(states))
@@ -280,19 +279,6 @@ def _structure_writers(export: Export, digits: int) -> dict[Path, Writer]:
             writers[folder / file] = partial(write_structures_vtu, cells)
         writers[folder / f"{name}.pvd"] = partial(write_pvd, files, names, times=times)
     return writers
-
-
-def _structure_states(result: Result) -> dict[str, list[StructureCells]]:
-    """Lines of structures, faces of shells and interfaces at all states, of what there is."""
-    kinds = {}
-    if (members := result.members) is not None:
-        states = range(len(members.stages) + 1)
-        kinds["structures"] = [structure_lines(members, state) for state in states]
-    if (shells := result.shells) is not None:
-        kinds["shells"] = [shell_faces(shells, s) for s in range(len(shells.stages) + 1)]
-    if (joints := result.interfaces) is not None:
-        kinds["interfaces"] = [interface_faces(joints, s) for s in range(len(joints.stages) + 1)]
-    return kinds
 
 
 def _first(times: Floats | None, count: int) -> Floats | None:
@@ -320,11 +306,13 @@ def export_vtkhdf(export: Export) -> tuple[str, ...]:
     path, folder = export.path, export.folder
     _fields(path, export.result)
     file = folder / f"{stem(path)}.vtkhdf"
+    result = export.result
+    series = structure_series(result.members, result.shells, result.interfaces)
     structures: dict[Path, Writer] = {
         folder / f"{stem(path)}.{kind}.vtkhdf": partial(
-            write_structures_vtkhdf, states, times=export.result.gauges.series_times
+            write_structures_vtkhdf, states, times=result.gauges.series_times
         )
-        for kind, states in _structure_states(export.result).items()
+        for kind, states in series.items()
     }
     sidecar, name = sidecar_path(path), Path(path).name
     if sidecar is None or file.resolve() != sidecar.resolve():

@@ -17,7 +17,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.bridges.values import WrittenValue, read_values, values_of
 from geoident.io.result.hdf5 import hdf5_output
-from geoident.io.result.structure_cells import interface_faces, write_structures_vtkhdf
+from geoident.io.result.structure_cells import structure_series, write_structures_vtkhdf
 from geoident.io.result.vtkhdf import add_principal_stresses, write_fields
 from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
@@ -220,7 +220,8 @@ def _with_fields(
 ) -> tuple[Floats, FieldSeries, tuple[str, ...]]:
     """What the channels read (n_channels, n_stages), SI, and the states, which are written.
 
-    Interfaces have a file of their own, ``FILE.interfaces.vtkhdf``. The last are the files.
+    Structures, shells and interfaces have files of their own, ``FILE.structures.vtkhdf`` and
+    likewise. The last are the files.
 
     Raises:
         UsageError: the model has no mesh.
@@ -251,15 +252,13 @@ def _with_fields(
         collapse.add(f"Its mechanism and the stages before it, for ParaView: {file}")
         raise collapse
     assert survey is not None
-    if survey.interfaces is None:
-        return survey.computed, fields, (file,)
-    states = [
-        interface_faces(survey.interfaces, s) for s in range(len(survey.interfaces.stages) + 1)
-    ]
-    beside = str(Path(file).with_suffix(".interfaces.vtkhdf"))
-    with atomic_output(beside, overwrite=force, inputs=inputs) as temporary:
-        write_structures_vtkhdf(states, temporary, times)
-    return survey.computed, fields, (file, beside)
+    files = [file]
+    series = structure_series(survey.members, survey.shells, survey.interfaces)
+    for kind, states in series.items():
+        files.append(str(Path(file).with_suffix(f".{kind}.vtkhdf")))
+        with atomic_output(files[-1], overwrite=force, inputs=inputs) as temporary:
+            write_structures_vtkhdf(states, temporary, times)
+    return survey.computed, fields, tuple(files)
 
 
 def with_starts(inputs: Inputs, written: Sequence[WrittenValue]) -> Inputs:

@@ -76,7 +76,8 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     "--fields",
     metavar="FILE.vtkhdf",
     type=click.Path(),
-    help="Also write displacements, stresses and principal stresses of all states, for ParaView.",
+    help="Also write displacements, stresses and principal stresses of all states, for ParaView; "
+    "structures, shells and interfaces beside it, as FILE.shells.vtkhdf.",
 )
 @click.option(
     "--dakota",

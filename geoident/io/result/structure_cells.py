@@ -56,6 +56,22 @@ class StructureCells:
     names: tuple[str, ...]
 
 
+def structure_series(
+    members: MemberForces | None, shells: ShellForces | None, interfaces: InterfaceStates | None
+) -> dict[str, list[StructureCells]]:
+    """Lines of structures, faces of shells and interfaces at all states, of what there is."""
+    kinds = {}
+    if members is not None:
+        states = range(len(members.stages) + 1)
+        kinds["structures"] = [structure_lines(members, state) for state in states]
+    if shells is not None:
+        kinds["shells"] = [shell_faces(shells, s) for s in range(len(shells.stages) + 1)]
+    if interfaces is not None:
+        states = range(len(interfaces.stages) + 1)
+        kinds["interfaces"] = [interface_faces(interfaces, state) for state in states]
+    return kinds
+
+
 def structure_lines(forces: MemberForces, state: int) -> StructureCells:
     """The straight pieces of walls, linings and bars at a state; NaN for what there is not.
 
