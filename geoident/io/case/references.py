@@ -359,7 +359,7 @@ def _check_tie(
         faults.add_unknown(path, "parameter", name, section.parameters)
     elif given.dimension and parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
-        message += f"(start: {parameter.start.text}); expected {given.called}"
+        message += f"(start: {parameter.start.text}); expected {given.called or with_article(given.dimension)}"
         hint = "Change the unit of its start, or use another parameter."
         faults.add(path, "unit", message, hint)
 

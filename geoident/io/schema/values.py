@@ -147,7 +147,7 @@ class CaseNumber:
         varied_by: the section of the field of which the number is the mean, of the growth that
             begins from it, or of the rock mass from which it follows; None for one number.
         may_be_tied: a parameter may stand in its place.
-        called: what people call such a quantity, of a tie.
+        called: what people call such a quantity, where its dimension has the name of another.
     """
 
     text: str
@@ -226,9 +226,9 @@ class QuantityType:
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
         if tie is not None and self.tied:
             factor = _factor(tie[1] or ("-1" if tie[2] else "1"), text)
-            words = self.words()
+            called = self.words() if self.known_as else ""
             return CaseNumber(
-                text, factor, tie[3], self.dimension or "", may_be_tied=True, called=words
+                text, factor, tie[3], self.dimension or "", may_be_tied=True, called=called
             )
         if text.strip().startswith("$") or tie is not None:
             raise self._refuse_tie(text, well_formed=tie is not None)

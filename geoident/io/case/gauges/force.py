@@ -109,7 +109,7 @@ class PressureCellSection(ValueGauge):
     one_of = (
         *ValueGauge.one_of,
         Alternatives(
-            "normal", "on towards?", hint="'towards' distinguishes the sides of a lining."
+            "normal", "on towards?", hint="'towards' distinguishes the sides of a beam or shell."
         ),
     )
 
