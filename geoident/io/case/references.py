@@ -359,7 +359,8 @@ def _check_tie(
         faults.add_unknown(path, "parameter", name, section.parameters)
     elif given.dimension and parameter.start.dimension != given.dimension:
         message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
-        message += f"(start: {parameter.start.text}); expected {given.called or with_article(given.dimension)}"
+        expected = given.called or with_article(given.dimension)
+        message += f"(start: {parameter.start.text}); expected {expected}"
         hint = "Change the unit of its start, or use another parameter."
         faults.add(path, "unit", message, hint)
 
