@@ -71,7 +71,7 @@ def test_derivatives_of_a_block_that_rocks_and_slides():
     assert_slopes(response.readings, start, jacobian, tuple(starts), step=2e-4)
 
 
-SECTION = {"bends": 4e3, "strut": 6e4}
+SECTION = {"bends": 4e3, "strut": 3e4}
 LOW = {"c_low": 2e3, "phi_low": radians(19)}
 
 
