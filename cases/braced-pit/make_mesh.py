@@ -59,7 +59,7 @@ def column(
     return [points[y] for y in ends], sides
 
 
-def build(size: float, *, slices: bool) -> None:
+def build(size: float, *, slices: bool, layers: bool) -> None:
     """The geometry with its groups."""
     levels = [[row[0][k] for row in SLICES] for k in range(3)]
     columns = [
@@ -82,8 +82,12 @@ def build(size: float, *, slices: bool) -> None:
     for name, tags in groups.items():
         gmsh.model.addPhysicalGroup(2, tags, name=name)
     (_, axis), (_, behind), (_, edge) = columns
-    wall = list(itertools.chain(*behind[: [row[0][1] for row in SLICES].index(TOE) + 1]))
+    count = [row[0][1] for row in SLICES].index(TOE) + 1
+    wall = list(itertools.chain(*behind[:count]))
     curves = {"axis": [*itertools.chain(*axis)], "side": [*itertools.chain(*edge)]}
+    if layers:
+        for side, row in zip(behind[:count], SLICES, strict=False):
+            curves.setdefault(f"wall in {row[2].split('-')[0]}", []).extend(side)
     for name, tags in {**curves, "bottom": bottom, "wall": wall}.items():
         gmsh.model.addPhysicalGroup(1, tags, name=name)
     grow(size, [(FINE, GROWTH, "CurvesList", wall)])
@@ -92,11 +96,12 @@ def build(size: float, *, slices: bool) -> None:
 def main() -> None:
     flags = {
         "triangles": "in place of quadrilaterals",
+        "layers": "a group for the wall in each layer",
         "slices": "a group for each slice of a layer, whose moduli can then grow with depth",
     }
     options = read_options(__doc__, HERE / "pit.msh", order=2, flags=flags)
     with mesh_file(options, TRIANGLES if options.triangles else QUADRILATERALS):
-        build(options.size, slices=options.slices)
+        build(options.size, slices=options.slices, layers=options.layers)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from geoident.workflow.running.jobs import Request, plan_fit
 
 CASES = Path(__file__).parents[2] / "cases"
 QUICK = ("braced-pit", "cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel")
-SLOW = ("cavern-plastic", "metro-shell", "pressure-tunnel", "tunnel-3d")
+SLOW = ("braced-pit-soil", "cavern-plastic", "metro-shell", "pressure-tunnel", "tunnel-3d")
 NAMES = (*QUICK, "cavern-field", *SLOW)
 LEAN = ("fit.backtest=false", "fit.mesh_error=false", "fit.model_error=none")
 """Changes with which a long fit finds the same in a quarter of the time; as it comes it is slow."""
@@ -33,8 +33,13 @@ FITS = (
     *((name, LEAN) for name in IN_SHORT),
     *(pytest.param(name, (), marks=pytest.mark.slow) for name in (*QUICK, *SLOW)),
 )
-AS_DELIVERED = ("braced-pit", "metro-shell")  # some readings are missing, as before a lining
+AS_DELIVERED = (
+    "braced-pit",
+    "braced-pit-soil",
+    "metro-shell",
+)  # some readings are missing, as before a lining
 READINGS = {"braced-pit": "readings.xlsx"}
+LEAST_INSIDE = {"braced-pit-soil": 0.8}  # of later readings; its law is none of the ground's
 LEAST_DOFS = {"tunnel-3d": 60_000}
 LEAST_ELEMENTS = {"cavern": 5_000, "cavern-plastic": 10_000}
 LARGEST_MESH = 6_000_000  # bytes
@@ -117,7 +122,7 @@ def test_the_fit_finds_the_truth_and_predicts_the_later_stages(name, changes, tm
     scored = [p for p in result["predictions"] if p["measured"] is not None]
     inside = [p["lower95"] <= p["measured"] <= p["upper95"] for p in scored]
     assert len(scored) >= 15
-    assert np.mean(inside) >= 0.9
+    assert np.mean(inside) >= LEAST_INSIDE.get(name, 0.9)
     assert any(note.startswith("Predicted stage") for note in result["notes"])
     if name == "cavern" and not changes:
         assert difference(quoted_in_readme(), cut(shown(tmp_path), ("Parameters",))) == ""
