@@ -92,7 +92,7 @@ variations: {product: {parameters.E.start: [3 GPa, 4 GPa]}}
     "cluster",
     [
         pytest.param((), id="here", marks=pytest.mark.slow),  # it is seen above
-        pytest.param(("--cluster", "local"), id="dask"),
+        pytest.param(("--cluster", "local"), id="dask", marks=pytest.mark.slow),
     ],
 )
 def test_neither_do_those_of_a_campaign_or_of_a_cluster(hostile, cluster):

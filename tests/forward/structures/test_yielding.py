@@ -97,7 +97,9 @@ SECTION = {"compressive_strength": Scalar(20e6), "tensile_strength": Scalar(4e6)
     ("limits", "N", "M"),
     [
         (SectionLimits(Scalar(1e6), Scalar(M_P)), -0.5e6, 0.75 * M_P),
-        (SectionLimits(Scalar(1e6), Scalar(M_P)), 0.75e6, 0.4375 * M_P),
+        pytest.param(
+            SectionLimits(Scalar(1e6), Scalar(M_P)), 0.75e6, 0.4375 * M_P, marks=pytest.mark.slow
+        ),
         (SectionLimits(Scalar(1e6), Scalar(M_P), "linear"), -0.6e6, 0.4 * M_P),
         (SectionLimits(Scalar(1e6), Scalar(M_P), "none"), -0.6e6, M_P),
         # blocks of 20 MPa on c = 0.1 m and of 4 MPa on the other 0.1 m
@@ -305,7 +307,12 @@ def _trench(limits, *yields, **values):
             ("N", "M", "c"),
         ),
         (SectionLimits(_tied("N"), _tied("M")), (), ("f_c", "f_t", "c")),
-        (SectionLimits(_tied("N"), _tied("M"), "linear"), (), ("f_c", "f_t", "c")),
+        pytest.param(
+            SectionLimits(_tied("N"), _tied("M"), "linear"),
+            (),
+            ("f_c", "f_t", "c"),
+            marks=pytest.mark.slow,
+        ),
         (SectionLimits(M=_tied("M")), (mohr(_tied("c"), 0.4),), ("f_c", "f_t", "N")),
     ],
 )

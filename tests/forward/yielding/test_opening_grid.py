@@ -85,6 +85,7 @@ def test_stronger_ground_is_carried_too_and_moves_less():
             assert np.all(stronger < weaker)
 
 
+@pytest.mark.slow
 def test_more_of_a_release_moves_more_in_one_stage_and_in_finer_ones():
     """From 0.9 to 1.0 at once, and in steps: close to each other, growing, all answered."""
     settings = ("horseshoe", "tri6", 0.15, 40, 0, 0.07)

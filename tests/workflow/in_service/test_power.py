@@ -25,6 +25,7 @@ def fitted(tmp_path_factory):
     return fit(write(tmp_path_factory.mktemp("power"), until(dam(1), 6.0 * YEAR)))
 
 
+@pytest.mark.slow
 def test_larger_changes_are_seen_more_probably_and_sooner(fitted):
     words = [
         "P2 steps 0.001 mm", "P2 steps 0.5 mm", "P2 steps 1 mm", "P2 steps -30 mm",

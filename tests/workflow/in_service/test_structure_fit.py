@@ -151,7 +151,8 @@ def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
     assert abs(days(row["since"]) - DAY) < 120
 
 
-@pytest.mark.parametrize("name", ["rock", pytest.param("dam", marks=pytest.mark.slow)])
+@pytest.mark.slow  # of a shipped dam: tests/cases/test_dam_in_service.py
+@pytest.mark.parametrize("name", ["rock", "dam"])
 def test_control_names_the_parameter_that_falls(tmp_path, fitted, name):
     """Of all gauges together, of a truth of another mesh: which, how much, and since when."""
     said, out = controlled(fitted, tmp_path, f"{name}.csv")
