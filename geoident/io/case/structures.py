@@ -370,8 +370,10 @@ class _BarSection(Section):
             which = "neither" if self.spacing is None else "both"
             message = f"found {which}; expected either number or spacing of the {self.what}s "
             message += "around the axis"
-            hint = f"Add 'number: 12', the {self.what}s of one ring, or their 'spacing: 1.5 m' "
-            hint += "along the circumference."
+            hint = (
+                f"Add 'number: 12', the {self.what}s of one ring (1 of one on the axis), or their "
+            )
+            hint += "'spacing: 1.5 m' along the circumference."
             context.refuse("wrong-pair", message, hint, key=True)
         for n, pair in enumerate(self.ends):
             for k, point in enumerate(pair):

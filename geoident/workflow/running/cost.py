@@ -44,6 +44,8 @@ _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, the
 _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
 _NEWTON_STEPS_IN_TIME = 2  # a part of a step in time: it begins with what the last one needed
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
+_HARDENING_STEPS = 35  # a stage of hardening soil: ten parts, three or four steps each
+_HARDENING_SECONDS = 6e-5  # a strain point and Newton step of it
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PORES = 1.3  # what pressures of water add to the entries and operations of a factor
 _PORE_BYTES = 250.0  # an entry of K: the matrices of the water, beside their factor
@@ -70,7 +72,9 @@ def estimate_cost(
     costs = _like_the_largest(model) if rough else _stage_costs(model)
     columns = 1 + len(model.names) if columns is None else columns
     points = model.discretization.points.n_points
-    steps = _NEWTON_STEPS if model.yields else 1
+    steps, of_point = (_NEWTON_STEPS, _YIELD_SECONDS) if model.yields else (1, 0.0)
+    if model.case.hardens:
+        steps, of_point = _HARDENING_STEPS, _HARDENING_SECONDS
     flops = steps * sum(c.flops for c in costs)
     entries = sum(c.entries for c in costs)
     most = max((c.flops for c in costs), default=0.0)
@@ -85,8 +89,7 @@ def estimate_cost(
     else:
         seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
-    if model.yields:
-        seconds += _YIELD_SECONDS * points * steps * len(costs)
+    seconds += of_point * points * steps * len(costs)
     seconds += sum(stage.seconds for stage in in_time)
     flops += sum(stage.flops for stage in in_time)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * _BYTES[solver]
