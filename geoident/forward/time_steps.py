@@ -146,6 +146,22 @@ class TimeLoop(Generic[State]):
         self._parts, self._time, self._done = (begun, between, self.now), end, self._done + 1
 
 
+def settled(steps: Sequence[TimeStep]) -> list[TimeStep]:
+    """Two steps of backward Euler in the place of each of those of the shortest length.
+
+    Between the parts of a TR-BDF2 step what decays within it swings past its end. Ground whose
+    strains do not come back must not see that after a jump.
+
+    Args:
+        steps: of a stage.
+    """
+    whole, shortest = list[TimeStep](), min(step.length for step in steps if not step.euler)
+    for step in steps:
+        at_first = not step.euler and step.length == shortest
+        whole += [TimeStep(0.5 * step.length, euler=True)] * 2 if at_first else [step]
+    return whole
+
+
 def divided(steps: Sequence[TimeStep], bends: Sequence[float]) -> list[TimeStep]:
     """Steps of which each has at most one bend of what acts within it: others are halved.
 

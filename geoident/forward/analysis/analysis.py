@@ -267,7 +267,7 @@ class AnalysisRun:
         self._in_time: StagesInTime | None = None
         if analysis.case.consolidates or analysis.case.creeps:
             self._in_time = StagesInTime(
-                systems, analysis.pores, self._creep, self._plastic, options.finer
+                systems, analysis.pores, self._creep, self._plastic, self._hardening, options.finer
             )
         self._heating: Heating | None = None
         if analysis.case.conducts:
@@ -442,10 +442,11 @@ class AnalysisRun:
             task.impose(systems)
         if self._in_time is not None:
             flowed = self._in_time.step(task, self.factors)
-        if hardening is not None:
-            du, yielded = hardening.step(task)
-        elif flowed is not None:
+        if flowed is not None:
             du, yielded = flowed
+        elif hardening is not None:
+            motions, yielded = hardening.step(task)
+            du = motions[: len(u)]
         elif self._plastic is not None and self._plastic.yields(state):
             motions, yielded = self._plastic.step(task)
             du = motions[: len(u)]

@@ -9,6 +9,11 @@ points, which are not symmetric. A part that does not converge is halved. Interf
 other ground that yield are further points, returned to their limits at the end of each part
 (`StagePoints`, theory 5).
 
+In a part of a step in time pressures of water are further unknowns (theory 18.6). Their equations
+are linear: what the water does comes in the same parts, and pushes the ground from then on. What
+comes at once and what first drains after it, however long that takes, comes in ten parts; later
+parts of steps are one each.
+
 Derivatives go from part to part with stress and state. With g_h = dsigma/dp_h at kept du,
 
     K_T ddu/dp_h = df/dp_h - C^T V g_h ,
@@ -40,7 +45,8 @@ from geoident.model.case import Case, format_path
 from geoident.model.dual import ParameterPoint
 
 PARTS = 10
-"""Parts of a stage, of equal loads."""
+"""Parts of a stage, of equal loads; of one that lasts, of what comes at once, and of its first step
+in time."""
 
 POINT_PARTS = 2
 """Parts of the strain of each of them at a strain point."""
@@ -85,7 +91,7 @@ class _Iterate:
         change: (q, s, s) of V E there.
         solutions: of the parts of each soil.
         residual: (n,) of the unknowns.
-        imbalance: the largest of them, by the largest force at work.
+        imbalance: the largest of them, by the largest force or flow at work.
     """
 
     du: Floats
@@ -150,12 +156,17 @@ class HardeningSteps:
             past = self._soils.past[soil.name]
             states[:, soil.points] = soil.law.begun(stress, before, past, self._vertical)
 
-    def step(self, task: StageTask) -> tuple[Floats, Bools]:
-        """Solve a stage; what is carried is brought to its end.
+    def step(self, task: StageTask, guess: Floats | None = None) -> tuple[Floats, Bools]:
+        """Solve a stage, or a part of a step in time; what is carried is brought to its end.
+
+        Args:
+            task: the stage; of a part of a step with the forces at its end, and its water.
+            guess: (n_motions,) what it may need; None for nothing.
 
         Returns:
-            (n_dofs, 1 + n + k) displacement steps beside those that supports impose, and which
-            strain points (n_points,) yield.
+            Motions (n_motions, 1 + n + k) as in `StagePoints`, pressures in Pa: first of all
+            displacement steps (n_dofs) beside those that supports impose. And which strain points
+            (n_points,) yield.
 
         Raises:
             CollapseError: no equilibrium was found under the whole load.
@@ -165,10 +176,12 @@ class HardeningSteps:
         everything, points = slice(None), StagePoints(self._systems, task)
         start = points.forces(points.carried(everything), points.volume)
         start += points.elastic_forces(task.carried.members)
-        change = points.extended(task.forces) - start
+        change = points.given_forces(everything) - start
         total, done = np.zeros_like(start), 0.0
         yields = np.zeros(points.n_ground, dtype=bool)
-        parts, guess = [1.0 / PARTS] * PARTS, np.zeros(len(total))
+        later = task.water is not None and task.water.span[0] > 0.0
+        parts = [1.0] if later else [1.0 / PARTS] * PARTS
+        guess = np.zeros(len(total)) if guess is None else guess / points.units[:, 0]
         others = [] if self._plastic is None else self._plastic.limited(task, points)
         last: _Iterate | None = None
         while parts:
@@ -184,11 +197,12 @@ class HardeningSteps:
                 continue
             total += du
             done += share
+            start += part.pushed(du)
             guess = du[:, 0] / share
             if self._plastic is not None:
                 end = points.carried(slice(0, 1))[..., 0]
                 self._plastic.note(task, responses, others, end)
-        return total[: points.n_dofs], yields
+        return total * points.units, yields
 
     def _present(self, task: StageTask) -> list[_Soil]:
         n = self._points.n_points
@@ -201,8 +215,11 @@ class HardeningSteps:
     def _no_equilibrium(
         self, task: StageTask, done: float, total: Floats, yields: Bools
     ) -> CollapseError:
-        msg = f"at {task.moment} no equilibrium was found beyond {100.0 * done:.3g} % of what it "
-        msg += "changes: the ground comes to its limit load there, or its stiffness to none"
+        beyond = f" beyond {100.0 * done:.3g} % of what it changes"
+        if task.water is not None and task.water.h > 0.0:
+            beyond, done = "", np.nan
+        msg = f"at {task.moment} no equilibrium was found{beyond}: "
+        msg += "the ground comes to its limit load there, or its stiffness to none"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage lacks "
         hint += "support or loads more than is meant. Soil without cohesion that carries no stress "
         hint += "has no stiffness: give it a little cohesion."
@@ -235,17 +252,18 @@ class _PartOfStage:
         target: Floats,
     ) -> None:
         motion = None if task.motion is None else share * task.motion
+        water = None if task.water is None else task.water.part(share)
         self._systems, self._ground = systems, systems.discretization.points
         self._soils, self._others, self._target = soils, others, target
         self._carried = task.carried
-        self._task = replace(task, carried=task.carried.copy(), motion=motion)
+        self._task = replace(task, carried=task.carried.copy(), motion=motion, water=water)
         self._points = points = StagePoints(systems, self._task)
         self._moduli = task.moduli_by_material()
         self._tangents = StageTangents(systems, task, self._moduli, points)
         self._begin = points.carried(slice(0, 1))[..., 0]
         work = np.random.default_rng(0).choice([-1.0, 1.0], points.n_points)
         alone = points.forces(self._begin * work, points.volume)
-        self._at_work = max(float(np.abs(f).max(initial=0.0)) for f in (target[:, 0], alone))
+        self._at_work = max(_largest(points.without_water(f)) for f in (target[:, 0], alone))
 
     def solve(
         self, guess: Floats, last: _Iterate | None
@@ -266,6 +284,16 @@ class _PartOfStage:
             return (*self._carry(end), end)
         except (NoReturn, NoProjection, NotPositiveDefinite) as error:
             raise _NotSolved from error
+
+    def pushed(self, du: Floats) -> Floats:
+        """What the water of the part does (n_motions, 1 + n + k) from then on.
+
+        Args:
+            du: (n_motions, 1 + n + k) of the part.
+        """
+        forces = -self._points.water_forces(du)
+        self._points.add_water_derivatives(du[:, 0], forces[:, 1:])
+        return forces
 
     def _newton(self, guess: Floats, last: _Iterate | None) -> _Iterate:
         """The end of the part."""
@@ -339,14 +367,19 @@ class _PartOfStage:
         if structures.n_rows:
             forces = self._carried.members[:, 0] + task.rigidities[:, 0] * members
             internal += points.elastic_forces(forces[:, None])[:, 0]
-        residual = (self._target[:, 0] - internal)[points.dofs]
-        scale = max(self._at_work, float(np.abs(internal).max(initial=0.0))) or 1.0
-        worst = float(np.abs(residual).max(initial=0.0)) / scale
+        internal += points.water_forces(du)
+        residual, rest = np.zeros_like(du), self._target[:, 0] - internal
+        residual[points.dofs] = rest[points.dofs]
+        scale = max(self._at_work, _largest(points.without_water(internal))) or 1.0
+        worst = _largest(points.without_water(residual)) / scale
+        if points.n_pores:
+            scale = max(scale, _largest(internal), _largest(self._target[:, 0]))
+            worst = max(worst, _largest(residual) / scale)
         place = np.concatenate(places)
         order = np.argsort(place, kind="stable")
         place = place[order]
         change = np.concatenate(changes)[order] * points.volume[place][:, None, None]
-        return _Iterate(du, place, change, solutions, residual, worst)
+        return _Iterate(du, place, change, solutions, residual[points.dofs], worst)
 
     def _factor(self, iterate: _Iterate) -> Factor:
         """Of the consistent tangent."""
@@ -375,6 +408,7 @@ class _PartOfStage:
             stress = self._returned(trial, moved, end)[0]
             forces = self._target[:, rest] - points.forces(stress[..., rest], points.volume)
             forces -= points.elastic_forces(members)
+            points.add_water_derivatives(end.du, forces)
             if len(dofs):
                 du[dofs, rest] = self._factor(end).solve(forces[dofs])
             trial[..., rest] += self._elastic(du[:, rest])
@@ -434,3 +468,7 @@ class _PartOfStage:
             yields[place] = True
             responses.append(response)
         return stress, yields[: self._points.n_ground], responses
+
+
+def _largest(forces: Floats) -> float:
+    return float(np.abs(forces).max(initial=0.0))

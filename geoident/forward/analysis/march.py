@@ -22,7 +22,8 @@ before all steps, and nothing creeps meanwhile. Without water the parts of a ste
 that there is one factorization for each length.
 
 Ground that yields has its stress carried in the same way. Each part is an equilibrium of its own,
-whose stress returns from the beginning of the part to its end (`plastic_step`).
+whose stress returns from the beginning of the part to its end (`plastic_step`), or follows a law
+with a state there (`hardening_step`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.forward.analysis.elastic_parts import ElasticParts, InTime, TimePart
+from geoident.forward.analysis.hardening_step import HardeningSteps
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import FactorCache, StageTask
 from geoident.forward.analysis.step_parts import begin_part, mixed
@@ -138,7 +140,7 @@ class StepEquations:
         before: (n_nodes, 1 + n) pressures before the stage, Pa.
         factors: of stages without water.
         creep: makes the steps of ground that creeps; None where none does.
-        plastic: solves parts of steps in which ground or structures yield; None where none do.
+        nonlinear: solves parts of steps in which ground or structures yield; None where none do.
 
     Attributes:
         rest: r_0 (n_dofs, 1 + n), what is out of balance at the beginning of the stage; where
@@ -159,7 +161,7 @@ class StepEquations:
         factors: FactorCache,
         *,
         creep: CreepSteps | None = None,
-        plastic: PlasticSteps | None = None,
+        nonlinear: PlasticSteps | HardeningSteps | None = None,
     ) -> None:
         self.pores, self._systems, self._operators = pores, systems, operators
         self.n_dofs = len(task.forces)
@@ -168,13 +170,14 @@ class StepEquations:
         if systems.structures.n_rows:
             rest -= systems.structures.nodal_forces(carried.members)
         self.rest = rest + operators.coupling.at(before)
-        by_parts = creep is not None or plastic is not None
+        by_parts = creep is not None or nonlinear is not None
         self.carried = carried.copy() if by_parts else None
         self.gamma = GAMMA if len(pores.nodes) else 0.5
         self.yielded = np.zeros(points.n_points, dtype=bool)
         self.n_parts = 1
         self._forces = task.forces.copy()
-        self._task, self._creep, self._plastic, self._factors = task, creep, plastic, factors
+        self._task, self._creep, self._factors = task, creep, factors
+        self._nonlinear = nonlinear
         self._elastic = ElasticParts(systems, operators, factors)
         self._blocks: dict[Hashable, PoreBlocks] = {}
         self._last: tuple[float, Floats] | None = None  # length and motions of the last part
@@ -204,15 +207,13 @@ class StepEquations:
         if self._task.heating is not None:
             warmed = self._task.heating.until(step.span[1])
             task = task.with_thermal(warmed)
+        if self._nonlinear is not None:
+            return self._yielding(self._nonlinear, task, part)
         if before.carried is not None:
             length = step.span[1] - step.span[0]
             begun = begin_part(task, self._systems, self._creep, before.carried, length)
             task = begun.task
         blocks = self._blocks_of(part.held, task)
-        if self._plastic is not None and begun is not None:
-            water = part.water(self._operators, blocks, n_parts=self.n_parts)
-            du, dp = self._yielding(self._plastic, replace(task, water=water), before)
-            return InTime(before.u + du, before.p + dp, begun.crept())
         forces = comes * self.rest
         if begun is not None:
             forces += begun.past
@@ -229,26 +230,30 @@ class StepEquations:
         self._elastic.finish()
 
     def _yielding(
-        self, plastic: PlasticSteps, task: StageTask, before: InTime
-    ) -> tuple[Floats, Floats]:
+        self, nonlinear: PlasticSteps | HardeningSteps, task: StageTask, part: TimePart
+    ) -> InTime:
         """The same where ground yields: forces are those at the end, so that no error is carried.
 
         Newton's method begins with what the last part needed, by its length.
         """
-        water = task.water
-        assert water is not None
+        before, blocks = part.step.before, self._blocks_of(part.held, task)
+        assert before.carried is not None
+        water = part.water(self._operators, blocks, n_parts=self.n_parts)
+        task = replace(task, carried=before.carried.copy(), water=water)
+        if isinstance(nonlinear, PlasticSteps):
+            task.impose(self._systems)
         forces = self._forces - (1.0 - water.loaded[1]) * self.rest + water.pushed()
         forces += self._operators.coupling.at(before.p)
         length, guess = water.span[1] - water.span[0], None
         if self._last is not None and self._last[0] > 0.0 and water.h > 0.0:
             guess = length / self._last[0] * self._last[1]
-        motions, yielded = plastic.step(replace(task, forces=forces), guess)
+        motions, yielded = nonlinear.step(replace(task, forces=forces), guess)
         self._last = length, motions[:, 0]
         self.yielded |= yielded
         n, dp = self.n_dofs, water.jump.copy()
         if water.blocks is not None:
             dp += motions[n : n + water.n_nodes]
-        return motions[:n], dp
+        return InTime(before.u + motions[:n], before.p + dp, task.carried)
 
     def _thermal_forces(self, strain: Floats) -> Floats:
         """Forces (n_dofs, 1 + n) by which normal strains (n_points, 1 + n) drive the ground."""

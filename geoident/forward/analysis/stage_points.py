@@ -137,7 +137,7 @@ class StagePoints:
         return np.concatenate([du[: self.n_dofs], du[self._turns]])
 
     def water_forces(self, du: Floats) -> Floats:
-        """The left sides (n_motions,) of what water does at motions (n_motions,)."""
+        """The left sides (n_motions, ...) of what water does at motions (n_motions, ...)."""
         forces = np.zeros_like(du)
         water = self._task.water
         if water is not None and self.n_pores:

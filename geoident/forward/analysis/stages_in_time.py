@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.forward.analysis.elastic_parts import InTime
+from geoident.forward.analysis.hardening_step import HardeningSteps
 from geoident.forward.analysis.march import March, StepEquations
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import FactorCache, StageTask, elastic_step
@@ -26,6 +27,7 @@ from geoident.forward.time_steps import (
     OF_EACH_WITHOUT_WATER,
     TimeStep,
     divided,
+    settled,
     stage_steps,
 )
 from geoident.model.arrays import Bools, Floats
@@ -57,6 +59,7 @@ class StagesInTime:
         pores: of the case.
         creep: makes the steps of ground that creeps; None where none does.
         plastic: solves what yields; None in a case where nothing does.
+        hardening: solves stages with hardening soil; None where there is none.
         finer: how many times as many steps in time are made as usual.
     """
 
@@ -66,10 +69,11 @@ class StagesInTime:
         pores: Pores,
         creep: CreepSteps | None,
         plastic: PlasticSteps | None,
+        hardening: HardeningSteps | None,
         finer: int = 1,
     ) -> None:
         self._systems, self._pores, self._creep, self._finer = systems, pores, creep, finer
-        self._plastic = plastic
+        self._plastic, self._hardening = plastic, hardening
         self._sequence = systems.on_mesh.sequence
         self._going: dict[int, _Going] = {}
 
@@ -82,10 +86,14 @@ class StagesInTime:
         """Whether parts of steps impose what supports and temperatures do in a state."""
         return self._creep is not None or self._yields(state) is not None
 
-    def _yields(self, state: ConstructionState) -> PlasticSteps | None:
+    def _yields(self, state: ConstructionState) -> PlasticSteps | HardeningSteps | None:
         """What solves the steps of a state; None where nothing yields while water flows."""
-        plastic, flows = self._plastic, self._pores.consolidates(state)
-        return plastic if plastic is not None and flows and plastic.yields(state) else None
+        plastic, hardening = self._plastic, self._hardening
+        if not self._pores.consolidates(state):
+            return None
+        if hardening is not None and hardening.acts(state):
+            return hardening
+        return plastic if plastic is not None and plastic.yields(state) else None
 
     def marches(self, state: ConstructionState) -> bool:
         """Whether a state is reached in steps in time."""
@@ -180,6 +188,9 @@ class StagesInTime:
         )
         bends = () if task.heating is None else task.heating.bends
         steps = steps_of(self._sequence.states, number, of_each, bends)
+        nonlinear = self._yields(state)
+        if steps and isinstance(nonlinear, HardeningSteps):
+            steps = settled(steps)
         equations = StepEquations(
             task,
             self._systems,
@@ -188,7 +199,7 @@ class StagesInTime:
             before,
             factors,
             creep=self._creep,
-            plastic=self._yields(state),
+            nonlinear=nonlinear,
         )
         march = March(equations, steps, before, given, state.over)
         nothing = InTime(np.zeros_like(task.forces), before, equations.carried)
@@ -232,9 +243,9 @@ def of_each_length(case: Case, *, water: bool) -> int:
 def order_of_steps(case: Case) -> int:
     """With so many times as many steps in time their error falls by that power of it.
 
-    Stress that returns to a yield surface does so to the first order.
+    Stress that returns to a yield surface, or follows one, does so to the first order.
     """
-    return 1 if case.consolidates and case.yields else 2
+    return 1 if case.consolidates and (case.yields or case.hardens) else 2
 
 
 def moments_of(states: Sequence[ConstructionState], number: int) -> list[float]:

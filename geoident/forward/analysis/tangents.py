@@ -84,7 +84,13 @@ class StageTangents:
         """
         if self._water is not None and self._blocks is not None:
             return self._with_water(
-                self._blocks, self._water.h, values, points, change, symmetric=symmetric
+                self._blocks,
+                self._water.h,
+                values,
+                points,
+                change,
+                symmetric=symmetric,
+                beyond=beyond,
             )
         upper = values if beyond is None else values + beyond
         if len(points):
@@ -107,14 +113,18 @@ class StageTangents:
         change: Floats,
         *,
         symmetric: bool,
+        beyond: Floats | None,
     ) -> Factor:
         """The same of the matrix of displacements and pressures."""
         below = values - self._elastic
-        if not len(points):
+        above = below if beyond is None else below + beyond
+        if len(points):
+            tangents = self._systems.tangents(self._system)
+            more = tangents.added(points, change, symmetric=symmetric)
+            below, above = below + more[0], above + more[1]
+        elif beyond is None:
             return blocks.changed(h, below) if below.any() else blocks.factor(h)
-        tangents = self._systems.tangents(self._system)
-        more, above = tangents.added(points, change, symmetric=symmetric)
-        return blocks.changed(h, below + more, None if symmetric else below + above)
+        return blocks.changed(h, below, None if symmetric else above)
 
     def around(self, unknowns: Ints, most: int) -> Patch | None:
         """The patch around unknowns (w,); None where more than a number of them would move."""

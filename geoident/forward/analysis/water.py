@@ -9,7 +9,7 @@ Pressures that are given jump: what their jump makes goes to the right sides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -157,6 +157,10 @@ class WaterInPart:
         """Pressures of the mesh, free or not."""
         return len(self.jump)
 
+    def part(self, share: float) -> WaterInPart:
+        """A part of what it does; it is linear, so parts of the whole add up."""
+        return replace(self, drive=share * self.drive, jump=share * self.jump)
+
     def pushed(self) -> Floats:
         """(n_dofs, 1 + n) forces of the jump."""
         Q = self.operators.coupling.value
@@ -197,6 +201,6 @@ class WaterInPart:
             right[:, n] += self.h * (slope @ p)
 
     def internal(self, u: Floats, p: Floats) -> tuple[Floats, Floats]:
-        """The left sides (n_dofs,) and (n_nodes,) of changes u (n_dofs,) and p (n_nodes,)."""
+        """The left sides (n_dofs, ...) and (n_nodes, ...) of changes u and p of these shapes."""
         Q, S, H = self.operators.coupling, self.operators.storage, self.operators.flow
         return -(Q.value @ p), -(Q.value.T @ u) - S.value @ p - self.h * (H.value @ p)

@@ -36,8 +36,6 @@ def check_hardening(
         if any(getattr(one, "hardening", None) is not None for one in surfaces):
             what = "ground whose strength grows with its plastic strain"
             _refuse((*path, "yield"), what, "hardening", soils[0], faults)
-        if material.hydraulic is not None:
-            _refuse((*path, "hydraulic"), "water that takes time", "hydraulic", soils[0], faults)
         E = getattr(material, "E", None)
         if name in soils and E is not None and E.varied_by is not None:
             message = f"E of '{name}' varies from place to place, and its soil hardens"
