@@ -117,6 +117,48 @@ def test_triaxial_and_oedometer_of_mohr_coulomb(tmp_path, verification):
     assert all(stage.startswith(channel[:3]) for channel, stage in computed)
 
 
+def _undrained(cell, strains="[0.2, 3, 4 %]"):
+    accuracy = {"deviator_stress": "2 kPa", "pore_pressure": "1 kPa"}
+    return {**_triaxial(cell, strains), "drainage": "undrained", "accuracy": accuracy}
+
+
+AIR = {"hydraulic": {"permeability": "1e-9 m/s", "storage": "1e-8 1/Pa"}}
+"""Water with air in it, which gives way by a sixth of what the skeleton does."""
+
+
+@pytest.mark.parametrize("water", [{}, AIR], ids=["water", "air"])
+def test_undrained_triaxial_of_mohr_coulomb(tmp_path, verification, water):
+    """Skempton's A is 1/3 of elastic ground, B = 1 / (1 + K S); p' tells the strength then.
+
+    Without dilation and with water that hardly gives way p' stays what it was. The material need
+    not have `hydraulic`; if it has, what it stores counts.
+    """
+    cells = np.array([100e3, 200e3, 400e3])
+    names = [f"CU {p / 1e3:.0f}" for p in cells]
+    tests = {name: _undrained(p / 1e3) for name, p in zip(names, cells, strict=True)}
+    material = {**CLAY, **water, "yield": {**YIELD, "dilation": "0 deg"}}
+    parameters = {name: one for name, one in PARAMETERS.items() if name != "psi"}
+    computed = _computed(_case(tmp_path, {**tests, "CD": _triaxial(100)}, material, parameters))
+    k = (1 + sin(PHI)) / (1 - sin(PHI))
+    gives = E / (3 * (1 - 2 * NU)) * (1e-8 if water else 0.4 / 2.2e9)
+    b = 1 / (1 + gives)  # Skempton's B
+    # q (2 + k) / 3 = (k - 1) p' + 2 c sqrt(k) with p' = cell + gives * u, u = B q / 3
+    strength = ((k - 1) * cells + 2 * C * sqrt(k)) / ((2 + k - (k - 1) * b * gives) / 3)
+    found = np.array([computed[f"{n} deviator stress", f"{n} at 4 %"] for n in names])
+    np.testing.assert_allclose(found, strength, rtol=1e-8)
+    for name in names:
+        for row in ("0.2 %", "3 %", "4 %"):
+            q = computed[f"{name} deviator stress", f"{name} at {row}"]
+            u = computed[f"{name} pore pressure", f"{name} at {row}"]
+            assert u == pytest.approx(b * q / 3, rel=1e-8)
+    q = computed["CU 400 deviator stress", "CU 400 at 0.2 %"]
+    assert q == pytest.approx(1.5 * E / (1 + NU) * (0.002 - b * q / 3 * gives * (1 - 2 * NU) / E))
+    variant = "water with air" if water else "water alone"
+    verification("triaxial-undrained", variant, cells, exact=strength, found=found)
+    drained = (k - 1) * 100e3 + 2 * C * sqrt(k)  # beside them, of the same material
+    assert computed["CD deviator stress", "CD at 4 %"] == pytest.approx(drained)
+
+
 def test_blank_cells_were_not_read(tmp_path):
     """In a table and in a list of the case, whose numbers take the unit of its last value."""
     (tmp_path / "tx.csv").write_text(
@@ -186,6 +228,7 @@ def test_pressuremeter_in_clay(tmp_path, verification):
 def test_derivatives_of_tests(tmp_path):
     (tmp_path / "rows.csv").write_text("vertical_stress [kPa]\n60\n210\n110\n")
     tests = {"TX 100": _triaxial(100, strains="[0.2, 3 %]"), "OED": OEDOMETER}
+    tests["CU 100"] = _undrained(100, strains="[0.2, 3 %]")
     model, p = _model(_case(tmp_path, tests))
     places = model.readable_until(len(model.bases) - 1)
     pairs = [
