@@ -8,8 +8,11 @@ import pytest
 import yaml
 
 from geoident import fit, fit_project
+from geoident.io.result.file import read_result
+from geoident.report.drawing.album import album
 from geoident.workflow.running.jobs import build_model, load_inputs
 from tests.support.derivatives import assert_exact, assert_slopes
+from tests.support.pictures import laid_out
 
 E, NU, C, PHI, PSI = 20e6, 0.3, 5e3, radians(25), radians(5)
 PARAMETERS = {
@@ -294,6 +297,36 @@ def test_fit_of_hardening_soil_finds_the_constants_of_published_tests(tmp_path):
     for name, truth in {"E50": 20e6, "Eoed": 16e6, "phi": np.radians(34.0)}.items():
         assert found[name].lower95 < truth < found[name].upper95
         assert found[name].value == pytest.approx(truth, rel=0.05)
+
+
+def test_result_of_tests_is_drawn_over_what_was_imposed(tmp_path):
+    """Not over stages, and without the fields of a specimen of unit size."""
+    confined = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)) / 1e3
+    (tmp_path / "rows.csv").write_text(
+        "axial_strain [mm/m], vertical_stress [kPa]\n"
+        f"{100e3 / confined}, 110\n, 310\n{200e3 / confined}, 210\n"
+    )
+    tests = {
+        f"TX {p}": _triaxial(p, "[0.5, 1 %]", deviator_stress=[100, "200 kPa"]) for p in (1, 2)
+    }
+    parameters = {"E": PARAMETERS["E"]}
+    path = _case(tmp_path, {**tests, "OED": OEDOMETER}, {**ELASTIC, "E": "$E"}, parameters)
+    fit(path)
+    result = read_result(str(tmp_path / "tests.fit.h5"))
+    assert (result.fields, result.reactions, result.yielded) == (None, None, None)
+    pictures = album(result)
+    (picture,) = pictures.overview
+    assert not pictures.model + pictures.readings + pictures.fields
+    q, volume, settled = laid_out(picture.draw).axes
+    assert [text.get_text() for text in q.get_legend().get_texts()] == ["TX 1", "TX 2"]
+    assert (q.get_xlabel(), q.get_ylabel()) == ("axial strain (%)", "deviator stress (kPa)")
+    assert (settled.get_xscale(), settled.yaxis_inverted()) == ("log", True)
+    drawn = [line.get_xydata() for line in q.get_lines() if line.get_linestyle() == "-"]
+    of_1 = next(xy[np.isfinite(xy).all(axis=1)] for xy in drawn if len(xy) > 3)
+    np.testing.assert_allclose(of_1, [[0.0, 0.0], [0.5, 100.0], [1.0, 200.0]], atol=1e-4)
+    (dots,) = (line for line in settled.get_lines() if line.get_marker() == "o")
+    np.testing.assert_allclose(dots.get_xdata(), [110.0, 210.0])  # 310 kPa was not read
+    assert volume.get_ylabel().startswith("volumetric strain")
 
 
 SITE = """\

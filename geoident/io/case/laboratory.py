@@ -166,6 +166,8 @@ class TestSection(Section):
     analysis: ClassVar[str] = "axisymmetric"
     begun: ClassVar[str] = "consolidated"
     """What is said of the stage at whose end gauges read zero."""
+    drawn: ClassVar[Keys] = {}
+    """How its columns are drawn over the one that is imposed, keys of `report.curves`."""
 
     if TYPE_CHECKING:  # each kind of test has its own
         readings: RowsSection
@@ -182,6 +184,11 @@ class TestSection(Section):
     def undrained(self) -> bool:
         """No water leaves while its rows are imposed."""
         return False
+
+    @property
+    def start(self) -> str:
+        """What is imposed when gauges read zero; empty where a parameter tells it."""
+        return "0 %"
 
     @abstractmethod
     def surroundings(self, least: float) -> Keys:
@@ -302,6 +309,7 @@ class OedometerSection(TestSection):
     """
 
     mesh, begun = "specimen", "seated"
+    drawn: ClassVar[Keys] = {"scale": "log", "downwards": "true"}
     kind: Literal["oedometer"]
     seating_stress: Pressure = Field(
         description="Vertical stress from which strains count: that of the first reading."
@@ -313,6 +321,11 @@ class OedometerSection(TestSection):
     def initial(self) -> float:
         """Of a specimen that has not been loaded sideways otherwise: all around."""
         return self.seating_stress.factor
+
+    @property
+    def start(self) -> str:
+        """The seating stress."""
+        return self.seating_stress.text
 
     def surroundings(self, least: float) -> Keys:
         """A cylinder on a smooth base."""
@@ -390,6 +403,7 @@ class PlateLoadSection(TestSection):
     """
 
     mesh, group, begun = "half-space", "ground", "placed"
+    drawn: ClassVar[Keys] = {"downwards": "true"}
     kind: Literal["plate-load"]
     diameter: FixedSize = Field(description="Of the plate.", examples=["300 mm"])
     plate: Literal["rigid", "flexible"] = Field(
@@ -416,6 +430,11 @@ class PlateLoadSection(TestSection):
             },
             "loads": {on: {"on": on, "pressure": vertical} for on in ("surface", "under")},
         }  # fmt: skip
+
+    @property
+    def start(self) -> str:
+        """The overburden."""
+        return self.overburden.text
 
     def begin(self) -> Keys:
         """The plate takes over the overburden under it."""
@@ -469,6 +488,11 @@ class PressuremeterSection(TestSection):
             },
             "loads": {on: {"on": on, "pressure": across} for on in ("wall", "far")},
         }  # fmt: skip
+
+    @property
+    def start(self) -> str:
+        """The stress of the ground."""
+        return "" if self.horizontal_stress.parameter else self.horizontal_stress.text
 
     def begin(self) -> Keys:
         """The pressure is that of the ground."""
@@ -559,6 +583,9 @@ def with_tests(places: Places, faults: Faults) -> Places:
     }
     written["materials"] = {**given, **cast("Keys", written["materials"])}
     rest = {key: node for key, node in data.items() if key not in ("tests", "materials")}
+    head = data.get("report", {})
+    if isinstance(head, dict) and "curves" not in head:
+        rest["report"] = {**head, "curves": _curves(tests)}
     return replace(places, data={**written, **rest})
 
 
@@ -605,7 +632,7 @@ def _case_of(tests: Mapping[str, AnyTest], least: float) -> Keys:
             accuracy: CaseNumber | None = getattr(test.accuracy, column)
             if accuracy is None:
                 continue
-            channel = gauge = f"{name} {column.replace('_', ' ')}"
+            channel = gauge = _gauge_name(name, column)
             entry = test.gauge(column)
             if isinstance(components := entry.get("components"), list):
                 channel = f"{gauge}.{components[0]}"
@@ -631,11 +658,40 @@ def _case_of(tests: Mapping[str, AnyTest], least: float) -> Keys:
     }
 
 
+def _curves(tests: Mapping[str, AnyTest]) -> list[Node]:
+    """Figures of each column over the imposed one, those of tests of one kind together."""
+    curves: dict[tuple[str, str], Any] = {}
+    for name, test in tests.items():
+        over = next(iter(COLUMNS[test.kind]))
+        imposed: list[CaseNumber] = getattr(test.readings, over)
+        at = dict(zip(_row_names(name, imposed), map(_with_unit, imposed), strict=True))
+        if test.start:
+            at = {f"{name} {test.begun}": test.start, **at}
+        for column in type(test.accuracy).model_fields:
+            if getattr(test.accuracy, column) is None:
+                continue
+            words = {"read": column.replace("_", " "), "over": over.replace("_", " ")}
+            none = {**words, **test.drawn, "gauges": {}, "stages": {}}
+            curve = curves.setdefault((test.kind, column), none)
+            curve["gauges"][name] = _gauge_name(name, column)
+            curve["stages"].update(at)
+    return list(curves.values())
+
+
+def _gauge_name(test: str, column: str) -> str:
+    return f"{test} {column.replace('_', ' ')}"
+
+
+def _with_unit(value: CaseNumber) -> str:
+    """A number of a list, whose unit may stand at its end."""
+    return value.text if value.unit in value.text else f"{value.text} {value.unit}"
+
+
 def _row_names(test: str, imposed: Sequence[CaseNumber]) -> Iterator[str]:
     """Names of the stages of the rows; a value that comes again gets a number."""
     count: dict[str, int] = {}
     for value in imposed:
-        text = value.text if value.unit in value.text else f"{value.text} {value.unit}"
+        text = _with_unit(value)
         count[text] = count.get(text, 0) + 1
         yield f"{test} at {text}" + (f" ({count[text]})" if count[text] > 1 else "")
 
