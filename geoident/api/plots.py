@@ -196,7 +196,7 @@ class Plots:
         if fields is None:
             kind = self._result.kind
             of_fit = kind in ("scan", "backtest", "sample")
-            why = "draw those of a fit" if of_fit else "it has no mesh"
+            why = "draw those of a fit" if of_fit else "it has no mesh of its own"
             msg = f"This {kind} holds no displacements and stresses: {why}."
             raise UsageError(msg)
         if stage is None:

@@ -391,6 +391,7 @@ class Case:
         heat: group of faces or nodes to the heat that flows there from the beginning.
         time_steps: steps in time of each length in stages that last; None for the usual number.
         interfaces: along which the mesh is split, by name.
+        of_tests: the mesh is that of tests, of unit size: results have readings and no fields.
     """
 
     title: str
@@ -425,6 +426,7 @@ class Case:
     heat: Mapping[str, HeatFace] = field(default_factory=dict)
     time_steps: int | None = None
     interfaces: Mapping[str, Interface] = field(default_factory=dict)
+    of_tests: bool = False
 
     @property
     def in_time(self) -> SeasonalModel | StructureInService | None:

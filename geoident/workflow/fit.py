@@ -260,7 +260,7 @@ def _result(
         sensitivity=survey.sensitivity,
         prediction=prediction if np.isfinite(prediction.mean).any() else None,
         history=estimate.outcome.iterations,
-        **details_of(survey),
+        **details_of(survey, setup.case),
         singular_values=estimate.assessment.singular_values,
         diagnostics=estimate.diagnostics,
         accuracies=setup.accuracies,

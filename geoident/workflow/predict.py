@@ -159,7 +159,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
             case = with_step_error(case, error)
     survey = model.survey(p, fields=True, partial=True)
     if isinstance(model, ReducedCaseModel) and not model.by_model:  # the fit has it all
-        survey = replace(survey, **details_of(fit))
+        survey = replace(survey, **details_of(fit, case))
     table = fit.gauges.readings
     if not same_case:
         table = readings_as_used(case, table, others=bool(task.others))
@@ -201,7 +201,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
         sensitivity=survey.sensitivity,
         prediction=prediction,
         alarms=alarms,
-        **details_of(survey),
+        **details_of(survey, case),
         singular_values=fit.singular_values,
         varied=fit.varied if same_case else (),
         notes=(

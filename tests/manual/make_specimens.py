@@ -84,9 +84,15 @@ def growing(first, ratio, start, end):
 
 
 square = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (1, 2), (0, 2)], float)
+one = np.array([0.0, 1.0])
+p, c = grid(one, one, lambda x, y: True)  # pressures of water need elements of second order
 write(
-    "specimen", square[:4], [[0, 1, 2, 3]], {"specimen": [0]},
-    {"bottom": [[0, 1]], "side": [[1, 2]], "top": [[2, 3]]},
+    "specimen", p, c, {"specimen": [0]},
+    {
+        "bottom": edges(p, c, lambda x, y: y == 0.0),
+        "side": edges(p, c, lambda x, y: x == 1.0),
+        "top": edges(p, c, lambda x, y: y == 1.0),
+    },
 )  # fmt: skip
 write(
     "shear-box", square, [[0, 1, 2, 3], [3, 2, 4, 5]], {"specimen": [0], "cap": [1]},

@@ -10,6 +10,7 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import NORMAL_95, Prediction
 from geoident.report.drawing.gauges.axis import computed_of, stage_axis
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures, readings_figure
+from geoident.report.drawing.gauges.curves import curve_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_figure
 from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style
@@ -66,6 +67,23 @@ def inside(axes, artist_values, which):
 @pytest.fixture(scope="module")
 def trough():
     return result_of(SURFACE, SETTLEMENTS)
+
+
+def test_gauges_of_a_load_test_are_drawn_over_the_load():
+    """The case names the load of each stage; one without has no place. Others stay over stages."""
+    curves = "{read: settlement of the head, over: load, gauges: {pile 3: B}, downwards: true, "
+    curves += "stages: {dig: 500 kN, later: 2 MN}}"
+    given = result_of(SURFACE, f"{SETTLEMENTS}\nreport: {{curves: [{curves}]}}")
+    (picture,) = curve_pictures(given)
+    (axes,) = laid_out(picture.draw).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("load (kN)", "settlement of the head (mm)")
+    assert axes.yaxis_inverted()
+    drawn = [line.get_xydata() for line in axes.get_lines() if line.get_marker() == "None"]
+    every = np.vstack([xy for xy in drawn if len(xy) > 1 and np.abs(xy[:, 1]).any()])
+    here = every[np.isfinite(every).all(axis=1)]
+    np.testing.assert_allclose(here, [[500.0, 1.0], [2000.0, 3.0]])  # none for 'line'
+    (over_stages,) = reading_pictures(given)
+    assert "pile 3" not in [text.get_text() for text in laid_out(over_stages.draw).findobj(Text)]
 
 
 def test_settlements_at_one_level_are_a_trough_along_the_surface_with_settlement_down(trough):

@@ -8,8 +8,11 @@ import pytest
 import yaml
 
 from geoident import fit, fit_project
+from geoident.io.result.file import read_result
+from geoident.report.drawing.album import album
 from geoident.workflow.running.jobs import build_model, load_inputs
 from tests.support.derivatives import assert_exact, assert_slopes
+from tests.support.pictures import laid_out
 
 E, NU, C, PHI, PSI = 20e6, 0.3, 5e3, radians(25), radians(5)
 PARAMETERS = {
@@ -117,6 +120,48 @@ def test_triaxial_and_oedometer_of_mohr_coulomb(tmp_path, verification):
     assert all(stage.startswith(channel[:3]) for channel, stage in computed)
 
 
+def _undrained(cell, strains="[0.2, 3, 4 %]"):
+    accuracy = {"deviator_stress": "2 kPa", "pore_pressure": "1 kPa"}
+    return {**_triaxial(cell, strains), "drainage": "undrained", "accuracy": accuracy}
+
+
+AIR = {"hydraulic": {"permeability": "1e-9 m/s", "storage": "1e-8 1/Pa"}}
+"""Water with air in it, which gives way by a sixth of what the skeleton does."""
+
+
+@pytest.mark.parametrize("water", [{}, AIR], ids=["water", "air"])
+def test_undrained_triaxial_of_mohr_coulomb(tmp_path, verification, water):
+    """Skempton's A is 1/3 of elastic ground, B = 1 / (1 + K S); p' tells the strength then.
+
+    Without dilation and with water that hardly gives way p' stays what it was. The material need
+    not have `hydraulic`; if it has, what it stores counts.
+    """
+    cells = np.array([100e3, 200e3, 400e3])
+    names = [f"CU {p / 1e3:.0f}" for p in cells]
+    tests = {name: _undrained(p / 1e3) for name, p in zip(names, cells, strict=True)}
+    material = {**CLAY, **water, "yield": {**YIELD, "dilation": "0 deg"}}
+    parameters = {name: one for name, one in PARAMETERS.items() if name != "psi"}
+    computed = _computed(_case(tmp_path, {**tests, "CD": _triaxial(100)}, material, parameters))
+    k = (1 + sin(PHI)) / (1 - sin(PHI))
+    gives = E / (3 * (1 - 2 * NU)) * (1e-8 if water else 0.4 / 2.2e9)
+    b = 1 / (1 + gives)  # Skempton's B
+    # q (2 + k) / 3 = (k - 1) p' + 2 c sqrt(k) with p' = cell + gives * u, u = B q / 3
+    strength = ((k - 1) * cells + 2 * C * sqrt(k)) / ((2 + k - (k - 1) * b * gives) / 3)
+    found = np.array([computed[f"{n} deviator stress", f"{n} at 4 %"] for n in names])
+    np.testing.assert_allclose(found, strength, rtol=1e-8)
+    for name in names:
+        for row in ("0.2 %", "3 %", "4 %"):
+            q = computed[f"{name} deviator stress", f"{name} at {row}"]
+            u = computed[f"{name} pore pressure", f"{name} at {row}"]
+            assert u == pytest.approx(b * q / 3, rel=1e-8)
+    q = computed["CU 400 deviator stress", "CU 400 at 0.2 %"]
+    assert q == pytest.approx(1.5 * E / (1 + NU) * (0.002 - b * q / 3 * gives * (1 - 2 * NU) / E))
+    variant = "water with air" if water else "water alone"
+    verification("triaxial-undrained", variant, cells, exact=strength, found=found)
+    drained = (k - 1) * 100e3 + 2 * C * sqrt(k)  # beside them, of the same material
+    assert computed["CD deviator stress", "CD at 4 %"] == pytest.approx(drained)
+
+
 def test_blank_cells_were_not_read(tmp_path):
     """In a table and in a list of the case, whose numbers take the unit of its last value."""
     (tmp_path / "tx.csv").write_text(
@@ -186,6 +231,7 @@ def test_pressuremeter_in_clay(tmp_path, verification):
 def test_derivatives_of_tests(tmp_path):
     (tmp_path / "rows.csv").write_text("vertical_stress [kPa]\n60\n210\n110\n")
     tests = {"TX 100": _triaxial(100, strains="[0.2, 3 %]"), "OED": OEDOMETER}
+    tests["CU 100"] = _undrained(100, strains="[0.2, 3 %]")
     model, p = _model(_case(tmp_path, tests))
     places = model.readable_until(len(model.bases) - 1)
     pairs = [
@@ -251,6 +297,36 @@ def test_fit_of_hardening_soil_finds_the_constants_of_published_tests(tmp_path):
     for name, truth in {"E50": 20e6, "Eoed": 16e6, "phi": np.radians(34.0)}.items():
         assert found[name].lower95 < truth < found[name].upper95
         assert found[name].value == pytest.approx(truth, rel=0.05)
+
+
+def test_result_of_tests_is_drawn_over_what_was_imposed(tmp_path):
+    """Not over stages, and without the fields of a specimen of unit size."""
+    confined = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)) / 1e3
+    (tmp_path / "rows.csv").write_text(
+        "axial_strain [mm/m], vertical_stress [kPa]\n"
+        f"{100e3 / confined}, 110\n, 310\n{200e3 / confined}, 210\n"
+    )
+    tests = {
+        f"TX {p}": _triaxial(p, "[0.5, 1 %]", deviator_stress=[100, "200 kPa"]) for p in (1, 2)
+    }
+    parameters = {"E": PARAMETERS["E"]}
+    path = _case(tmp_path, {**tests, "OED": OEDOMETER}, {**ELASTIC, "E": "$E"}, parameters)
+    fit(path)
+    result = read_result(str(tmp_path / "tests.fit.h5"))
+    assert (result.fields, result.reactions, result.yielded) == (None, None, None)
+    pictures = album(result)
+    (picture,) = pictures.overview
+    assert not pictures.model + pictures.readings + pictures.fields
+    q, volume, settled = laid_out(picture.draw).axes
+    assert [text.get_text() for text in q.get_legend().get_texts()] == ["TX 1", "TX 2"]
+    assert (q.get_xlabel(), q.get_ylabel()) == ("axial strain (%)", "deviator stress (kPa)")
+    assert (settled.get_xscale(), settled.yaxis_inverted()) == ("log", True)
+    drawn = [line.get_xydata() for line in q.get_lines() if line.get_linestyle() == "-"]
+    of_1 = next(xy[np.isfinite(xy).all(axis=1)] for xy in drawn if len(xy) > 3)
+    np.testing.assert_allclose(of_1, [[0.0, 0.0], [0.5, 100.0], [1.0, 200.0]], atol=1e-4)
+    (dots,) = (line for line in settled.get_lines() if line.get_marker() == "o")
+    np.testing.assert_allclose(dots.get_xdata(), [110.0, 210.0])  # 310 kPa was not read
+    assert volume.get_ylabel().startswith("volumetric strain")
 
 
 SITE = """\

@@ -56,7 +56,7 @@ from geoident.io.case.ladder import build_ladder
 from geoident.io.case.model_error import ModelErrorSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
-from geoident.io.case.report import ReportSection
+from geoident.io.case.report import ReportSection, check_curves
 from geoident.io.case.stages import ABSENT, StageSection
 from geoident.io.case.structures import OpeningSupportSection, StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
@@ -584,6 +584,8 @@ def build_case(
         for n, name in enumerate(section.fit.predict_gauges or ()):
             if name not in known:
                 faults.add_unknown(("fit", "predict_gauges", n), "gauge", name, known)
+        if section.report is not None and "stages" not in wrong:
+            check_curves(section.report, known, [stage.name for stage in section.stages], faults)
     return section.to_model(
         Case,
         context,

@@ -215,7 +215,8 @@ def _build(
     if not times_wrong:
         section = with_moment_names(section, times, faults)
     mesh_path = None if section.mesh is None else section.mesh.file
-    if mesh_path is not None and mesh_path.startswith(SHIPPED):
+    of_tests = mesh_path is not None and mesh_path.startswith(SHIPPED)
+    if mesh_path is not None and of_tests:
         shipped = shipped_meshes()
         if mesh_path not in shipped:
             faults.add_unknown(("mesh", "file"), "mesh", mesh_path, shipped)
@@ -256,6 +257,7 @@ def _build(
         in_moments(read.given_to(built), times, read.moments, until),
         channels=described_channels(built, section, read.zeros, faults),
         mesh_file=mesh_path,
+        of_tests=of_tests,
         elsewhere=elsewhere,
         service=service,
     )

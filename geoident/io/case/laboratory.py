@@ -31,6 +31,7 @@ from geoident.io.schema.values import (
 )
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.yaml_reader import Node
+from geoident.model.case import KeyPath
 
 Keys = dict[str, Node]
 """A mapping of a case."""
@@ -58,6 +59,7 @@ COLUMNS: Mapping[str, Mapping[str, str]] = {
         "axial_strain": "strain",
         "deviator_stress": "pressure",
         "volumetric_strain": "strain",
+        "pore_pressure": "pressure",
     },
     "oedometer": {"vertical_stress": "pressure", "axial_strain": "strain"},
     "direct-shear": {
@@ -73,6 +75,8 @@ COLUMNS: Mapping[str, Mapping[str, str]] = {
 _RIGID = "rigid plate"
 """Material of what is stiffer than all ground."""
 _MIDDLE: Node = ["0.5 m", "0.5 m"]
+_WATER: Keys = {"hydraulic": {"permeability": "1e-9 m/s"}}
+"""Of a material of an undrained test that says nothing of it; no water flows in 0 d."""
 _IN = "An accuracy alone has the column predicted."
 
 
@@ -92,12 +96,18 @@ class RowsSection(Section):
 class TriaxialRows(RowsSection):
     """Rows of a triaxial test. In a file: 'axial_strain [%], deviator_stress [kPa]', and so on.
 
-    Strains are positive in compression and count from the end of consolidation.
+    Strains are positive in compression. They and the pore pressure count from the end of
+    consolidation.
     """
 
     axial_strain: Strains = Field(description="Imposed.", examples=[["0.5 %", "1 %"]])
     deviator_stress: ReadPressures | None = Field(None, description="Axial less radial stress.")
-    volumetric_strain: ReadStrains | None = Field(None, description="Of the specimen.")
+    volumetric_strain: ReadStrains | None = Field(
+        None, description="Of the specimen, in a drained test."
+    )
+    pore_pressure: ReadPressures | None = Field(
+        None, description="Its rise since consolidation, without back pressure; undrained."
+    )
 
 
 class OedometerRows(RowsSection):
@@ -156,6 +166,8 @@ class TestSection(Section):
     analysis: ClassVar[str] = "axisymmetric"
     begun: ClassVar[str] = "consolidated"
     """What is said of the stage at whose end gauges read zero."""
+    drawn: ClassVar[Keys] = {}
+    """How its columns are drawn over the one that is imposed, keys of `report.curves`."""
 
     if TYPE_CHECKING:  # each kind of test has its own
         readings: RowsSection
@@ -167,6 +179,16 @@ class TestSection(Section):
     def initial(self) -> float:
         """Of a specimen: the stress at its beginning, the same in all directions, Pa."""
         return 0.0
+
+    @property
+    def undrained(self) -> bool:
+        """No water leaves while its rows are imposed."""
+        return False
+
+    @property
+    def start(self) -> str:
+        """What is imposed when gauges read zero; empty where a parameter tells it."""
+        return "0 %"
 
     @abstractmethod
     def surroundings(self, least: float) -> Keys:
@@ -203,17 +225,30 @@ class TriaxialAccuracy(Section):
 
     deviator_stress: PressureError | None = Field(None, description=_IN)
     volumetric_strain: StrainError | None = Field(None, description=_IN)
+    pore_pressure: PressureError | None = Field(None, description=_IN)
+
+
+_NOT_READ = {
+    "drained": ("pore_pressure", "water leaves a drained specimen, so that its pressure stays"),
+    "undrained": ("volumetric_strain", "no water leaves an undrained specimen: its volume stays"),
+}
+"""Drainage of a triaxial test to the column that it does not have, and why."""
 
 
 class TriaxialSection(TestSection):
-    """Drained triaxial test: axial strain is imposed under a constant cell pressure.
+    """Triaxial test: axial strain is imposed under a constant cell pressure.
 
-    Its channels are `TEST deviator stress` and `TEST volumetric strain`, its stages `TEST
-    consolidated` and one for each row, such as `TEST at 1.5 %`.
+    Its channels are `TEST deviator stress` and `TEST volumetric strain`, undrained `TEST pore
+    pressure`; its stages `TEST consolidated` and one for each row, such as `TEST at 1.5 %`.
     """
 
     mesh = "specimen"
     kind: Literal["triaxial"]
+    drainage: Literal["drained", "undrained"] = Field(
+        "drained",
+        description="While it is sheared, after consolidation (CD or CU test). Water stays in an "
+        "undrained specimen, which is full of it; `hydraulic` of its material is not needed.",
+    )
     cell_pressure: Pressure = Field(description="Effective, after consolidation.")
     readings: TriaxialRows = Field(description="Rows, or the name of a CSV file that has them.")
     accuracy: TriaxialAccuracy = Field(description="Accuracy by column.")
@@ -232,14 +267,32 @@ class TriaxialSection(TestSection):
         return {"loads": _loads(side=self.initial, top=self.initial)}
 
     def step(self, value: float) -> Keys:
-        """The cap moves down."""
-        return {"supports": {"top": {"y": f"{-value!r} m"}}}
+        """The cap moves down; in no time no water leaves."""
+        moved: Keys = {"supports": {"top": {"y": f"{-value!r} m"}}}
+        return {**moved, "lasts": "0 d"} if self.undrained else moved
 
     def gauge(self, column: str) -> Keys:
-        """Since the cell pressure is constant, the axial stress changes by the deviator stress."""
+        """The total axial stress changes by the deviator stress: the cell pressure is constant."""
         if column == "deviator_stress":
             return {"kind": "pressure-cell", "point": _MIDDLE, "normal": ["0", "1"]}
+        if column == "pore_pressure":
+            return {"kind": "piezometer", "point": _MIDDLE}
         return _strain("volume")
+
+    def check(self, faults: SectionFaults) -> None:
+        """The columns are those of a test with its drainage."""
+        super().check(faults)
+        column, why = _NOT_READ[self.drainage]
+        for key in ("readings", "accuracy"):
+            if getattr(getattr(self, key), column) is not None:
+                other = "drained" if self.undrained else "undrained"
+                hint = f"Remove the column, or write 'drainage: {other}'."
+                faults.add((key, column), "wrong-pair", why, hint)
+
+    @property
+    def undrained(self) -> bool:
+        """The water stays in the specimen."""
+        return self.drainage == "undrained"
 
 
 class OedometerAccuracy(Section):
@@ -256,6 +309,7 @@ class OedometerSection(TestSection):
     """
 
     mesh, begun = "specimen", "seated"
+    drawn: ClassVar[Keys] = {"scale": "log", "downwards": "true"}
     kind: Literal["oedometer"]
     seating_stress: Pressure = Field(
         description="Vertical stress from which strains count: that of the first reading."
@@ -267,6 +321,11 @@ class OedometerSection(TestSection):
     def initial(self) -> float:
         """Of a specimen that has not been loaded sideways otherwise: all around."""
         return self.seating_stress.factor
+
+    @property
+    def start(self) -> str:
+        """The seating stress."""
+        return self.seating_stress.text
 
     def surroundings(self, least: float) -> Keys:
         """A cylinder on a smooth base."""
@@ -344,6 +403,7 @@ class PlateLoadSection(TestSection):
     """
 
     mesh, group, begun = "half-space", "ground", "placed"
+    drawn: ClassVar[Keys] = {"downwards": "true"}
     kind: Literal["plate-load"]
     diameter: FixedSize = Field(description="Of the plate.", examples=["300 mm"])
     plate: Literal["rigid", "flexible"] = Field(
@@ -370,6 +430,11 @@ class PlateLoadSection(TestSection):
             },
             "loads": {on: {"on": on, "pressure": vertical} for on in ("surface", "under")},
         }  # fmt: skip
+
+    @property
+    def start(self) -> str:
+        """The overburden."""
+        return self.overburden.text
 
     def begin(self) -> Keys:
         """The plate takes over the overburden under it."""
@@ -423,6 +488,11 @@ class PressuremeterSection(TestSection):
             },
             "loads": {on: {"on": on, "pressure": across} for on in ("wall", "far")},
         }  # fmt: skip
+
+    @property
+    def start(self) -> str:
+        """The stress of the ground."""
+        return "" if self.horizontal_stress.parameter else self.horizontal_stress.text
 
     def begin(self) -> Keys:
         """The pressure is that of the ground."""
@@ -495,6 +565,8 @@ def with_tests(places: Places, faults: Faults) -> Places:
     for name, test in tests.items():
         if test.material not in names:
             faults.add_unknown(("tests", name, "material"), "material", test.material, names)
+        elif test.undrained and isinstance(of := materials[test.material], dict):
+            _require_water(of, ("tests", name, "drainage"), test.material, faults)
     least = min((test.initial for test in tests.values()), default=0.0)
     first = next(iter(tests), "")
     for name, test in tests.items():
@@ -504,9 +576,29 @@ def with_tests(places: Places, faults: Faults) -> Places:
             faults.add(("tests", name), "two-states", message, hint, key=True)
     faults.raise_any()
     written = _case_of(tests, least)
-    written["materials"] = {**cast("Keys", materials), **cast("Keys", written["materials"])}
+    full = {test.material for test in tests.values() if test.undrained}
+    given = {
+        name: {**_WATER, **of} if name in full and isinstance(of, dict) else of
+        for name, of in cast("Keys", materials).items()
+    }
+    written["materials"] = {**given, **cast("Keys", written["materials"])}
     rest = {key: node for key, node in data.items() if key not in ("tests", "materials")}
+    head = data.get("report", {})
+    if isinstance(head, dict) and "curves" not in head:
+        rest["report"] = {**head, "curves": _curves(tests)}
     return replace(places, data={**written, **rest})
+
+
+def _require_water(material: Keys, path: KeyPath, name: str, faults: Faults) -> None:
+    """The material of an undrained test can hold water."""
+    law = material.get("yield")
+    if material.get("hydraulic") == "impervious":
+        message = f"'{name}' is impervious, and no water presses in it"
+        faults.add(path, "no-water", message, f"Remove 'hydraulic' of '{name}'.")
+    elif isinstance(law, dict) and law.get("type") == "hardening-soil":
+        message = f"'{name}' is hardening soil, which is computed drained only yet"
+        hint = "Leave this test out, or describe it by 'type: mohr-coulomb' in a case of its own."
+        faults.add(path, "hardening", message, hint)
 
 
 def _initial_state(test: AnyTest, least: float) -> tuple[str, Keys]:
@@ -540,7 +632,7 @@ def _case_of(tests: Mapping[str, AnyTest], least: float) -> Keys:
             accuracy: CaseNumber | None = getattr(test.accuracy, column)
             if accuracy is None:
                 continue
-            channel = gauge = f"{name} {column.replace('_', ' ')}"
+            channel = gauge = _gauge_name(name, column)
             entry = test.gauge(column)
             if isinstance(components := entry.get("components"), list):
                 channel = f"{gauge}.{components[0]}"
@@ -566,11 +658,40 @@ def _case_of(tests: Mapping[str, AnyTest], least: float) -> Keys:
     }
 
 
+def _curves(tests: Mapping[str, AnyTest]) -> list[Node]:
+    """Figures of each column over the imposed one, those of tests of one kind together."""
+    curves: dict[tuple[str, str], Any] = {}
+    for name, test in tests.items():
+        over = next(iter(COLUMNS[test.kind]))
+        imposed: list[CaseNumber] = getattr(test.readings, over)
+        at = dict(zip(_row_names(name, imposed), map(_with_unit, imposed), strict=True))
+        if test.start:
+            at = {f"{name} {test.begun}": test.start, **at}
+        for column in type(test.accuracy).model_fields:
+            if getattr(test.accuracy, column) is None:
+                continue
+            words = {"read": column.replace("_", " "), "over": over.replace("_", " ")}
+            none = {**words, **test.drawn, "gauges": {}, "stages": {}}
+            curve = curves.setdefault((test.kind, column), none)
+            curve["gauges"][name] = _gauge_name(name, column)
+            curve["stages"].update(at)
+    return list(curves.values())
+
+
+def _gauge_name(test: str, column: str) -> str:
+    return f"{test} {column.replace('_', ' ')}"
+
+
+def _with_unit(value: CaseNumber) -> str:
+    """A number of a list, whose unit may stand at its end."""
+    return value.text if value.unit in value.text else f"{value.text} {value.unit}"
+
+
 def _row_names(test: str, imposed: Sequence[CaseNumber]) -> Iterator[str]:
     """Names of the stages of the rows; a value that comes again gets a number."""
     count: dict[str, int] = {}
     for value in imposed:
-        text = value.text if value.unit in value.text else f"{value.text} {value.unit}"
+        text = _with_unit(value)
         count[text] = count.get(text, 0) + 1
         yield f"{test} at {text}" + (f" ({count[text]})" if count[text] > 1 else "")
 

@@ -2,17 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, ValidationError
 
 from geoident.io.schema.faults import add_schema_faults
-from geoident.io.schema.section import Section
-from geoident.io.schema.values import Text
+from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.values import AnyQuantity, Flag, Name, Text
 from geoident.io.text.faults import Faults
 from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.results.head import ReportHead
+
+
+class CurvesSection(Section):
+    """A figure of gauges over a number of each stage, such as the load of a load test.
+
+    Of `tests` the case has such figures without this key: each column over that which is imposed.
+    """
+
+    read: Name = Field(
+        description="What the gauges read, for the axis.", examples=["settlement of the head"]
+    )
+    over: Name = Field(description="What the numbers are, for the axis.", examples=["load"])
+    gauges: Annotated[dict[Name, Name], Field(min_length=1)] = Field(
+        description="Gauges, or their channels, by what they are called in the figure. They are "
+        "left out of the figures over stages.",
+        examples=[{"pile 3": "HEAD 3"}],
+    )
+    stages: Annotated[dict[Name, AnyQuantity], Field(min_length=1)] = Field(
+        description="Stage to its number; gauges are not drawn at others.",
+        examples=[{"step 1": "500 kN", "step 2": "1 MN"}],
+    )
+    scale: Literal["linear", "log"] = Field("linear", description="Of the numbers.")
+    downwards: Flag = Field(False, description="Draw what is read downwards, as settlement.")
+
+    def check(self, faults: SectionFaults) -> None:
+        """Numbers of one dimension, above zero on a logarithm."""
+        first = next(iter(self.stages.values()))
+        for stage, number in self.stages.items():
+            if number.dimension != first.dimension:
+                message = f"'{number.text}' is no {first.dimension}, as '{first.text}' is"
+                faults.add(("stages", stage), "wrong-dimension", message, "Correct its unit.")
+            elif self.scale == "log" and not number.factor > 0.0:
+                message = f"'{number.text}' has no logarithm"
+                faults.add(("stages", stage), "out-of-range", message, "Write 'scale: linear'.")
 
 
 class ReportSection(Section):
@@ -31,6 +67,30 @@ class ReportSection(Section):
         description="Path of a picture, .png or .svg, relative to the case.",
         examples=["logo.svg"],
     )
+    curves: list[CurvesSection] | None = Field(
+        None, description="Figures of gauges over a number of each stage; those of a fit are kept."
+    )
+
+
+def check_curves(
+    report: ReportSection, gauges: Collection[str], stages: Collection[str], faults: Faults
+) -> None:
+    """Gauges and stages of figures that the case does not have.
+
+    Args:
+        report: of the case.
+        gauges: of the case, and their channels.
+        stages: of the case.
+        faults: takes them.
+    """
+    for n, one in enumerate(report.curves or ()):
+        for label, name in one.gauges.items():
+            if name not in gauges:
+                faults.add_unknown(("report", "curves", n, "gauges", label), "gauge", name, gauges)
+        for name in one.stages:
+            if name not in stages:
+                path = ("report", "curves", n, "stages", name)
+                faults.add_unknown(path, "stage", name, stages, key=True)
 
 
 class _OnlyReport(BaseModel):

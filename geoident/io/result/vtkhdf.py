@@ -31,7 +31,7 @@ from geoident.model.results.yielded import Mechanism
 
 HIDDEN_CELL = 32
 GROUP = "VTKHDF"
-REFIT = "results of fit and predict hold them, those of scan do not"
+REFIT = "results of fit and predict hold them, those of scan and of 'tests' do not"
 _SUFFIXES = (".h5", ".hdf5", ".hdf")
 
 

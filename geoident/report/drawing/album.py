@@ -23,6 +23,7 @@ from geoident.report.drawing.gauges.course import (
     face_pictures,
     reading_pictures,
 )
+from geoident.report.drawing.gauges.curves import curve_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
 from geoident.report.drawing.in_service import time_pictures
 from geoident.report.drawing.interfaces import interface_map_pictures, interface_pictures
@@ -43,6 +44,7 @@ from geoident.report.drawing.solid import solid_pictures
 from geoident.report.drawing.style import Picture, Progress, images
 from geoident.report.drawing.updates import update_pictures
 from geoident.report.drawing.varied import varied_pictures
+from geoident.report.text.case import of_tests
 
 
 @dataclass(frozen=True)
@@ -84,18 +86,20 @@ def album(result: Result, *, prefix: str = "") -> Album:
             factor = min((one.upper for one in result.safety), default=None)
             picture = mechanism_picture(result.mechanism, scene.axis_names, factor)
             fields = (picture, *fields)
+    curves, tests = curve_pictures(result), of_tests(result)
     parts = (
         model_pictures(result),
-        overview_pictures(result, scene),
+        curves if tests else overview_pictures(result, scene),
         (*parameter_pictures(result), *pair_pictures(result), *scan_pictures(result)),
         time_pictures(result)
         if result.in_service
         else (
+            *(() if tests else curves),
             *profile_pictures(result),
             *reading_pictures(result),
             *face_pictures(result),
             *advance_pictures(result),
-            *sign_pictures(result),
+            *(() if tests else sign_pictures(result)),
         ),
         fields,
         quality_pictures(result),

@@ -40,7 +40,7 @@ from geoident.report.text import (
     yielding,
 )
 from geoident.report.text import in_service as words
-from geoident.report.text.case import case_entries, case_title
+from geoident.report.text.case import case_entries, case_title, of_tests
 from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import few_of, read_or_predicted, reading_table, unit_title
 from geoident.report.text.inputs.construction import construction_table, load_texts
@@ -281,15 +281,18 @@ def _model(result: Result, pictures: Album) -> PagePart:
     """
     case = case_entries(result.case_resolved)
     numbers = ShownNumbers(entries(case, "parameters"), result.parameters)
+    materials = TitledTable(
+        "Materials, identified constants with 95 % intervals", materials_table(case, numbers)
+    )
+    if of_tests(result):
+        return section("Model", materials)
     sentences = [tag("p", text) for text in ground_sentences(case, numbers)]
     if result.in_service:
         loads = load_texts(entries(case, "loads"), numbers)
         sentences += [tag("p", f"Load {text}.") for text in loads]
     return section(
         "Model",
-        TitledTable(
-            "Materials, identified constants with 95 % intervals", materials_table(case, numbers)
-        ),
+        materials,
         joined(sentences),
         TitledTable("Construction", construction_table(case, numbers)),
         TitledTable("Structures", structures_table(case, numbers)),

@@ -58,6 +58,11 @@ def case_mapping(result: Result, key: str) -> Mapping[str, Any]:
     return _mapping(_case(result.case_resolved), key)
 
 
+def of_tests(result: Result) -> bool:
+    """Whether it is of tests, whose specimens come with geoident."""
+    return str(case_mapping(result, "mesh").get("file", "")).startswith("geoident:")
+
+
 def stage_dates(result: Result) -> Floats:
     """When the stages end, from the case, by their names where these are days, or from readings.
 

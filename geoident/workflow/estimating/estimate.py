@@ -17,6 +17,7 @@ from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
@@ -61,13 +62,16 @@ def surveyed(
     return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
 
 
-def details_of(source: Survey | Result) -> dict[str, Any]:
-    """What only some models know, and a result has: fields, forces in structures and others."""
+def details_of(source: Survey | Result, case: Case) -> dict[str, Any]:
+    """What only some models know, and a result has: fields, forces in structures and others.
+
+    Of a case of tests nothing: places in a specimen of unit size tell nothing.
+    """
     names = (
         "fields", "members", "shells", "interfaces", "reactions", "yielded", "mechanism",
         "reaction", "advance",
     )  # fmt: skip
-    return {name: getattr(source, name) for name in names}
+    return {} if case.of_tests else {name: getattr(source, name) for name in names}
 
 
 @dataclass(frozen=True)

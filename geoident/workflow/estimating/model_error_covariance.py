@@ -326,7 +326,8 @@ def correlation_time(
     """
     if options.time is not None:
         return CorrelationTime(options.time)
-    if case.elsewhere is None and case.face is None and not case.lasts:
+    goes_on = any(stage.lasts for stage in case.stages)  # more than no time
+    if case.elsewhere is None and case.face is None and not goes_on:
         return None
     span = float(_elapsed(case, pairs).max(initial=1e-6))
     return CorrelationTime(span / TIMES, "s" if has_dates(case) else "stages")

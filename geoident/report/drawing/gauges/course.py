@@ -45,6 +45,7 @@ from geoident.report.drawing.style import (
     stage_ticks,
 )
 from geoident.report.text.case import gauge_quantity
+from geoident.report.text.curves import curves_of
 from geoident.report.text.instruments import CASING, FIBRE, Instrument, instruments, lines
 from geoident.units import in_unit
 
@@ -90,7 +91,7 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
 def _over_time(result: Result) -> tuple[Instrument, ...]:
     """What is shown over time, the same quantities together; of many channels, some."""
     together = [one for one in lines(result) if one.line not in {CASING, FIBRE}]
-    taken = {row for one in together for row in one.rows}
+    taken = {row for one in (*together, *curves_of(result)) for row in one.rows}
     alone = [
         one
         for one in instruments(result)
@@ -134,7 +135,10 @@ def readings_figure(
             axis.finish(axes)
         low, high = limits[one.quantity]
         axes.set_ylim((high, low) if one.downwards else (low, high))
-    figure.legend(handles=_legend(result, shown), loc="outside upper center", ncols=4)
+    handles = legend_handles(result, [row for one in shown for row in one.rows])
+    if any(_alarm_values(result, one) for one in shown):
+        handles.append(key("alarm value", **_ALARM))
+    figure.legend(handles=handles, loc="outside upper center", ncols=4)
     return figure
 
 
@@ -146,9 +150,9 @@ def _finish_way(axes: Axes, every: Floats) -> None:
     axes.set_xlabel("face past the section (m)")
 
 
-def _legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
-    """What dots, lines and bands are, as far as there are any."""
-    gauges, rows = result.gauges, [row for one in shown for row in one.rows]
+def legend_handles(result: Result, rows: Sequence[int]) -> list[object]:
+    """What dots, lines and bands of some channels are, as far as there are any."""
+    gauges, rows = result.gauges, list(rows)
     read, used = np.isfinite(gauges.measured[rows]), gauges.used[rows]
     dot = {"color": MEASURED, "marker": "o", "ls": "", "ms": 4}
     handles: list[object] = []
@@ -164,8 +168,6 @@ def _legend(result: Result, shown: Sequence[Instrument]) -> list[object]:
         handles.append(key("predicted", color=COMPUTED, ls="--"))
     if np.isfinite(bands_of(result)[0])[rows].any():
         handles.append(Patch(color=COMPUTED, alpha=_BAND, lw=0, label="95 % band"))
-    if any(_alarm_values(result, one) for one in shown):
-        handles.append(key("alarm value", **_ALARM))
     return handles
 
 
