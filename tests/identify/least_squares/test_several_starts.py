@@ -139,7 +139,7 @@ def test_a_kink_that_hides_next_to_nothing_is_the_answer(make_problem, bend, sta
 
 
 def test_rough_readings_end_the_search_where_little_is_left(make_problem):
-    """Readings with teeth of a thousandth, as of a wall that sticks and slips, cost no more steps."""
+    """Readings have teeth of a thousandth, as those of a wall that sticks and slips."""
 
     def function(p):
         x, y = p
