@@ -15,7 +15,9 @@ nothing is evaluated twice. A descent ends on what the *next* step promises, bef
             standard deviations, so with 1e-8 this step is below a hundredth of one.
 
 Where residuals vanish at the solution, convergence is quadratic and the first rule ends it. A trial
-where the model has no solution is rejected.
+where the model has no solution is rejected. Where readings are rough, as where a wall sticks and
+slips, steps do not bring what they promise: two of them in a row end a descent as soon as no more
+is promised than a tenth of a standard deviation is worth.
 """
 
 from __future__ import annotations
@@ -55,10 +57,12 @@ The misfit rises by 1 within a standard deviation: what is promised lies within 
 derivatives of ground without dilation are off by up to a few percent (theory 5.4), and promise such
 gains at the very minimum.
 """
+ROUGH = 1e-3
+"""The same, relative: where the readings are met exactly, every gain is small and worth taking."""
 
 _KINKED = (
-    "No shorter step lowers the misfit: the computed readings have a kink here. By the derivatives "
-    "the misfit could fall by at most {:.1g}, which is negligible: one standard deviation is 1."
+    "The computed readings are not smooth here. By the derivatives the misfit could fall by at "
+    "most {:.1g}, which is negligible: one standard deviation is 1."
 )
 _STOPPED = "The search was stopped."
 _FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."
@@ -314,7 +318,7 @@ class Descent(Generic[IterateT]):
     def _run(
         self, start: IterateT, give_up: GiveUp | None, leave: Leave[IterateT] | None
     ) -> Ending[IterateT]:
-        control = Acceptance(start)
+        control, vain = Acceptance(start), 0
         for number in range(self.max_steps):
             point = control.point
             full = self.propose(point, np.inf)
@@ -337,6 +341,11 @@ class Descent(Generic[IterateT]):
                 return Ending(control.best, "converged", _ROUNDING)
             if note == "rejected" and self.stopping.hidden(point, full.gain):
                 return Ending(control.best, "converged", _NOISE.format(full.gain))
+            kept = trial is not None and point.phi - trial.phi >= 0.25 * step.gain
+            vain = 0 if kept else vain + 1
+            promised = self.propose(control.best, np.inf).gain
+            if vain >= 2 and promised <= min(AT_KINK, ROUGH * control.best.phi):
+                return Ending(control.best, "converged", _KINKED.format(promised))
         exhausted = Ending(control.best, "not-converged", _EXHAUSTED.format(self.max_steps))
         return self._ended(control, self.propose(control.point, np.inf)) or exhausted
 
