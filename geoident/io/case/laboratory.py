@@ -560,11 +560,10 @@ def with_tests(places: Places, faults: Faults) -> Places:
         tests = _Tests.model_validate(data, context=known).tests
     except ValidationError as error:
         add_schema_faults(faults, error.errors(include_url=False), data, known)
-    materials = data.get("materials")
-    names = list(materials) if isinstance(materials, dict) else []
+    materials = node if isinstance(node := data.get("materials"), dict) else {}
     for name, test in tests.items():
-        if test.material not in names:
-            faults.add_unknown(("tests", name, "material"), "material", test.material, names)
+        if test.material not in materials:
+            faults.add_unknown(("tests", name, "material"), "material", test.material, materials)
         elif test.undrained and isinstance(of := materials[test.material], dict):
             _require_water(of, ("tests", name, "drainage"), test.material, faults)
     least = min((test.initial for test in tests.values()), default=0.0)
@@ -579,7 +578,7 @@ def with_tests(places: Places, faults: Faults) -> Places:
     full = {test.material for test in tests.values() if test.undrained}
     given = {
         name: {**_WATER, **of} if name in full and isinstance(of, dict) else of
-        for name, of in cast("Keys", materials).items()
+        for name, of in materials.items()
     }
     written["materials"] = {**given, **cast("Keys", written["materials"])}
     rest = {key: node for key, node in data.items() if key not in ("tests", "materials")}

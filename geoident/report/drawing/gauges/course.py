@@ -91,7 +91,8 @@ def reading_pictures(result: Result) -> tuple[Picture, ...]:
 def _over_time(result: Result) -> tuple[Instrument, ...]:
     """What is shown over time, the same quantities together; of many channels, some."""
     together = [one for one in lines(result) if one.line not in {CASING, FIBRE}]
-    taken = {row for one in (*together, *curves_of(result)) for row in one.rows}
+    taken = {row for one in together for row in one.rows}
+    taken |= {row for one in curves_of(result) for row in one.rows}
     alone = [
         one
         for one in instruments(result)
