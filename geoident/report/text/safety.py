@@ -75,8 +75,8 @@ def _factor_sentences(one: StageSafety) -> Iterator[str]:
         )
     if one.fails and not one.proven and one.associated:
         yield (
-            "Beyond that strains exceed 20 %, as meshes without room to flow have them, or no "
-            "search came to an end."
+            "Beyond that the ground flows by more than 10 %, as in meshes without room for it, or "
+            "no search came to an end."
         )
     if one.kept:
         yield f"These keep their strength: {one.kept}."
