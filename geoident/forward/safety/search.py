@@ -229,13 +229,17 @@ class _Reduction:
         """The factor of safety."""
         state = self._model.sequence.states[self._number]
         low, high = self._bracket(self._reached.factor, _FIRST)
+        narrow = 1.0 + self._search.tolerance
         while True:
-            while high / low > 1.0 + self._search.tolerance and np.isfinite(high):
+            while high / low > narrow and np.isfinite(high):
                 middle = float(np.sqrt(low * high))
-                low, high = (middle, high) if self._stands(middle) else (low, middle)
+                # a failure that would be the last one, and cannot be proven, is looked for once
+                surely = middle / low <= narrow and not self._associated(middle)
+                stands = self._stands(middle, surely=surely)
+                low, high = (middle, high) if stands else (low, middle)
             if not (self._hasty and np.isfinite(high)) or not self._stands(high, surely=True):
                 break
-            low, high = self._bracket(high, 1.0 + self._search.tolerance)
+            low, high = self._bracket(high, narrow)
         mechanism, place = self._mechanism(high)
         materials, joints = self._materials(), self._joints()
         structures = self._model.case.structures
@@ -247,7 +251,7 @@ class _Reduction:
             lower=low,
             upper=high,
             proven=self._proven,
-            associated=self._steps(low).associated(self._task(self._carried)),
+            associated=self._associated(low),
             kept=(*kept, *(n for n in sorted(state.structures) if structures[n].yields)),
             unyielding=(*(m.name for m in materials if m.is_elastic), *elastic),
             mechanism=mechanism,
@@ -289,6 +293,10 @@ class _Reduction:
             low, step = trial, min(step**_GROWTH, _LARGEST)
         return low, np.inf
 
+    def _associated(self, factor: float) -> bool:
+        """Whether all flow with strength divided by a factor is associated."""
+        return self._steps(factor).associated(self._task(self._carried))
+
     def _stands(self, factor: float, *, surely: bool = False) -> bool:
         """Whether there is an equilibrium with strength divided by a factor; it is gone on from.
 
@@ -303,7 +311,7 @@ class _Reduction:
         self._solved += 1
         if not surely:
             return self._tried(factor, Haste.FEW_STEPS)
-        if self._steps(factor).associated(self._task(self._carried)):
+        if self._associated(factor):
             if self._tried(factor, Haste.PROOF):
                 return True
             if self._proven:
