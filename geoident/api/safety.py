@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from geoident.api.calling import AnyPath, processes, spoken
 from geoident.api.cases import CaseFile, origin_of
@@ -12,6 +13,7 @@ from geoident.io.result.file import read_identity
 from geoident.model.results.safety import StageSafety
 from geoident.report.text.safety import safety_text
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Request
 from geoident.workflow.safety import DRAWS, Safety, SafetyRequest, safety_of_case, safety_of_fit
 
 
@@ -25,20 +27,20 @@ class SafetyResult:
         factors: stage to its factor of safety, with its bracket.
         bands: stage to what the fit makes of it; empty for a case.
         mechanism: how the ground moves as the stage of the smallest factor fails, or None.
-        path: of the result of a fit, or None.
+        path: of the result, such as ``case.safety.h5``.
         status: ``done``, ``poor-fit`` or ``not-determined``.
     """
 
     def __init__(self, found: Safety) -> None:
-        self._found = found
-        self.factors: dict[str, StageSafety] = {one.stage: one for one in found.rows}
+        self._result = result = found.result
+        self.factors: dict[str, StageSafety] = {one.stage: one for one in result.safety}
         self.bands = {name: one for name, one in self.factors.items() if one.of_fit}
-        self.mechanism = found.mechanism
-        self.path = None if found.finished is None else found.finished.paths[0]
-        self.status = found.status
+        self.mechanism = result.mechanism
+        self.path = found.finished.paths[0]
+        self.status = result.status
 
     def __str__(self) -> str:
-        return safety_text(self._found.rows, self._found.names, poor=self._found.poor)
+        return safety_text(self._result)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{stage!r}: {one.value:.3g}" for stage, one in self.factors.items())
@@ -52,7 +54,6 @@ def safety(
     stages: str | Sequence[str] = (),
     draws: int = DRAWS,
     seed: int | None = None,
-    fields: AnyPath | None = None,
     output: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
@@ -66,8 +67,7 @@ def safety(
         stages: one or several; the last one if empty.
         draws: of the posterior of a fit at which the factor is computed.
         seed: of these; that of the fit if None.
-        fields: file for all states and the mechanism, such as ``case.vtkhdf``.
-        output: file or existing folder of the result of a fit; beside it if None.
+        output: file or existing folder of the result; beside the case or fit if None.
         force: replace what stands there.
         fresh: compute again what is up to date.
         jobs: processes for the draws; None for all cores, where that saves time.
@@ -80,18 +80,15 @@ def safety(
         OutputError: something stands in the place of the file, or it cannot be written.
     """
     chosen = (stages,) if isinstance(stages, str) else tuple(stages)
-    file = None if fields is None else os.fspath(fields)
     path = of.path if isinstance(of, FitResult | CaseFile) else os.fspath(of)
+    request = Request(
+        path, output=None if output is None else os.fspath(output), solver=solver, force=force,
+        fresh=fresh,
+    )  # fmt: skip
+    asked = SafetyRequest(request, chosen, draws=draws, seed=seed)
     of_fit = not isinstance(of, CaseFile) and read_identity(path) is not None
     if of_fit or isinstance(of, FitResult):
-        asked = SafetyRequest(
-            path, chosen, solver=solver, fields=file, force=force, draws=draws, seed=seed,
-            output=None if output is None else os.fspath(output), fresh=fresh,
-        )  # fmt: skip
         return SafetyResult(safety_of_fit(asked, Control(jobs=processes(jobs))))
     origin = origin_of(of)
-    asked = SafetyRequest(
-        origin.path, chosen, origin.overrides, text=origin.text, solver=solver, fields=file,
-        force=force,
-    )  # fmt: skip
-    return SafetyResult(safety_of_case(asked, Control()))
+    request = replace(request, case=origin.path, overrides=origin.overrides, text=origin.text)
+    return SafetyResult(safety_of_case(replace(asked, request=request), Control()))

@@ -231,8 +231,9 @@ def asks_safety(function: Callable[..., int]) -> Callable[..., int]:
         click.option(
             "--safety",
             is_flag=True,
-            help="Print the factor of safety by strength reduction, and how the ground then fails; "
-            "of a fit with its 95 % interval and the probability that it is below one.",
+            help="Print the factor of safety by strength reduction and how the ground then fails, "
+            "and write a result, CASE.safety.h5; of a fit with the 95 % interval of the factor and "
+            "the probability that it is below one.",
         ),
     ):
         decorated = option(decorated)

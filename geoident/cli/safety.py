@@ -10,11 +10,10 @@ import click
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
-from geoident.errors import ExitCode, GeoidentError
+from geoident.errors import GeoidentError
 from geoident.report.text.json import dumps
 from geoident.report.text.safety import safety_object, safety_text
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.outputs import target
 from geoident.workflow.running.remade import write_remade
 from geoident.workflow.safety import Safety, SafetyRequest
 
@@ -34,49 +33,38 @@ def say_safety(
     """
     terminal = Terminal(options)
     control = Control(terminal, jobs=options.jobs)
-    with terminal.live(asked.path), stop_on_signals(control.stop):
+    with terminal.live(asked.request.case), stop_on_signals(control.stop):
         found = compute(asked, control)
-    code = ExitCode.DONE if found.status == "done" else ExitCode.NOT_CONVERGED
+    result, paths = found.result, found.finished.paths
     if options.as_json:
-        about = safety_object(
-            found.rows,
-            found.names,
-            case=asked.path,
-            output=asked.fields,
-            result=None if found.finished is None else found.finished.paths[0],
-            status=found.status,
-            exit_code=int(code),
-        )
+        about = safety_object(result, case=asked.request.case, path=paths[0])
         click.echo(dumps(about))
     else:
-        click.echo(safety_text(found.rows, found.names, poor=found.poor))
-    if found.finished is not None:
-        stands = "up to date" if found.finished.up_to_date else "also written"
-        for line in (f"{stands}: {found.finished.paths[0]}", *found.finished.remarks):
-            terminal.inform(line)
-    if asked.fields is not None:
-        terminal.inform(f"also written: {asked.fields}")
-    if picture := _drawn(found, options):
+        click.echo(safety_text(result))
+    stands = "up to date" if found.finished.up_to_date else "also written"
+    for line in (f"{stands}: {paths[0]}", *found.finished.remarks):
+        terminal.inform(line)
+    if picture := _drawn(found, asked.request.case, options):
         terminal.inform(picture)
-    return int(code)
+    return int(result.exit_code)
 
 
-def _drawn(found: Safety, options: Options) -> str:
+def _drawn(found: Safety, case: str, options: Options) -> str:
     """A line that names the picture of the mechanism, or says why there is none."""
-    if found.mechanism is None:
+    mechanism = found.result.mechanism
+    if mechanism is None:
         return ""
-
     try:
         from geoident.report.drawing.fields.mechanism import mechanism_picture  # noqa: PLC0415
         from geoident.report.drawing.style import image  # noqa: PLC0415 - matplotlib is an extra
     except ImportError:
         return "A picture of the mechanism needs matplotlib: pip install 'geoident[report]'."
-    place: Path = target(found.path, "safety").path.with_suffix(".png")
-    picture = mechanism_picture(found.mechanism, ("x", "y", "z"), found.critical.upper)
+    place = Path(found.finished.paths[0]).with_suffix(".png")
+    picture = mechanism_picture(mechanism, ("x", "y", "z"), found.critical.upper)
     try:
         write_remade(
             {str(place): image(picture, "png")},
-            cases=[found.path],
+            cases=[case],
             force=options.force,
             inputs=found.files_read,
         )

@@ -52,7 +52,7 @@ from geoident.workflow.running.jobs import (
     sha256,
     start_values,
 )
-from geoident.workflow.running.outputs import existing, require_free, target
+from geoident.workflow.running.outputs import require_free
 from geoident.workflow.running.readings import reading_table
 from geoident.workflow.scoring.left_out import left_out_rows
 
@@ -160,14 +160,7 @@ def plan_gauges(asked: PlanRequest) -> PlanTask:
     names = [parameter.name for parameter in case.parameters]
     wanted = read_wanted(asked.wanted, case, names, last_read(fit))
     purpose = repr((sha256(candidates.text.encode()), asked.budget, asked.draws, asked.wanted))
-    if fit is not None:
-        job = plan_on_fit("plan", purpose, request, fit, inputs)
-    else:
-        place = target(source, "plan", output=request.output)
-        identity = inputs.identity(f"plan {purpose}", (), seed=request.seed)
-        found = existing(place, identity, kind="plan", case=source)
-        job = Job(request=request, command="plan", place=place, identity=identity, existing=found,
-                  methods=(), inputs=inputs)  # fmt: skip
+    job = plan_on_fit("plan", purpose, request, fit, inputs)
     return PlanTask(asked, job, candidates, wanted, fit)
 
 

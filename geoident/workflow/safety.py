@@ -17,37 +17,38 @@ from geoident.forward.safety.strengths import reducible
 from geoident.identify.assessment.scalar_band import scalar_band
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.scaling import Scaling
-from geoident.io.bridges.values import read_values
-from geoident.io.result.hdf5 import hdf5_output
-from geoident.io.result.vtkhdf import add_principal_stresses, write_fields
-from geoident.io.text.atomic import atomic_output
+from geoident.io.bridges.values import WrittenValue, read_values
 from geoident.io.text.wording import nearest
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.moments import stage_and_time
-from geoident.model.results.result import FieldSeries, Result
+from geoident.model.results.result import Result
 from geoident.model.results.safety import SafetyFactor, StageSafety, alike, depends_on
-from geoident.model.results.times import StageTimes
-from geoident.model.results.yielded import Mechanism
+from geoident.workflow.estimating.diagnosis import bare_parameter_table
 from geoident.workflow.estimating.fields import require_same_modes
-from geoident.workflow.estimating.finished import Finished, job_at_hand
+from geoident.workflow.estimating.finished import Finished, job_at_hand, write
 from geoident.workflow.estimating.from_fit import (
-    FitTask,
     known_by_fit,
     plan_on_fit,
     read_fit,
     require_same_mesh,
 )
 from geoident.workflow.factors_at_draws import factors_at_draws
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     NO_READINGS,
+    Job,
     Request,
     build_model,
     job_provenance,
     load_inputs,
+    of_fit,
     require_stages,
 )
+from geoident.workflow.running.outputs import require_free
+from geoident.workflow.running.readings import reading_table
+from geoident.workflow.running.result_files import files_of_result
 from geoident.workflow.running.workers import ModelParts
 from geoident.workflow.simulate import values_for, with_starts
 
@@ -63,32 +64,18 @@ class SafetyRequest:
     """What is asked.
 
     Args:
-        path: of the case or of the result of a fit.
+        request: with the path of a case, or of the result of a fit, as its case.
         stages: names; the last one if empty.
-        overrides: ``KEY=VALUE`` in place of what the case says.
-        values: path of a table of values of parameters in place of their starts, or None.
-        text: of the case where it stands in no file.
-        solver: name of the sparse solver, or ``auto``.
-        fields: file for the states and the mechanism, as VTKHDF; or None.
-        force: replace what stands there.
-        draws: of the posterior at which the factor is computed.
+        values: path of a table of values of parameters in place of the starts of a case, or None.
+        draws: of the posterior of a fit at which the factor is computed.
         seed: of these; None for that of the fit.
-        output: file or folder of the result of a fit; beside it if None.
-        fresh: compute again what is up to date.
     """
 
-    path: str
+    request: Request
     stages: tuple[str, ...] = ()
-    overrides: tuple[str, ...] = ()
     values: str | None = None
-    text: str | None = None
-    solver: str = "auto"
-    fields: str | None = None
-    force: bool = False
     draws: int = DRAWS
     seed: int | None = None
-    output: str | None = None
-    fresh: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,173 +83,177 @@ class Safety:
     """Factors of safety.
 
     Args:
-        path: of the case or fit.
-        rows: of its stages.
-        names: of the n parameters.
-        mechanism: of the smallest factor, or None.
-        status: how sure it is: ``done``, ``poor-fit`` or ``not-determined``.
+        finished: the result that has them, and where it stands.
         files_read: paths that no output may replace.
-        finished: the result, of a fit.
     """
 
-    path: str
-    rows: tuple[StageSafety, ...]
-    names: tuple[str, ...]
-    mechanism: Mechanism | None
-    status: str
+    finished: Finished
     files_read: tuple[str, ...]
-    finished: Finished | None = None
 
     @property
-    def poor(self) -> bool:
-        """Whether the model of the fit does not fit the readings."""
-        return self.status == "poor-fit"
+    def result(self) -> Result:
+        """With the factors."""
+        return self.finished.result
 
     @property
     def critical(self) -> StageSafety:
         """The stage of the smallest factor."""
-        return min(self.rows, key=lambda one: one.value)
+        return min(self.result.safety, key=lambda one: one.value)
 
 
-@one_thread()
+@dataclass(frozen=True)
+class _Task:
+    """Factors that can be computed.
+
+    Args:
+        asked: what was asked for.
+        job: the case that is computed, and the place of the result.
+        fit: whose parameters count; None for the start values of the case.
+        written: values in place of these.
+    """
+
+    asked: SafetyRequest
+    job: Job
+    fit: Result | None = None
+    written: tuple[WrittenValue, ...] = ()
+
+    @property
+    def files_read(self) -> tuple[str, ...]:
+        """Paths of all that was read."""
+        values, path = self.asked.values, self.job.request.case
+        first = () if self.fit is None else files_of_result(self.fit, path)
+        return (*first, *self.job.inputs.files, *(() if values is None else (values,)))
+
+
 def safety_of_case(asked: SafetyRequest, control: Control) -> Safety:
     """Factors of safety at the start values of the parameters.
+
+    They are written, beside the case if nothing else is said; those that are up to date are kept.
 
     Raises:
         InputError: the case is wrong, or nothing in it has strength that could be divided.
         UsageError: there is no such stage, or the case is not computed stage by stage on a mesh.
         ModelError: the model has no solution even with much more strength.
-        OutputError: the fields cannot be written.
+        OutputError: the result cannot be written.
     """
+    request = asked.request
     written = () if asked.values is None else read_values(asked.values)
-    overrides = [*asked.overrides, NO_READINGS]
-    inputs = load_inputs(asked.path, overrides=overrides, text=asked.text)
+    overrides = [*request.overrides, NO_READINGS]
+    inputs = load_inputs(request.case, overrides=overrides, text=request.text)
     require_stages(inputs.case)
-    inputs = with_starts(inputs, written)
-    model = _staged(build_model(inputs, solver=asked.solver))
-    states = _states(model, asked.stages)
-    p = values_for(model, written)
-    files = inputs.files if asked.values is None else (*inputs.files, asked.values)
-    factors = _factors(model, p, states, control)
-    rows = tuple(StageSafety.of(one) for one in factors)
-    mechanism = _mechanism(factors)
-    if asked.fields is not None:
-        fields = model.fields_up_to_collapse(p)
-        _write_fields(model.case, fields, mechanism, asked, files)
-    return Safety(asked.path, rows, model.names, mechanism, "done", files)
+    values = [(one.name, one.text, one.unit) for one in written]
+    job = plan_on_fit("safety", f"{asked.stages} {values}", request, None, inputs)
+    return _written(_Task(asked, job, written=written), control)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SafetyTask(FitTask):
-    """Factors of a fit that can be computed.
-
-    Args:
-        asked: what was asked for.
-    """
-
-    asked: SafetyRequest
-
-
-def plan_safety(asked: SafetyRequest) -> SafetyTask:
-    """Read a fit, and look at what stands where the result goes.
-
-    Raises:
-        InputError: the result is no fit, or its mesh has changed.
-        OutputError: the result could not be written, or another one would be lost.
-    """
-    fit, inputs = read_fit(asked.path, "predicted")
-    require_same_mesh(fit, inputs, "Run the fit again.")
-    request = Request(
-        asked.path,
-        output=asked.output,
-        seed=fit.provenance.seed if asked.seed is None else asked.seed,
-        solver=asked.solver,
-        force=asked.force,
-        fresh=asked.fresh,
-    )
-    purpose = f"{asked.stages} {asked.draws}"
-    return SafetyTask(
-        fit=fit, job=plan_on_fit("safety", purpose, request, fit, inputs), asked=asked
-    )
-
-
-@one_thread()
 def safety_of_fit(asked: SafetyRequest, control: Control) -> Safety:
     """Factors of safety at the values of a fit, and what their posterior makes of them.
 
     They are written, beside the fit if nothing else is said; those that are up to date are kept.
 
     Raises:
-        InputError: the result is no fit, or nothing in its case has strength to be divided.
+        InputError: the result is no fit, its mesh has changed, or nothing in its case has strength
+            to be divided.
         UsageError: there is no such stage, or the case is not computed stage by stage on a mesh.
         ModelError: the model has no solution even with much more strength.
-        OutputError: the result or the fields cannot be written.
+        OutputError: the result cannot be written.
     """
-    task = plan_safety(asked)
-    finished = job_at_hand(task.job)
+    fit, inputs = read_fit(asked.request.case, "predicted")
+    require_same_mesh(fit, inputs, "Run the fit again.")
+    seed = fit.provenance.seed if asked.seed is None else asked.seed
+    purpose, request = f"{asked.stages} {asked.draws}", replace(asked.request, seed=seed)
+    job = plan_on_fit("safety", purpose, request, fit, inputs)
+    return _written(_Task(asked, job, fit), control)
+
+
+@one_thread()
+def _written(task: _Task, control: Control) -> Safety:
+    """The factors that stand there already, or new ones, written in their place."""
+    job, files = task.job, task.files_read
+    finished, force = job_at_hand(job), job.request.force
     if finished is None:
-        task.require_free()
-        finished = task.write(_result(task, control))
-    found = finished.result
-    if asked.fields is not None:
-        assert found.fields is not None
-        case = task.job.inputs.case
-        _write_fields(case, found.fields, found.mechanism, asked, task.files_read)
-    return Safety(
-        asked.path, found.safety, found.parameters.names, found.mechanism, found.status,
-        task.files_read, finished,
-    )  # fmt: skip
+        require_free(job.existing, job.place, force=force, inputs=files)
+        result = _result(task, control)
+        finished = write(result, job.place, job.existing, inputs=files, force=force)
+    return Safety(finished, files)
 
 
-def _result(task: SafetyTask, control: Control) -> Result:
-    """The fit with factors of safety in place of what a search ends with."""
-    fit, case, asked = task.fit, task.job.inputs.case, task.asked
-    model = _staged(build_model(task.job.inputs, solver=asked.solver))
-    states = _states(model, asked.stages)
-    require_same_modes(fit, model, case, fit.parameters.values)
-    order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
-    parameters = fit.parameters.picked(order)
+def _result(task: _Task, control: Control) -> Result:
+    """Factors of safety; with a fit their bands, in place of what its search ends with."""
+    job, fit, asked = task.job, task.fit, task.asked
+    inputs = with_starts(job.inputs, task.written)
+    model = _staged(build_model(inputs, solver=job.request.solver))
+    case, states = model.case, _states(model, asked.stages)
+    if fit is None:
+        parameters = bare_parameter_table(case.parameters, values_for(model, task.written))
+    else:
+        require_same_modes(fit, model, inputs.case, fit.parameters.values)
+        order = [fit.parameters.names.index(name) for name in model.names]
+        parameters = fit.parameters.picked(np.array(order, dtype=np.int64))
     p = parameters.values
-    assessment = _assessment(fit, model, case, p)
-    parts = ModelParts.of(model, case, asked.solver)
-    assert parts is not None  # a staged model has them
-    at_draws = partial(factors_at_draws, model, parts, control)
     factors = _factors(model, p, states, control)
-    seed = task.job.request.seed
-    rows = alike(
-        [
-            _band(model, p, state, best, assessment, asked.draws, seed, at_draws)
-            for state, best in zip(states, factors, strict=True)
-        ]
-    )
-    status = "not-determined" if any(row.undetermined for row in rows) else "done"
-    if fit.status == "poor-fit":
-        status = "poor-fit"
-    return Result(
+    rows, status = [StageSafety.of(one, len(p)) for one in factors], "done"
+    if fit is not None:
+        rows = _bands(task, fit, model, p, states, factors, control)
+        if any(row.undetermined for row in rows):
+            status = "not-determined"
+        if fit.status == "poor-fit":
+            status = fit.status
+    nothing_read = replace(case, channels=(), readings=())
+    result = Result(
         kind="safety",
         status=status,
         exit_code=ExitCode.DONE if status == "done" else ExitCode.NOT_CONVERGED,
         method="strength reduction",
-        reason=f"Factors of safety from {asked.path} ({fit.status}).",
+        reason="Factors of safety at given values of the parameters, without bands.",
+        objective=np.nan,
+        findings=(),
+        case_text=inputs.loaded.text,
+        case_resolved=inputs.loaded.resolved,
+        provenance=job_provenance(job),
+        parameters=parameters,
+        gauges=gauge_table(
+            nothing_read, reading_table(nothing_read, ()), np.zeros((0, len(case.stages)))
+        ),
+        counts=model.counts,
+        fields=model.fields_up_to_collapse(p),
+        mechanism=min(factors, key=lambda one: one.value).mechanism,
+        safety=alike(rows),
+    )
+    if fit is None:
+        return result
+    path = job.request.case
+    return replace(
+        result,
+        reason=f"Factors of safety from {path} ({fit.status}).",
         objective=fit.objective,
         findings=fit.findings,
-        case_text=task.job.inputs.loaded.text,
-        case_resolved=task.job.inputs.loaded.resolved,
-        provenance=job_provenance(task.job),
-        parameters=parameters,
+        provenance=of_fit(result.provenance, fit, path, job.place.path),
         gauges=fit.gauges,
-        counts=model.counts,
         singular_values=fit.singular_values,
         varied=fit.varied,
-        fields=model.fields_up_to_collapse(p),
-        mechanism=_mechanism(factors),
-        safety=rows,
     )
 
 
-def _mechanism(factors: Sequence[SafetyFactor]) -> Mechanism | None:
-    """That of the smallest factor."""
-    return min(factors, key=lambda one: one.value).mechanism
+def _bands(
+    task: _Task,
+    fit: Result,
+    model: StagedModel,
+    p: Floats,
+    states: Sequence[int],
+    factors: Sequence[SafetyFactor],
+    control: Control,
+) -> list[StageSafety]:
+    """What the posterior of a fit makes of factors at its best values."""
+    job, asked = task.job, task.asked
+    assessment = _assessment(fit, model, job.inputs.case, p)
+    parts = ModelParts.of(model, job.inputs.case, job.request.solver)
+    assert parts is not None  # a staged model has them
+    at_draws = partial(factors_at_draws, model, parts, control)
+    return [
+        _band(model, p, state, best, assessment, asked.draws, job.request.seed, at_draws)
+        for state, best in zip(states, factors, strict=True)
+    ]
 
 
 def _staged(model: ObservedModel) -> StagedModel:
@@ -381,7 +372,7 @@ def _band(
     unknown = ~(np.array(assessment.determined) | np.array(assessment.from_prior))
     felt = depends_on(model.names, influence)
     return replace(
-        StageSafety.of(best),
+        StageSafety.of(best, len(p)),
         lower95=float(lower),
         median=float(median),
         upper95=float(upper),
@@ -413,24 +404,3 @@ def _axes(steps: Floats) -> Floats:
     axes = np.zeros((steps.shape[1], int(np.count_nonzero(kept))))
     axes[varies] = vectors[:, kept] / np.sqrt(values[kept]) / size[varies, None]
     return axes
-
-
-def _write_fields(
-    case: Case,
-    fields: FieldSeries,
-    mechanism: Mechanism | None,
-    asked: SafetyRequest,
-    files_read: Sequence[str],
-) -> None:
-    """Write the states and the mechanism of the smallest factor."""
-    assert asked.fields is not None
-    with atomic_output(asked.fields, overwrite=asked.force, inputs=files_read) as temporary:
-        times = StageTimes.of(case)
-        with hdf5_output(temporary) as written:
-            write_fields(
-                written,
-                fields,
-                mechanism=mechanism,
-                times=None if times is None else times.series,
-            )
-            add_principal_stresses(written)

@@ -53,21 +53,36 @@ def write_case(folder, su: str = PRIOR, limits: str = TRESCA):
 
 
 def test_factors_of_two_stages(tmp_path):
-    """They are 2 su / q; the critical one has a picture, and its mechanism among the fields."""
-    path = write_case(tmp_path)
-    fields = tmp_path / "a.vtkhdf"
-    words = ("--safety", "--at", "some,all", "--json", "--fields", fields)
-    ended = run_command("simulate", path, *words)
+    """They are 2 su / q; the critical one has a picture, and its mechanism in the result."""
+    path, file = write_case(tmp_path), tmp_path / "case.safety.h5"
+    words = ("simulate", path, "--safety", "--at", "some,all", "--json")
+    ended = run_command(*words)
     assert ended.exit_code == 0, ended.output
     some, every = json.loads(ended.stdout)["stages"]
     assert some["factor"] == pytest.approx(5.0, rel=0.01)
     assert every["factor"] == pytest.approx(1.25, rel=0.01)
     assert every["proven"]
-    assert fields.exists()
-    assert (tmp_path / "case.safety.png").exists()
-    said = run_command("simulate", path, "--safety", "--set", "parameters.su.start=24 kPa").stdout
-    assert "Stage 'all': factor of safety 0.599" in said
-    assert "does not carry the loads" in said
+    assert json.loads(run_command("show", file, "--json").stdout)["safety"] == [some, every]
+    assert "95 %" not in run_command("show", file).stdout.partition("Factors of safety\n")[2]
+    assert np.abs(read_result(file).mechanism.velocity).max() == pytest.approx(1.0)
+    assert file.with_suffix(".png").exists()
+    assert file.with_suffix(".vtkhdf").exists()
+    again = run_command(*words)
+    assert "up to date" in again.stderr
+    assert again.stdout == ended.stdout
+
+
+def test_factor_at_other_values(tmp_path):
+    """Overrides and tables of values count, and a result of others is kept beside."""
+    path, values = write_case(tmp_path), tmp_path / "v.csv"
+    values.write_text("parameter,value,unit\nsu,48,kPa\n")
+    ended = run_command("simulate", path, "--safety", "--values", values)
+    assert "Stage 'all': factor of safety 1.2 " in ended.stdout
+    ended = run_command("simulate", path, "--safety", "--set", "parameters.su.start=24 kPa")
+    assert "Stage 'all': factor of safety 0.599" in ended.stdout
+    assert "does not carry the loads" in ended.stdout
+    assert "it is kept as" in ended.stderr
+    assert read_result(tmp_path / "case.safety.1.h5").parameters.values[1] == 48e3
 
 
 def test_band_of_a_fit_is_the_posterior(tmp_path):
@@ -120,6 +135,12 @@ def test_the_page_of_a_factor(tmp_path):
     assert "<h2" in page
     assert "Factors of safety" in page
     assert "with strength divided by 1.25" in page
+    run_command("simulate", path, "--safety")
+    assert run_command("report", path.with_name("case.safety.h5")).exit_code == 0
+    page = path.with_name("case.safety.html").read_text()
+    assert "with strength divided by 1.25" in page
+    assert "P(below 1)" not in page
+    assert "How well it fits" not in page
 
 
 @pytest.mark.slow  # starts processes
@@ -156,7 +177,7 @@ def test_what_a_fit_does_not_determine_is_said(tmp_path):
         (TRESCA, ["--safety", "--at", "al"], 2, "no stage 'al'; the stages are: some, all"),
         (TRESCA, ["--at", "all"], 2, "--at needs --safety"),
         (TRESCA, ["--safety", "--noise"], 2, "--noise does not go with --safety"),
-        (TRESCA, ["--safety", "-o", "a.csv"], 2, "-o does not go with --safety"),
+        (TRESCA, ["--safety", "--fields", "a.vtkhdf"], 2, "ParaView opens what it writes"),
         (
             "yield: {type: planes, planes: [{name: a, normal: [0.6, -0.8, 0], distance: $su}]}",
             ["--safety"],

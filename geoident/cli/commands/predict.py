@@ -41,12 +41,6 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     metavar="N",
     help="Draws of the posterior at which --safety computes the factor.  [default: 30]",
 )
-@click.option(
-    "--fields",
-    metavar="FILE.vtkhdf",
-    type=click.Path(),
-    help="With --safety, also write all states and the mechanism, for ParaView.",
-)
 @takes("output", "jobs", "overrides", "solver", "force", "fresh", "as_json", "trust", after=_next)
 @asks_safety
 def command(
@@ -55,7 +49,6 @@ def command(
     case: str | None,
     safety: tuple[str, ...] | None,
     draws: int | None,
-    fields: str | None,
     options: Options,
 ) -> int:
     """Predict readings, with 95 % bands, from a fit.
@@ -69,8 +62,8 @@ def command(
 
     if safety is not None:
         given: dict[str, Any] = {"--stages": stages, "--case": case, "--set": options.overrides}
-        return _safety(result, safety, draws, fields, given, options)
-    alone = {"--fields": fields, "--draws": draws, "-j": options.jobs}
+        return _safety(result, safety, draws, given, options)
+    alone = {"--draws": draws, "-j": options.jobs}
     if named := [name for name, value in alone.items() if value]:
         raise click.UsageError(f"{named[0]} needs --safety")
     if options.overrides and case is None:
@@ -84,25 +77,16 @@ def _safety(
     result: str,
     stages: tuple[str, ...],
     draws: int | None,
-    fields: str | None,
     others: dict[str, Any],
     options: Options,
 ) -> int:
     """Factors of safety and their bands in place of readings."""
+    from geoident.cli.jobs import request_of
     from geoident.cli.safety import say_safety
     from geoident.workflow.safety import DRAWS, SafetyRequest, safety_of_fit
 
     if named := [name for name, value in others.items() if value]:
         raise click.UsageError(f"{named[0]} does not go with --safety")
     with failures_as_json(result, options):
-        asked = SafetyRequest(
-            result,
-            stages,
-            solver=options.solver,
-            fields=fields,
-            force=options.force,
-            draws=draws or DRAWS,
-            output=options.output,
-            fresh=options.fresh,
-        )
+        asked = SafetyRequest(request_of(result, options), stages, draws=draws or DRAWS)
         return say_safety(asked, safety_of_fit, options)

@@ -15,7 +15,9 @@ from geoident.cli.options import (
     asks_safety,
     line,
     new_name,
+    on_result,
     overrides,
+    result_of,
     takes,
 )
 from geoident.errors import UsageError
@@ -39,8 +41,10 @@ Examples:
 
 def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
-    if arguments["dakota"] or arguments["safety"]:
+    if arguments["dakota"]:
         return ()
+    if arguments["safety"]:
+        return on_result(result_of("safety", case, options))
     if file in (None, "-"):
         words = (*overrides(options), *_drawn(arguments, options))
         return (line("simulate", case, *words, "-o", new_name("simulated", ".csv")),)
@@ -118,7 +122,8 @@ def command(
         }
         return _answer(case, dakota, _refused_with_dakota(values, others, options))
     if safety is not None:
-        return _safety(case, safety, values, fields, {"--noise": noise, "--draw": draw}, options)
+        others = {"--noise": noise, "--draw": draw, "--fields": fields}
+        return _safety(case, safety, values, others, options)
     file = None if options.output == "-" else options.output
     with failures_as_json(case, options), mechanism_drawn(case, options):
         simulated = simulate(
@@ -151,28 +156,23 @@ def _safety(
     case: str,
     stages: tuple[str, ...],
     values: str | None,
-    fields: str | None,
     others: dict[str, Any],
     options: Options,
 ) -> int:
     """Factors of safety in place of readings."""
     from geoident.cli.collapse import mechanism_drawn
+    from geoident.cli.jobs import request_of
     from geoident.cli.safety import say_safety
     from geoident.workflow.safety import SafetyRequest, safety_of_case
 
-    given = {**others, "-o": options.output, "--reduced": options.reduced}
+    given = {**others, "--reduced": options.reduced}
     if named := [name for name, value in given.items() if value]:
-        raise UsageError(f"{named[0]} does not go with --safety, which computes no readings")
-    with failures_as_json(case, options), mechanism_drawn(case, options):
-        asked = SafetyRequest(
-            case,
-            stages,
-            options.overrides,
-            values,
-            solver=options.solver,
-            fields=fields,
-            force=options.force,
+        raise UsageError(
+            f"{named[0]} does not go with --safety, which computes no readings; ParaView opens "
+            "what it writes by CASE.safety.vtkhdf"
         )
+    with failures_as_json(case, options), mechanism_drawn(case, options):
+        asked = SafetyRequest(request_of(case, options), stages, values)
         return say_safety(asked, safety_of_case, options)
 
 

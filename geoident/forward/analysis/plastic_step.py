@@ -531,12 +531,12 @@ class PlasticSteps:
                     return solve(equations, [carried.end.du])
                 except NoEquilibrium as again:
                     failure = again
-        elif not associated and not failure.proven:
+        elif not associated and not failure.proven and self.haste.proves:
             balance = self._near_the_end(equations, failure)
             if balance is not None and balance.residual <= SOUND and not failure.runs_away:
                 return balance
             proven = False
-            if water is None and self.haste.proves:
+            if water is None:
                 # Associated flow carries at least as much (Radenkovic 1961).
                 proven = collapses(equations.with_associated_flow(), _CONFIRMING_STEPS)
                 if balance is not None and not proven:

@@ -57,9 +57,11 @@ _FIRST, _GROWTH, _LARGEST = 1.08, 1.6, 2.0
 _SOUND = 0.05
 """Part of what a reduction puts out of balance that stress beyond the surface may carry at most."""
 
-_MOST_STRAIN = 0.2
+_MOST_STRAIN = 0.1
 """Strain by the reduction beyond which the ground counts as failed: meshes that lock under flow
-without change of volume find equilibria far away, where small strains describe nothing."""
+without change of volume find equilibria far away, where small strains describe nothing. It is the
+mean of the strain with the strain as weight, that of the part that flows: the largest one has no
+bound beside the edge of a footing."""
 
 _ALIKE = 1.15
 """Factor up to which the mechanism of a proven collapse stands for that of a smaller one."""
@@ -227,13 +229,17 @@ class _Reduction:
         """The factor of safety."""
         state = self._model.sequence.states[self._number]
         low, high = self._bracket(self._reached.factor, _FIRST)
+        narrow = 1.0 + self._search.tolerance
         while True:
-            while high / low > 1.0 + self._search.tolerance and np.isfinite(high):
+            while high / low > narrow and np.isfinite(high):
                 middle = float(np.sqrt(low * high))
-                low, high = (middle, high) if self._stands(middle) else (low, middle)
+                # a failure that would be the last one, and cannot be proven, is looked for once
+                surely = middle / low <= narrow and not self._associated(middle)
+                stands = self._stands(middle, surely=surely)
+                low, high = (middle, high) if stands else (low, middle)
             if not (self._hasty and np.isfinite(high)) or not self._stands(high, surely=True):
                 break
-            low, high = self._bracket(high, 1.0 + self._search.tolerance)
+            low, high = self._bracket(high, narrow)
         mechanism, place = self._mechanism(high)
         materials, joints = self._materials(), self._joints()
         structures = self._model.case.structures
@@ -245,7 +251,7 @@ class _Reduction:
             lower=low,
             upper=high,
             proven=self._proven,
-            associated=self._steps(low).associated(self._task(self._carried)),
+            associated=self._associated(low),
             kept=(*kept, *(n for n in sorted(state.structures) if structures[n].yields)),
             unyielding=(*(m.name for m in materials if m.is_elastic), *elastic),
             mechanism=mechanism,
@@ -287,6 +293,10 @@ class _Reduction:
             low, step = trial, min(step**_GROWTH, _LARGEST)
         return low, np.inf
 
+    def _associated(self, factor: float) -> bool:
+        """Whether all flow with strength divided by a factor is associated."""
+        return self._steps(factor).associated(self._task(self._carried))
+
     def _stands(self, factor: float, *, surely: bool = False) -> bool:
         """Whether there is an equilibrium with strength divided by a factor; it is gone on from.
 
@@ -301,7 +311,7 @@ class _Reduction:
         self._solved += 1
         if not surely:
             return self._tried(factor, Haste.FEW_STEPS)
-        if self._steps(factor).associated(self._task(self._carried)):
+        if self._associated(factor):
             if self._tried(factor, Haste.PROOF):
                 return True
             if self._proven:
@@ -323,8 +333,10 @@ class _Reduction:
             self._proven, self._hasty = False, not surely
             return False
         moved = self._moved[-1] + du[: len(self._moved[-1]), 0]
-        strain = self._model.discretization.points.strain(moved)[:, task.system.present]
-        if np.abs(strain).max(initial=0.0) > _MOST_STRAIN:
+        points, present = self._model.discretization.points, task.system.present
+        strain = np.abs(points.strain(moved)[:, present]).max(axis=0, initial=0.0)
+        weight = points.volume[present] * strain
+        if weight @ strain > _MOST_STRAIN * weight.sum():
             self._proven = self._hasty = False
             return False
         self._carried = carried

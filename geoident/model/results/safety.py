@@ -134,8 +134,8 @@ class StageSafety:
     )
 
     @classmethod
-    def of(cls, best: SafetyFactor) -> StageSafety:
-        """What is known without a fit."""
+    def of(cls, best: SafetyFactor, n: int) -> StageSafety:
+        """What is known without a fit, of a case with n parameters."""
         return cls(
             best.stage,
             best.value,
@@ -148,6 +148,8 @@ class StageSafety:
             best.place,
             best.factors,
             best.moved,
+            influence=np.full(n, np.nan),
+            draws=np.zeros((0, n)),
         )
 
     @property

@@ -53,12 +53,13 @@ def quality_pictures(result: Result) -> tuple[Picture, ...]:
         pictures.append(
             Picture("history", "Course of the search", words, partial(history_figure, result))
         )
-    if np.count_nonzero(result.parameters.determined) > 1:
+    table = result.parameters
+    if np.count_nonzero(table.determined & np.isfinite(table.sd)) > 1:
         words = (
             "Near 1 or -1 the readings determine a combination of two parameters better than "
             "either. A dash: not determined."
         )
-        draw = partial(correlation_figure, result.parameters)
+        draw = partial(correlation_figure, table)
         pictures.append(Picture("correlation", "Correlation of the parameters", words, draw))
     return tuple(pictures)
 

@@ -224,6 +224,7 @@ def outcome_sentences(result: Result) -> list[str]:
         return plan.plan_sentences(result.plan)
     return [
         *_identified(result),
+        *(safety.stage_sentences(one, result.parameters.names)[0] for one in result.safety),
         *_values(result),
         *_fit(result),
         *filter(None, [_model_error(result)]),

@@ -14,16 +14,10 @@ from geoident.report.text.layout import TextTable, sentence
 NAME = "Factors of safety"
 
 
-def safety_text(rows: Sequence[StageSafety], names: Sequence[str], *, poor: bool = False) -> str:
-    """What was found, in sentences, a paragraph a stage.
-
-    Args:
-        rows: of the stages.
-        names: of the n parameters.
-        poor: the model of the fit does not fit the readings.
-    """
-    parts = ["\n".join(stage_sentences(one, names)) for one in rows]
-    if poor:
+def safety_text(result: Result) -> str:
+    """What was found, in sentences, a paragraph a stage."""
+    parts = ["\n".join(stage_sentences(one, result.parameters.names)) for one in result.safety]
+    if result.status == "poor-fit":
         parts.append("The model of the fit does not fit its readings: do not rely on this.")
     return "\n\n".join(parts)
 
@@ -47,17 +41,15 @@ def parts(result: Result) -> tuple[str, ...]:
 
 def safety_table(rows: Sequence[StageSafety]) -> TextTable:
     """A row for each stage."""
-    header = ("stage", "factor", "95 % from", "to", "P(below 1)")
-    cells = [
-        [
-            one.stage,
-            f"{one.value:.3g}" if one.fails else f"at least {one.value:.3g}",
-            *(f"{x:.3g}" if one.of_fit else "" for x in (one.lower95, one.upper95)),
-            probability(one).partition(",")[0] if one.of_fit else "",
-        ]
-        for one in rows
-    ]
-    return TextTable(header, cells, right="lrrrr")
+    header, cells = ["stage", "factor"], []
+    if of_fit := any(one.of_fit for one in rows):
+        header += ["95 % from", "to", "P(below 1)"]
+    for one in rows:
+        cells.append([one.stage, f"{one.value:.3g}" if one.fails else f"at least {one.value:.3g}"])
+        if of_fit:
+            cells[-1] += [f"{one.lower95:.3g}", f"{one.upper95:.3g}"]
+            cells[-1].append(probability(one).partition(",")[0])
+    return TextTable(header, cells, right="lrrrr"[: len(header)])
 
 
 def _factor_sentences(one: StageSafety) -> Iterator[str]:
@@ -83,8 +75,8 @@ def _factor_sentences(one: StageSafety) -> Iterator[str]:
         )
     if one.fails and not one.proven and one.associated:
         yield (
-            "Beyond that strains exceed 20 %, as meshes without room to flow have them, or no "
-            "search came to an end."
+            "Beyond that the ground flows by more than 10 %, as in meshes without room for it, or "
+            "no search came to an end."
         )
     if one.kept:
         yield f"These keep their strength: {one.kept}."
@@ -132,29 +124,21 @@ def probability(band: StageSafety) -> str:
     return f"{100.0 * band.below_one:.2g} %{spread if band.below_one_sd > 0.0 else ''}"
 
 
-def safety_object(
-    rows: Sequence[StageSafety], names: Sequence[str], *, case: str, output: str | None,
-    result: str | None, status: str, exit_code: int,
-) -> dict[str, Any]:  # fmt: skip
+def safety_object(result: Result, *, case: str, path: str) -> dict[str, Any]:
     """The same for programs, SI.
 
     Args:
-        rows: of the stages.
-        names: of the n parameters.
+        result: with the factors.
         case: path of the case or fit.
-        output: path of the fields that were written, or None.
-        result: path of the result that was written, or None.
-        status: ``done``, ``poor-fit`` or ``not-determined``.
-        exit_code: of the command.
+        path: of the result.
     """
     return {
         "case": case,
-        "kind": "safety",
-        "status": status,
-        "exit_code": exit_code,
-        "output": output,
-        "result": result,
-        "stages": safety_list(rows, names),
+        "kind": result.kind,
+        "status": result.status,
+        "exit_code": int(result.exit_code),
+        "result": path,
+        "stages": safety_list(result.safety, result.parameters.names),
     }
 
 

@@ -69,21 +69,24 @@ class FitTask:
         return write(result, job.place, job.existing, inputs=self.files_read, force=request.force)
 
 
-def plan_on_fit(command: str, purpose: str, request: Request, fit: Result, inputs: Inputs) -> Job:
-    """The job of a command on a fit.
+def plan_on_fit(
+    command: str, purpose: str, request: Request, fit: Result | None, inputs: Inputs
+) -> Job:
+    """The job of a command on a fit, or on a case without one.
 
     Args:
         command: its name.
         purpose: what else the result depends on, besides case, fit and seed.
         request: with the path of the fit as its case.
-        fit: the result of the fit.
+        fit: the result of the fit; None where the case stands for itself.
         inputs: the case that is computed.
 
     Raises:
         OutputError: the result could not be written, or another one would be lost.
     """
     place = target(request.case, command, output=request.output)
-    identity = inputs.identity(f"{command} {fit.fingerprint} {purpose}", (), seed=request.seed)
+    of = "" if fit is None else f"{fit.fingerprint} "
+    identity = inputs.identity(f"{command} {of}{purpose}", (), seed=request.seed)
     return Job(
         request=request,
         command=command,

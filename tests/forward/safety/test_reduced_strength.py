@@ -231,20 +231,40 @@ gauges:
 """
 
 
+def wet_factors(folder, text: str):
+    """The factors of its two moments: at once, and when the water has left."""
+    write_msh(box("quad8", (1, 1)), folder / "m.msh", ["x0", "x1", "y0", "y1"])
+    path = folder / "case.yaml"
+    path.write_text(text)
+    staged = model_at(path, {"press": [0.0]})
+    return safety_factors(staged, np.array([5e3]), [1, 2], Search(tolerance=0.002))
+
+
 def test_factors_while_water_leaves(tmp_path):
     """Effective strength under the pressure of water that there is at a moment.
 
     At once the mean effective stress in the plane stays: water takes half of the load.
     """
-    write_msh(box("quad8", (1, 1)), tmp_path / "m.msh", ["x0", "x1", "y0", "y1"])
-    path = tmp_path / "case.yaml"
-    path.write_text(WET)
-    staged = model_at(path, {"press": [0.0]})
-    first, last = safety_factors(staged, np.array([5e3]), [1, 2], Search(tolerance=0.002))
+    first, last = wet_factors(tmp_path, WET)
     assert first.stage == "press + 0 d"
     phi = radians(25.0)
     assert first.value == pytest.approx(coulomb(5e3, phi, 130e3, 70e3), rel=0.004)
     assert last.value == pytest.approx(coulomb(5e3, phi, 160e3, 100e3), rel=0.004)
+
+
+def test_pressures_stay_as_strength_is_divided(tmp_path):
+    """Ground that dilates as much as it rubs would carry any load if its water stayed in it."""
+    first, _ = wet_factors(tmp_path, WET.replace(", dilation: 0 deg", ""))
+    assert first.value == pytest.approx(coulomb(5e3, radians(25.0), 130e3, 70e3), rel=0.004)
+    assert first.proven
+
+
+def test_undrained_strength_of_ground_with_water(tmp_path):
+    """Given as such it is divided at all moments: 2 s_u / q, whatever the water does."""
+    text = WET.replace("mohr-coulomb, cohesion: $c, friction: 25 deg, dilation: 0 deg",
+                       "tresca, strength: 8 $c")  # fmt: skip
+    first, last = wet_factors(tmp_path, text)
+    assert (first.value, last.value) == pytest.approx((80 / 60, 80 / 60), rel=0.002)
 
 
 @pytest.mark.parametrize(
