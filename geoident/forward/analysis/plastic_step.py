@@ -344,9 +344,13 @@ class PlasticSteps:
             equations = equations.viscous(balance.viscosity)
             du = np.zeros((len(end.du), task.forces.shape[1]))
             du[:, 0] = end.du
+            stress = end.stress[..., None]
             if du.shape[1] > 1:
-                du[:, 1:] = plastic_derivatives(task, self.systems, points, equations, balance)
-            points.carry(end.stress[..., None], du[:, :1], slice(0, 1))
+                du[:, 1:], slopes = plastic_derivatives(
+                    task, self.systems, points, equations, balance
+                )
+                stress = np.concatenate([stress, slopes], axis=2)
+            points.carry(stress, du)
             for response in end.flowing:
                 if response.ground.hardens:
                     more = response.projection.multipliers.T[..., None]
@@ -398,11 +402,8 @@ class PlasticSteps:
         with self._faults_named(task):
             points = StagePoints(self.systems, task)
             equations = self._equations(task, points)
-            at_rest = equations.at(np.zeros_like(equations.forces))
-            stress, n = at_rest.stress[..., None], points.n_ground
-            task.carried.stress[..., :1] = stress[:, :n]
-            if points.members is not None:
-                points.members.into_rows(stress[:, n:], task.carried.members[:, :1])
+            still = np.zeros_like(equations.forces)
+            points.carry(equations.at(still).stress[..., None], still[:, None])
 
     def associated(self, task: StageTask) -> bool:
         """Whether all flow in a stage is associated, so that a failure can be proven."""
@@ -490,6 +491,7 @@ class PlasticSteps:
             dofs=points.dofs,
             grounds=[*grounds, *members_of],
             stress=stress,
+            trial=np.ascontiguousarray(points.trial(slice(0, 1))[..., 0]),
             forces=points.given_forces(slice(0, 1))[:, 0],
             solver=tangents,
             linear=linear if elastic or points.n_pores else None,
