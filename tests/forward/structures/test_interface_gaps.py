@@ -50,7 +50,7 @@ def _scalars(numbers: dict[str, float]) -> dict[str, Scalar]:
 
 
 @pytest.mark.parametrize(("kind", "tensile"), [("tri6", 0.0), ("quad4", 5e4), ("tet4", 5e4)])
-def test_a_gap_closes_without_stress(kind, tensile):
+def test_a_gap_closes_without_stress(kind, tensile, verification):
     """t_n = min(k_n d, f_t) whatever came before; |t_s| <= c - t_n tan(phi)."""
     away = np.array([-1e-3, 2e-3, 1e-3, 2e-5, -1e-5, -5e-4])
     limits = {"friction": radians(30.0), "cohesion": tan(radians(30.0)) * tensile}
@@ -61,6 +61,9 @@ def test_a_gap_closes_without_stress(kind, tensile):
     )
     np.testing.assert_allclose(states.shear_traction, 0.0, atol=1e-3)
     np.testing.assert_array_equal(states.parts[0], STIFF * away > tensile)
+    variant = f"{kind}, tensile strength {tensile / 1e3:g} kPa"
+    found = states.normal_traction[0]
+    verification("joint-gap", variant, away * 1e3, exact=expected, found=found)
 
 
 @pytest.mark.parametrize(("kind", "near"), [("quad8", 1e-6), ("hex8", 0.02)])

@@ -53,7 +53,7 @@ def pulled(staged) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_column_pulled_apart(kind):
-    """Opening t / k_n everywhere, alike in all kinds of elements; the two halves stretch alike."""
+    """t and t / k_n on the whole area, alike in all kinds of elements; both halves stretch alike."""
     dim = 2 if kind in KINDS_2D else 3
     top, base = ("y1", "y0") if dim == 2 else ("z1", "z0")
     load = Traction(top, (*(ZERO,) * (dim - 1), Scalar(2e5)))
@@ -70,7 +70,12 @@ def test_a_column_pulled_apart(kind):
         ),
     )
     np.testing.assert_allclose(pulled(staged), 2e5 / 1e9, rtol=1e-9)
-    fields = staged.survey(NOTHING, fields=True).fields
+    survey = staged.survey(NOTHING, fields=True)
+    fields, states = survey.fields, survey.interfaces
+    assert states.areas.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(states.normal_traction, 2e5, rtol=1e-9)
+    np.testing.assert_allclose(states.opening, 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(states.slip, 0.0, atol=1e-13)
     above = fields.mesh.points[:, -1] > 0.9
     expected = 2e5 / 1e9 + 2e5 / 1e9  # stretch of a metre, and the opening
     np.testing.assert_allclose(fields.displacement[-1][above, -1], expected, rtol=1e-9)
