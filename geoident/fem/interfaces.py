@@ -313,6 +313,11 @@ class JointPoints:
     sides: tuple[sp.csr_array, sp.csr_array]
     size: float
 
+    @property
+    def parted(self) -> Bools:
+        """(m,) where the sides can part: not at ends inside the ground, which are joined."""
+        return np.diff(self.members.operator.indptr)[: len(self.face)] > 0
+
     def tractions(self, stress: Floats) -> Floats:
         """Tractions (n_rows, c), Pa, of stresses (n_strain, k, c) of the ground at the places."""
         dim = self.normal.shape[1]

@@ -201,12 +201,14 @@ class ArrayModel:
             )
             return DenseFactor(spla.splu(sp.csc_array(stiffness + more)))
 
+        begun = np.ascontiguousarray(borne.stress[..., 0])
         return StageEquations(
             self.operators,
             volume=volume,
             dofs=stage.dofs,
             grounds=grounds,
-            stress=np.ascontiguousarray(borne.stress[..., 0]),
+            stress=begun,
+            trial=begun,
             forces=stage.forces.at(p),
             solver=SimpleNamespace(factorize=tangents),
         )

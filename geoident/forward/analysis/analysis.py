@@ -329,7 +329,7 @@ class AnalysisRun:
                 yield StageEnd(
                     n, u, carried.stress, carried.members, yielded, forces,
                     pores=carried.pores, temperatures=carried.temperatures,
-                    hardened=carried.hardened,
+                    hardened=carried.hardened, relieved=carried.relieved,
                 )  # fmt: skip
                 if last_use.get(n, -1) > n + 1:
                     kept[n] = u.copy(), carried.copy()
@@ -350,7 +350,8 @@ class AnalysisRun:
         columns = self.point.n_columns + (unit.n_columns if unit else 0)
         u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
-        carried = StressState(stress, np.zeros((self._structures.n_rows, columns)))
+        rows = self._structures.n_rows, columns
+        carried = StressState(stress, np.zeros(rows), np.zeros(rows))
         if self._analysis.case.consolidates:
             carried.pores = np.zeros((self._analysis.on_mesh.mesh.n_nodes, columns))
         if self._heating is not None:
@@ -433,6 +434,7 @@ class AnalysisRun:
                 at = systems.discretization.points_of[group]
                 carried.stress[:, at] = 0.0 if group in placed else self._virgin_stress[:, at]
         self._structures.begin(state, carried.members, point)
+        carried.relieved[self._structures.begins_anew(state)] = 0.0
         u[~system.touched] = 0.0
         task = self._with_heat(self._task(number, carried, forces))
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)

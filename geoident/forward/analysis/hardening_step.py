@@ -261,9 +261,10 @@ class _PartOfStage:
         self._points = points = StagePoints(systems, self._task)
         self._moduli = task.moduli_by_material()
         self._tangents = StageTangents(systems, task, self._moduli, points)
-        self._begin = points.carried(slice(0, 1))[..., 0]
+        begin = points.carried(slice(0, 1))[..., 0]
+        self._trial = points.trial(slice(0, 1))[..., 0]
         work = np.random.default_rng(0).choice([-1.0, 1.0], points.n_points)
-        alone = points.forces(self._begin * work, points.volume)
+        alone = points.forces(begin * work, points.volume)
         self._at_work = max(_largest(points.without_water(f)) for f in (target[:, 0], alone))
 
     def solve(
@@ -333,7 +334,7 @@ class _PartOfStage:
             strain[:, : points.n_ground] += self._ground.strain(task.motion[:, 0])
             if points.members is not None:
                 strain[:, points.n_ground :] += points.members.of_rows(imposed[:, None])[..., 0]
-        stress = self._begin.copy()
+        stress = self._trial.copy()
         for name, place in task.system.points_of.items():
             stress[:, place] += self._moduli[name].stress(strain[:, place])
         places, changes, solutions = [], [], []
@@ -359,7 +360,7 @@ class _PartOfStage:
             places.append(soil.points)
             changes.append(np.moveaxis(end.stress[..., 1:], 1, 0) - soil.law.elasticity)
         for ground in self._others:
-            stress[:, ground.points] = self._begin[:, ground.points]
+            stress[:, ground.points] = self._trial[:, ground.points]
             response = ground.integrate_stress(stress, strain, 0.0)
             assert response is not None
             places.append(response.points)
@@ -401,7 +402,7 @@ class _PartOfStage:
             moved[:, : task.motion.shape[1]] = task.motion
             task.add_stress(systems, task.motion, slice(0, task.motion.shape[1]))
         moved[:, 0] += end.du[:n_dofs]
-        trial = points.carried(slice(None))
+        trial = points.trial(slice(None))
         trial[..., :1] += self._elastic(du[:, :1])
         if du.shape[1] > 1:
             members = task.carried.members[:, rest]
@@ -415,7 +416,7 @@ class _PartOfStage:
             trial[..., rest] += self._elastic(du[:, rest])
             moved[:, rest] += du[:n_dofs, rest]
         stress, yields, responses = self._returned(trial, moved, end)
-        points.carry(stress, du, slice(None))
+        points.carry(stress, du)
         self._carried.take(task.carried)
         return du, yields, responses
 

@@ -44,8 +44,10 @@ def plastic_derivatives(
     points: StagePoints,
     equations: StageEquations,
     balance: Balance,
-) -> Floats:
-    """Derivatives (n_motions, n + k) of the displacement step; updates those of what is carried.
+) -> tuple[Floats, Floats]:
+    """Derivatives of the displacement step (n_motions, n + k) and of stresses (s, m, n + k).
+
+    Those of multipliers, and of forces in structures by their moduli, are carried on.
 
     Pressures of water, divided by their size, and rotations of members that yield follow the
     displacements.
@@ -67,8 +69,7 @@ def plastic_derivatives(
         field = before.overstress(before.solve(None, field)[0])
     last = _AtStep(task, systems, points, equations, steps[-1])
     ddu, multiples = last.solve(balance.tangent, field)
-    last.carry(ddu, multiples, field)
-    return ddu
+    return ddu, last.end(ddu, multiples, field)
 
 
 class _AtStep:
@@ -92,7 +93,7 @@ class _AtStep:
     ) -> None:
         self._task, self._equations, self._step = task, equations, step
         self._points = points
-        trial = points.carried(_DERIVATIVES)
+        trial = points.trial(_DERIVATIVES)
         self._members = task.carried.members[:, _DERIVATIVES].copy()
         points.add_stiffness_derivatives(systems, step.iterate.du, trial, self._members)
         self._trial, self._stress = trial, trial.copy()
@@ -185,8 +186,8 @@ class _AtStep:
             multipliers.append((response, dlam))
         return stress, multipliers
 
-    def carry(self, ddu: Floats, multiples: Floats, field: Floats | None) -> None:
-        """Update the derivatives of what is carried."""
+    def end(self, ddu: Floats, multiples: Floats, field: Floats | None) -> Floats:
+        """Derivatives (s, m, n + k) of stresses; those of multipliers are carried on."""
         carried, step = self._task.carried, self._step
         stress, multipliers = self._returned(self._elastic(ddu))
         stress += self._stress
@@ -194,7 +195,7 @@ class _AtStep:
             taken = step.multiple * field + np.multiply.outer(step.field, multiples)
             stress -= step.viscosity * taken
         carried.members[:, _DERIVATIVES] = self._members
-        self._points.carry(stress, ddu, _DERIVATIVES)
         for response, dlam in (*self._multipliers, *multipliers):
             if dlam is not None and response.ground.hardens:
                 carried.add_multipliers(response.ground.name, response.points, _DERIVATIVES, dlam)
+        return stress

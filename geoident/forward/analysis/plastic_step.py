@@ -344,9 +344,13 @@ class PlasticSteps:
             equations = equations.viscous(balance.viscosity)
             du = np.zeros((len(end.du), task.forces.shape[1]))
             du[:, 0] = end.du
+            stress = end.stress[..., None]
             if du.shape[1] > 1:
-                du[:, 1:] = plastic_derivatives(task, self.systems, points, equations, balance)
-            points.carry(end.stress[..., None], du[:, :1], slice(0, 1))
+                du[:, 1:], slopes = plastic_derivatives(
+                    task, self.systems, points, equations, balance
+                )
+                stress = np.concatenate([stress, slopes], axis=2)
+            points.carry(stress, du)
             for response in end.flowing:
                 if response.ground.hardens:
                     more = response.projection.multipliers.T[..., None]
@@ -398,11 +402,8 @@ class PlasticSteps:
         with self._faults_named(task):
             points = StagePoints(self.systems, task)
             equations = self._equations(task, points)
-            at_rest = equations.at(np.zeros_like(equations.forces))
-            stress, n = at_rest.stress[..., None], points.n_ground
-            task.carried.stress[..., :1] = stress[:, :n]
-            if points.members is not None:
-                points.members.into_rows(stress[:, n:], task.carried.members[:, :1])
+            still = np.zeros_like(equations.forces)
+            points.carry(equations.at(still).stress[..., None], still[:, None])
 
     def associated(self, task: StageTask) -> bool:
         """Whether all flow in a stage is associated, so that a failure can be proven."""
@@ -490,6 +491,7 @@ class PlasticSteps:
             dofs=points.dofs,
             grounds=[*grounds, *members_of],
             stress=stress,
+            trial=np.ascontiguousarray(points.trial(slice(0, 1))[..., 0]),
             forces=points.given_forces(slice(0, 1))[:, 0],
             solver=tangents,
             linear=linear if elastic or points.n_pores else None,
@@ -598,35 +600,47 @@ class PlasticSteps:
         findings.localising[name] = Localisation(part, balance.short, bool(balance.steps), text)
 
     def refuse_virgin(self, task: StageTask) -> None:
-        """Refuse an in-situ stress outside a yield surface, with place and factor.
+        """Refuse an in-situ stress beyond what ground or interfaces bear, with place and factor.
 
         Raises:
             ModelError: it is.
         """
         if not self.yields(task.state):
             return
-        for ground in self._grounds(task):
-            if ground.law is None:
-                continue
-            stress = np.ascontiguousarray(task.carried.stress[:, ground.points, 0])
+        points, structures = StagePoints(self.systems, task), self.systems.structures
+        carried = points.carried(slice(0, 1))[..., 0]
+        members = {} if points.members is None else {p.name: p for p in points.members.parts}
+        for ground in self.limited(task, points):
+            assert ground.law is not None
+            stress = np.ascontiguousarray(carried[:, ground.points])
+            position = self.systems.discretization.points.position
+            name, path = ground.name, ("materials", ground.name, "yield")
+            bears = f"outside the yield surface of {name}"
+            if ground.of_structure:
+                part = members[name.removeprefix(OF_STRUCTURE)]
+                joint = structures.part(part.name).joint
+                assert joint is not None  # nothing else is there yet
+                stress[:, ~joint.points.parted] = 0.0
+                position, path = joint.points.position, ("interfaces", joint.interface)
+                bears = f"beyond what the interface '{joint.interface}' bears"
             excess = ground.excess(stress)
-            self.findings.planes.note_excess(ground.name, excess)
+            self.findings.planes.note_excess(name, excess)
             plane, point = map(int, np.unravel_index(np.argmax(excess), excess.shape))
             beyond = float(excess[plane, point])
             if beyond <= _OUTSIDE * np.abs(stress).max():
                 continue
             distance = -float(ground.law.excess(np.zeros_like(stress))[plane, point])
-            points, source = self.systems.discretization.points, self.case.source
-            at = points.position[numbers(ground.points, points.n_points)[point]]
-            msg = f"the in-situ stress is outside the yield surface of {ground.name} near "
-            msg += f"{format_point(at)}, at its {ground.law.planes.names[plane]}: by "
+            if not ground.of_structure:
+                point = numbers(ground.points, points.n_points)[point]
+            msg = f"the in-situ stress is {bears} near {format_point(position[point])}, at its "
+            msg += f"{ground.law.planes.names[plane]}: by "
             msg += (
                 f"a factor of {1.0 + beyond / distance:.3g}"
                 if distance > 0.0
                 else (f"{beyond:.3g} Pa")
             )
             hint = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
-            path = ("materials", ground.name, "yield")
+            source = self.case.source
             raise ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
 

@@ -88,6 +88,7 @@ class StageEnd:
             of ground that consolidates; None in a case in which none does.
         temperatures: (n_nodes, 1 + n) degC; None in a case that conducts no heat.
         hardened: of `StressState`.
+        relieved: of `StressState`; None where nothing goes on from it.
     """
 
     number: int
@@ -100,6 +101,7 @@ class StageEnd:
     pores: Floats | None = None
     temperatures: Floats | None = None
     hardened: Mapping[str, Floats] = field(default_factory=dict)
+    relieved: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,8 @@ class StressState:
     Args:
         stress: (n_strain, n_points, k), Pa.
         members: (n_rows, k) forces in linings and bolts.
+        relieved: (n_rows, k) tractions of which interfaces have rid themselves by opening, Pa; they
+            count again as these close (theory 5.15).
         hardened: material to the multipliers (y, n_points, k) of its planes so far, where they
             count because it hardens.
         pores: (n_nodes, k) pressure of water in excess of that at rest, Pa; None where all ground
@@ -134,6 +138,7 @@ class StressState:
 
     stress: Floats
     members: Floats
+    relieved: Floats
     hardened: dict[str, Floats] = field(default_factory=dict)
     pores: Floats | None = None
     creep: CreepStrains | None = None
@@ -178,6 +183,7 @@ class StressState:
     def take(self, other: StressState) -> None:
         """Take stress, forces of structures, hardening and creep of another state."""
         self.stress[:], self.members[:] = other.stress, other.members
+        self.relieved[:] = other.relieved
         self.hardened = {name: values.copy() for name, values in other.hardened.items()}
         self.creep = None if other.creep is None else other.creep.copy()
 
@@ -187,7 +193,8 @@ class StressState:
         pores = None if self.pores is None else self.pores.copy()
         creep = None if self.creep is None else self.creep.copy()
         heat = None if self.temperatures is None else self.temperatures.copy()
-        return StressState(self.stress.copy(), self.members.copy(), hardened, pores, creep, heat)
+        forces = self.members.copy(), self.relieved.copy()
+        return StressState(self.stress.copy(), *forces, hardened, pores, creep, heat)
 
 
 @dataclass(frozen=True)

@@ -238,6 +238,7 @@ class StageEquations:
         dofs: (n,) degrees of freedom that are unknown.
         grounds: materials with their points.
         stress: (s, m) stress before, of all points.
+        trial: (s, m) with what comes back as open interfaces close: what strains add to.
         forces: (n_dofs,) f.
         solver: factorizes tangents.
         linear: nodal forces (n_dofs,) beside those of stresses at a displacement step: of linings
@@ -256,6 +257,7 @@ class StageEquations:
     dofs: Ints
     grounds: Sequence[MaterialPoints]
     stress: Floats
+    trial: Floats
     forces: Floats
     solver: TangentSolver
     linear: Callable[[Floats], Floats] | None = None
@@ -327,6 +329,7 @@ class StageEquations:
             dofs=patch.places,
             grounds=[part for part in parts if part is not None],
             stress=np.ascontiguousarray(self.stress[:, patch.points]),
+            trial=np.ascontiguousarray(self.trial[:, patch.points]),
             forces=self.forces[patch.dofs],
             solver=solver,
             linear=linear,
@@ -359,7 +362,7 @@ class StageEquations:
         if self.balanced_turns is not None and not self.associated:
             u, turns = np.split(du, [len(du) - self.n_turns])
             du = np.concatenate([u, self.balanced_turns(u, turns)])
-        stress, strain = self.stress.copy(), self.operators.strain(du)
+        stress, strain = self.trial.copy(), self.operators.strain(du)
         try:
             responses = [
                 one.integrate_stress(stress, strain, self.viscosity) for one in self.grounds
@@ -401,7 +404,7 @@ class StageEquations:
             Pi += 0.5 * float(ends @ iterate.du)
         for ground, response in zip(self.grounds, iterate.responses, strict=True):
             points = ground.points
-            stress = self.stress[:, points] + 0.5 * ground.elasticity.stress(strain[:, points])
+            stress = self.trial[:, points] + 0.5 * ground.elasticity.stress(strain[:, points])
             Pi += float(self.volume[points] @ (stress * strain[:, points]).sum(axis=0))
             if response is not None:
                 Pi -= float(self.volume[response.points] @ response.projection.reserve)

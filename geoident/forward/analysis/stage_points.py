@@ -28,8 +28,10 @@ from geoident.fem.stiffness import StiffnessPattern
 from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.structures.limits import given_back
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.interfaces import Interface
 
 _MOST_TURNS, _MOST_CUTS = 60, 40
 """Newton steps for rotations, and shares of one that are tried; a few are usual."""
@@ -196,26 +198,38 @@ class StagePoints:
 
     def carried(self, columns: slice) -> Floats:
         """Stresses (s, m, c) with which the stage begins, a copy."""
+        return self._with_members(columns, self._task.carried.members)
+
+    def trial(self, columns: slice) -> Floats:
+        """The same with what comes back as open interfaces close: what elastic stress adds to."""
         carried = self._task.carried
-        stress = carried.stress[..., columns]
+        return self._with_members(columns, carried.members + carried.relieved)
+
+    def _with_members(self, columns: slice, forces: Floats) -> Floats:
+        stress = self._task.carried.stress[..., columns]
         if self.members is None:
             return stress.copy()
-        return np.concatenate([stress, self.members.of_rows(carried.members[:, columns])], axis=1)
+        return np.concatenate([stress, self.members.of_rows(forces[:, columns])], axis=1)
 
-    def carry(self, stress: Floats, du: Floats, columns: slice) -> None:
-        """Carry on the stresses (s, m, c) at the end of the stage, and the forces of structures.
+    def carry(self, stress: Floats, du: Floats) -> None:
+        """Carry on the stresses at the end of the stage, and the forces of structures.
 
         Args:
-            stress: at its end.
-            du: (n_motions, c).
-            columns: c columns of what is carried.
+            stress: (s, m, 1 + n + k) at its end.
+            du: (n_motions, 1 + n + k); their derivatives by moduli are carried already.
         """
         carried = self._task.carried
-        carried.stress[..., columns] = stress[:, : self.n_ground]
-        self._task.add_member_forces(self._structures, du[: self.n_dofs], columns)
-        if self.members is not None:
-            rows = carried.members[:, columns]  # a view
-            self.members.into_rows(stress[:, self.n_ground :], rows)
+        carried.stress[:] = stress[:, : self.n_ground]
+        self._task.add_member_forces(self._structures, du[: self.n_dofs], slice(None))
+        if self.members is None:
+            return
+        elastic = carried.members + carried.relieved
+        self.members.into_rows(stress[:, self.n_ground :], carried.members)
+        for part in self.members.parts:
+            if isinstance(part.structure, Interface):
+                plastic = elastic[part.rows] - carried.members[part.rows]
+                relieved = given_back(part.structure, self._task.point, plastic)
+                carried.relieved[part.rows[0]] = relieved
 
     def add_stiffness_derivatives(
         self, systems: StageSystems, du: Floats, stress: Floats, members: Floats

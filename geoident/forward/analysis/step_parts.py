@@ -124,6 +124,7 @@ def mixed(states: Sequence[StressState], weights: Sequence[float]) -> StressStat
         states[0],
         stress=total([state.stress for state in states]),
         members=total([state.members for state in states]),
+        relieved=total([state.relieved for state in states]),
         hardened={name: hardened(name) for state in states for name in state.hardened},
         creep=strains,
     )

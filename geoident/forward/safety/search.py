@@ -196,8 +196,10 @@ def _kept(
 ) -> _Reached:
     """What the search needs of a state, copied."""
     assert end.forces is not None
+    assert end.relieved is not None
     hardened = {name: values[..., :1].copy() for name, values in end.hardened.items()}
-    carried = StressState(end.stress[..., :1].copy(), end.members[:, :1].copy(), hardened)
+    forces = end.members[:, :1].copy(), end.relieved[:, :1].copy()
+    carried = StressState(end.stress[..., :1].copy(), *forces, hardened)
     confined = _confinement(model, end.number, end.stress[..., 0])
     return _Reached(factor, carried, end.forces[:, :1].copy(), confined, collapse)
 

@@ -68,8 +68,8 @@ class InterfaceRecorder:
                     *self._limits(part, traction),
                 ]
             )
-            if not part.stands(state):
-                table[:4], table[4:] = np.nan, 0.0
+            nothing = ~part.joint.points.parted | (not part.stands(state))
+            table[:4, nothing], table[4:, nothing] = np.nan, 0.0
             tables.append(table)
         self._tables.append(np.concatenate(tables, axis=1))
 

@@ -39,8 +39,10 @@ from geoident.fem.yielding.planes import YieldPlanes
 from geoident.forward.structures.grouted import bar_share
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.facets import polygon_shrinkage
+from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint, stacked
 from geoident.model.interfaces import Interface
+from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Beam, GroutedBars, Interaction, PileToes, Structure
 
 _CHORDS = 8
@@ -120,6 +122,34 @@ class StructureLaws:
 
 _SOLID = 6
 """Components of a strain of a solid."""
+
+
+def given_back(interface: Interface, point: ParameterPoint, plastic: Floats) -> Floats:
+    """Normal tractions (n, 1 + n + k), Pa, that come back as an interface closes.
+
+    Plastic opening is a gap, which closes again, but for what slip dilates.
+
+    Args:
+        interface: it yields.
+        point: the parameters.
+        plastic: (dim, n, 1 + n + k) elastic tractions of a step less those at its end, Pa.
+    """
+    if interface.dilation == Scalar(0.0):
+        return plastic[0]
+    stiff, soft = rigidities(interface, point)
+    angle = point.number(interface.dilation)
+    opens = angle.sine() / angle.cosine() * stiff / soft  # by the slip, as tractions
+    if len(plastic) == 2:  # in the plane
+        ways = np.array([[1.0], [-1.0]])
+    else:  # two neighbours of the polygon share a slip between them
+        turns = 2 * np.pi * (np.arange(interface.planes) + 0.5) / interface.planes
+        ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        ways *= polygon_shrinkage(interface.planes, "best") / np.cos(np.pi / interface.planes)
+    nearest = ways[np.argmax(ways @ plastic[1:, :, 0], axis=0)]
+    slip = np.einsum("ni,inc->nc", nearest, plastic[1:])
+    back = plastic[0] - float(opens.value) * slip
+    back[:, 1 : point.n_columns] -= np.outer(slip[:, 0], opens.columns[1:])
+    return np.asarray(back)
 
 
 def _of_interface(given: Interface, point: ParameterPoint, *, solid: bool) -> YieldPlanes:

@@ -16,6 +16,8 @@ import scipy.sparse as sp
 
 from geoident.forward.structures.members import StructureMembers
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.interfaces import Interface
+from geoident.model.structures import Structure
 
 STRESSES = 3
 """Stresses of a member of a beam."""
@@ -31,6 +33,7 @@ class YieldingPart:
         rows: (c, n) numbers of the rows of `Structures` that are their c stresses.
         scale: (c, n) stress per force q of a row, and strain per strain of it.
         ends: (n, 2, dim) of the members, m.
+        structure: what the case says of it.
         what: it is, for a message.
     """
 
@@ -39,6 +42,7 @@ class YieldingPart:
     rows: Ints
     scale: Floats
     ends: Floats
+    structure: Structure | Interface
     what: str = "the structure"
 
 
@@ -72,7 +76,9 @@ class MemberPoints:
             by = sp.diags_array(scale.ravel())
             what = "the structure" if one.joint is None else "the interface"
             own = slice(first, first + n)
-            parts.append(YieldingPart(one.name, own, rows, scale, members.ends, what))
+            parts.append(
+                YieldingPart(one.name, own, rows, scale, members.ends, one.structure, what)
+            )
             motions.append(sp.csr_array(by @ motion))
             turns.append(sp.csr_array(by @ turning))
             weights.append(members.weight[:n])

@@ -14,6 +14,8 @@ from geoident.model.results.columns import column
 class InterfaceStates:
     """Tractions and jumps of interfaces; NaN while the ground of a side is not there.
 
+    They are so, too, where an interface ends inside the ground, which holds its sides together.
+
     Args:
         interfaces: (m,) name of the interface of each point.
         faces: (m,) number of its face within the interface, from 1; the corners of a face come
@@ -61,7 +63,7 @@ class InterfaceStates:
 
     @property
     def standing(self) -> list[list[int]]:
-        """Numbers of each stage and point where the ground of both sides is there."""
+        """Numbers of each stage and point where there are tractions."""
         places: list[list[int]] = np.argwhere(np.isfinite(self.normal_traction.T)).tolist()
         return places
 

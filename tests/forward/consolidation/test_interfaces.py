@@ -56,7 +56,7 @@ def column(folder, kind: str, lasts: float, *, permeable: str, low: str = "clay"
 
 
 @pytest.mark.parametrize("kind", ["tri6", "hex20"])
-def test_columns_on_a_permeable_joint_are_one(tmp_path, kind):
+def test_columns_on_a_permeable_joint_are_one(tmp_path, kind, verification):
     """Terzaghi's column; the joint closes by the effective stress in it over k_n."""
     closed = Terzaghi(**CLAY, h=10.0, q=LOAD)
     times = TIMES * closed.h**2 / closed.c
@@ -67,10 +67,12 @@ def test_columns_on_a_permeable_joint_are_one(tmp_path, kind):
     np.testing.assert_allclose(joint, -effective / K_N, atol=3e-3 * LOAD / K_N)
     expected = closed.settlement(TIMES) + effective / K_N
     np.testing.assert_allclose(settlement, expected, atol=2e-3 * closed.end)
+    variant = f"{kind}, water flows across"
+    verification("joint-columns", variant, TIMES, exact=expected, found=settlement)
     assert (high < closed.pressure(5.0, TIMES)).all()
 
 
-def test_an_impermeable_joint_leaves_two_columns(tmp_path):
+def test_an_impermeable_joint_leaves_two_columns(tmp_path, verification):
     """The upper one of 5 m consolidates, the lower one keeps its first pressure."""
     closed = Terzaghi(**CLAY, h=5.0, q=LOAD)
     times = TIMES * closed.h**2 / closed.c
@@ -83,6 +85,8 @@ def test_an_impermeable_joint_leaves_two_columns(tmp_path):
     np.testing.assert_allclose(joint, -effective / K_N, atol=5e-3 * LOAD / K_N)
     expected = closed.settlement(TIMES) + closed.u0 + effective / K_N
     np.testing.assert_allclose(settlement, expected, atol=3e-3 * closed.end)
+    variant = "quad8, water is held back"
+    verification("joint-columns", variant, TIMES, exact=expected, found=settlement)
 
 
 def test_a_permeable_joint_beside_ground_that_drains_drains(tmp_path):

@@ -105,12 +105,15 @@ def strip(pull: float, **limits) -> np.ndarray:
     return staged.computed(NOTHING)[:, -1]
 
 
-def test_a_strip_is_pulled_out():
+def test_a_strip_is_pulled_out(verification):
     """Both sides hold it: lambda^2 = 2 k_s / EA; at the limit of both it moves as a whole."""
     pull = 1e5
     lam = sqrt(2 * BOND / EA)
     whole = pull / (EA * lam * tanh(lam * LENGTH))
-    np.testing.assert_allclose(strip(pull), [whole / cosh(lam * LENGTH), whole], rtol=1e-3)
+    exact, found = [whole / cosh(lam * LENGTH), whole], strip(pull)
+    np.testing.assert_allclose(found, exact, rtol=1e-3)
+    ends = ["free end", "loaded end"]
+    verification("pull-out", "beam between two interfaces", ends, exact=exact, found=found)
     limits = {"cohesion": Scalar(COHESION), "friction": ZERO}
     assert strip(0.999 * 2 * COHESION * LENGTH, **limits)[0] < COHESION / BOND * 1.001
     assert np.isnan(strip(1.001 * 2 * COHESION * LENGTH, **limits)).all()

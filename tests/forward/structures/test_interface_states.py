@@ -7,7 +7,7 @@ from math import sqrt, tanh
 import numpy as np
 import pytest
 
-from geoident.model.actions import PointForce, Traction
+from geoident.model.actions import PointForce
 from geoident.model.case import Stage, Support
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
@@ -24,38 +24,22 @@ from tests.forward.structures.test_interfaces import (
     on_level,
 )
 from tests.support.cases import material, model
-from tests.support.meshes import KINDS, KINDS_2D, box
+from tests.support.meshes import box
 
 
-def pulled_apart(kind: str):
-    """What the joint of a column carries that is pulled, then let go."""
-    dim = 2 if kind in KINDS_2D else 3
-    top, base = ("y1", "y0") if dim == 2 else ("z1", "z0")
-    load = Traction(top, (*(ZERO,) * (dim - 1), Scalar(2e5)))
+def test_nothing_is_said_once_a_side_is_dug():
+    """The table has the stages in which the ground of both sides is there."""
     staged = model(
-        on_level(box(kind, (2,) * dim), 0.5),
+        on_level(box("quad8", (2, 2)), 0.5),
         materials={"rock": material("rock", 1e9, 0.0)},
         groups={"rock": "rock", "low": "rock"},
-        supports=(Support(base, tuple(range(dim))),),
+        supports=(Support("y0", (0, 1)),),
         interfaces={"joint": Interface("joint", Scalar(1e9), Scalar(3e8))},
-        stages=(
-            Stage("pull", loads={"pull": load}),
-            Stage("dig", excavate=("rock",), base="virgin"),
-        ),
+        stages=(Stage("wait"), Stage("dig", excavate=("rock",))),
     )
-    return staged.survey(NOTHING, fields=False).interfaces
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_column_pulled_apart(kind):
-    """The traction and the opening on the whole area, in all kinds of elements; none when dug."""
-    states = pulled_apart(kind)
-    assert states.areas.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(states.normal_traction[:, 0], 2e5, rtol=1e-9)
-    np.testing.assert_allclose(states.opening[:, 0], 2e-4, rtol=1e-9)
-    np.testing.assert_allclose(states.slip[:, 0], 0.0, atol=1e-13)
+    states = staged.survey(NOTHING, fields=False).interfaces
     assert np.isnan(states.normal_traction[:, 1]).all()
-    assert [row[:2] for row in interface_table(states).rows] == [["joint", "pull"]]
+    assert [row[:2] for row in interface_table(states).rows] == [["joint", "wait"]]
 
 
 def test_the_part_of_a_bond_that_slips():

@@ -9,6 +9,7 @@ from math import cos, cosh, radians, sin, sinh, sqrt, tan, tanh
 import numpy as np
 import pytest
 
+from geoident.errors import ModelError
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Stage, Support
@@ -52,7 +53,7 @@ def pulled(staged) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_column_pulled_apart(kind):
-    """Opening t / k_n everywhere, alike in all kinds of elements; the two halves stretch alike."""
+    """t and t / k_n on the whole area, alike in all kinds of elements; both halves stretch alike."""
     dim = 2 if kind in KINDS_2D else 3
     top, base = ("y1", "y0") if dim == 2 else ("z1", "z0")
     load = Traction(top, (*(ZERO,) * (dim - 1), Scalar(2e5)))
@@ -69,36 +70,77 @@ def test_a_column_pulled_apart(kind):
         ),
     )
     np.testing.assert_allclose(pulled(staged), 2e5 / 1e9, rtol=1e-9)
-    fields = staged.survey(NOTHING, fields=True).fields
+    survey = staged.survey(NOTHING, fields=True)
+    fields, states = survey.fields, survey.interfaces
+    assert states.areas.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(states.normal_traction, 2e5, rtol=1e-9)
+    np.testing.assert_allclose(states.opening, 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(states.slip, 0.0, atol=1e-13)
     above = fields.mesh.points[:, -1] > 0.9
     expected = 2e5 / 1e9 + 2e5 / 1e9  # stretch of a metre, and the opening
     np.testing.assert_allclose(fields.displacement[-1][above, -1], expected, rtol=1e-9)
 
 
-def test_an_end_inside_stays_joined_and_a_crossing_has_four_corners():
-    """A node at an end has no copy, one where two interfaces cross three."""
+def test_an_end_inside_stays_joined():
+    """A node at an end has no copy, and no traction is said there."""
     mesh = box("quad4", (4, 4))
     crack = with_inner_faces(
         mesh, crack=lambda x: (abs(x[..., 1] - 0.5) < 1e-9) & (x[..., 0] < 0.51)
     )
-    cross = with_inner_faces(
-        mesh,
-        level=lambda x: abs(x[..., 1] - 0.5) < 1e-9,
+    staged = model(
+        crack,
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=(Support("y0", (0, 1)),),
+        interfaces={"crack": Interface("crack", Scalar(1e9), Scalar(1e9), friction=Scalar(0.5))},
+        stages=(Stage("s", loads={"p": Traction("y1", (ZERO, Scalar(-1e5)))}),),
+    )
+    assert staged.mesh.n_nodes == mesh.n_nodes + 2
+    states = staged.survey(NOTHING, fields=False).interfaces
+    end = abs(states.points[:, 0] - 0.5) < 1e-9
+    np.testing.assert_array_equal(np.isnan(states.normal_traction[:, 0]), end)
+    assert not states.parts.any()
+
+
+@pytest.mark.parametrize(("kind", "copies"), [("tri3", 11), ("tri6", 19), ("tet10", 171)])
+def test_uniform_stress_goes_through_joints_that_cross(kind, copies):
+    """Where two interfaces cross a node has three copies; each bears the stress on its face."""
+    dim = 2 if kind in KINDS_2D else 3
+    mesh = with_inner_faces(
+        box(kind, (4,) * dim),
+        level=lambda x: abs(x[..., -1] - 0.5) < 1e-9,
         upright=lambda x: abs(x[..., 0] - 0.5) < 1e-9,
     )
-    elastic = {"k_n": Scalar(1e9), "k_s": Scalar(1e9)}
-    settings = {
-        "materials": {"rock": material("rock", 1e9, 0.2)},
-        "groups": {"all": "rock"},
-        "supports": (Support("y0", (0, 1)),),
-        "stages": (Stage("s", loads={"p": Traction("y1", (ZERO, Scalar(1e5)))}),),
-    }
-    staged = model(crack, interfaces={"crack": Interface("crack", **elastic)}, **settings)
-    assert staged.mesh.n_nodes == mesh.n_nodes + 2
-    both = {name: Interface(name, **elastic) for name in ("level", "upright")}
-    staged = model(cross, interfaces=both, **settings)
-    assert staged.mesh.n_nodes == mesh.n_nodes + 8 + 3
-    assert np.isfinite(staged.survey(NOTHING, fields=True).fields.displacement).all()
+    lean = np.eye(dim)
+    lean[0, -1], lean[-1, 0] = 0.3, -0.2
+    mesh = replace(mesh, points=mesh.points @ lean.T)
+    stress = np.array([[-1e6, 2e5, 1e5], [2e5, -3e6, -2e5], [1e5, -2e5, -2e6]])[:dim, :dim]
+    loads = {}
+    for axis, way in enumerate(np.linalg.inv(lean)):
+        pull = stress @ way / np.linalg.norm(way)
+        for end, sign in enumerate((-1.0, 1.0)):
+            name = f"{'xyz'[axis]}{end}"
+            loads[name] = Traction(name, tuple(Scalar(sign * float(part)) for part in pull))
+    held = {(0.0,) * dim: tuple(range(dim)), (0.25,): tuple(range(1, dim)), (0.0, 0.25): (2,)}
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e10, 0.2)},
+        groups={"all": "rock"},
+        supports=tuple(
+            Support(f"{n}", ways, at=tuple(lean[:, : len(at)] @ at))
+            for n, (at, ways) in enumerate(held.items())
+            if max(ways) < dim
+        ),
+        interfaces={n: Interface(n, Scalar(2e9), Scalar(7e8)) for n in ("level", "upright")},
+        stages=(Stage("s", loads=loads),),
+    )
+    assert staged.mesh.n_nodes == mesh.n_nodes + copies
+    states = staged.survey(NOTHING, fields=False).interfaces
+    traction = states.normals @ stress
+    normal = (traction * states.normals).sum(axis=1)
+    shear = np.linalg.norm(traction - normal[:, None] * states.normals, axis=1)
+    np.testing.assert_allclose(states.normal_traction[:, 0], normal, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(states.shear_traction[:, 0]), shear, rtol=1e-9)
 
 
 @pytest.mark.parametrize("analysis", list(Analysis))
@@ -253,6 +295,13 @@ def test_a_wedge_in_a_roof(verification):
     np.testing.assert_allclose(found, exact, rtol=1e-4)
     degrees = np.array([25.0, 35.0, 45.0])
     verification("roof-wedge", "wedge", degrees, exact=np.array(exact), found=np.array(found))
+
+
+def test_a_joint_that_does_not_bear_the_virgin_stress_is_refused():
+    """Its sides are steeper than the friction: it would slip before anything is done."""
+    assert np.isfinite(pulled(roof(1.0, HALF + 1e-3))).all()
+    with pytest.raises(ModelError, match=r"beyond what the interface 'joint' bears near .* slip"):
+        roof(1.0, HALF - 1e-3).survey(NOTHING, fields=False)
 
 
 # --- a block on a slope, as users write it -------------------------------------------------------

@@ -46,6 +46,7 @@ def bar(load: float, k: float, h: float) -> StageEquations:
         dofs=np.array([0]),
         grounds=[MaterialPoints("bar", slice(0, 1), UniformModuli(np.eye(1)), law)],
         stress=np.zeros((1, 1)),
+        trial=np.zeros((1, 1)),
         forces=np.array([load]),
         solver=SimpleNamespace(factorize=tangents),
     )
@@ -119,7 +120,8 @@ def truss(seed: int, *, soft: float = 1.0):
 
     equations = StageEquations(
         Operators(sp.csr_array(C), bars), volume=volume, dofs=dofs, grounds=grounds,
-        stress=stress[None], forces=before + change, solver=SimpleNamespace(factorize=tangents),
+        stress=stress[None], trial=stress[None], forces=before + change,
+        solver=SimpleNamespace(factorize=tangents),
     )  # fmt: skip
     pull = (C.T * volume)[dofs]
     most = linprog(
