@@ -25,7 +25,7 @@ from tests.support.yielding import Cavity, mohr, mohr_limit, rock
 
 NOTHING = np.empty(0)
 ZERO = Scalar(0.0)
-E, NU = 30e9, 0.2
+E, NU, FC = 30e9, 0.2, 20e6
 
 
 def _shell(group, t, *, axis=(1.0, 0.0, 0.0), **changes):
@@ -42,7 +42,8 @@ def _plate(kind, n, t, *, clamped):
     everywhere = Support("outer", (0, 1))
     held = Support("x1", (2,)), Support("y1", (2,))
     edges = ("x1", "y1") if clamped else ()
-    shell = _shell("z1", t, mirrored_on=("x0", "y0"), clamped_on=edges)
+    shell = _shell("z1", t, mirrored_on=("x0", "y0"), clamped_on=edges,
+                   compressive_strength=FC, tensile_strength=FC)  # fmt: skip
     push = {"push": Traction("z1", (ZERO, ZERO, Scalar(-1e3)))}
     staged = model(
         mesh,
@@ -71,6 +72,10 @@ def test_a_square_plate_bends_as_timoshenko_has_it(kind, clamped, deflection, mo
                  found=found.computed[0])  # fmt: skip
     shells = found.shells
     middle = np.linalg.norm(shells.centres[:, :2], axis=1).argmin()
+    used = shells.utilisation[..., 0] * FC * t**2 / 4
+    np.testing.assert_allclose(used[:, :2], np.abs(shells.moment[:, :2, 0]), rtol=1e-6)
+    largest = np.abs(shells.m_principal[..., 0]).max(axis=1)
+    np.testing.assert_allclose(used[:, 2], largest, rtol=4e-3)  # directions 5 degrees apart
     if moment is not None:  # the load presses on the side without ground
         assert shells.moment[middle, 0, 0] == pytest.approx(-moment * 1e3 * 16.0, rel=0.06)
     assert np.abs(shells.normal).max() < 1e-6 * np.abs(shells.moment).max()
@@ -169,7 +174,8 @@ def _lined(kind, n, thickness, stages, *, reach=40, **changes):
         (Scalar(-horizontal), Scalar(-vertical), Scalar(-NU_ROCK * (vertical + horizontal)),
          *(ZERO,) * 3)
     )  # fmt: skip
-    shell = _shell("wall", thickness, axis=(0.0, 0.0, 1.0), mirrored_on=SIDES)
+    shell = _shell("wall", thickness, axis=(0.0, 0.0, 1.0), mirrored_on=SIDES,
+                   compressive_strength=FC)  # fmt: skip
     settings = {
         "materials": {"rock": material("rock", E_ROCK, NU_ROCK)},
         "groups": {"core": "rock", "rock": "rock"},
@@ -212,6 +218,8 @@ def test_a_slice_of_a_lined_tunnel_is_the_ring_of_the_plane(kind, n, of_n, of_m,
     np.testing.assert_allclose(hoop, mean + vary * twice, atol=of_n * abs(mean))
     np.testing.assert_allclose(moment, bent * twice, atol=of_m * abs(bent))
     assert moment @ twice / (twice @ twice) == pytest.approx(bent, rel=0.01)
+    exact = -(mean + vary * twice) / (FC * (0.3 - 2 * np.abs(bent * twice / (mean + vary * twice))))
+    np.testing.assert_allclose(found.utilisation[:, 1, 0], exact, rtol=0.02)  # EN 1992-1-1, 12.6.1
     ends = [np.argmax(twice), np.argmin(twice)]
     where = ["spring line", "crown"]
     verification("shell-ring", kind, where, exact=(mean + vary * twice)[ends], found=hoop[ends])
