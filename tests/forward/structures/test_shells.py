@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from geoident.errors import InputError
+from geoident.forward.structures.checks import structure_notes
 from geoident.model.actions import PointForce, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.creep import StiffnessTable
@@ -223,6 +225,34 @@ def test_a_slice_of_a_lined_tunnel_is_the_ring_of_the_plane(kind, n, of_n, of_m,
     ends = [np.argmax(twice), np.argmin(twice)]
     where = ["spring line", "crown"]
     verification("shell-ring", kind, where, exact=(mean + vary * twice)[ends], found=hoop[ends])
+
+
+def _said_of_kinks(staged):
+    said = [note for note in structure_notes(staged.on_mesh) if "triangles of first order" in note]
+    return [float(re.search(r"some ([0-9]+) %", note)[1]) / 100 for note in said]
+
+
+def test_moments_of_a_thin_lining_on_small_triangles_are_off_as_the_check_says():
+    staged = _lined("tet4", 4, 0.1, OPEN, reach=10)
+    (said,) = _said_of_kinks(staged)
+    found = staged.survey(NOTHING, fields=False).shells
+    twice = np.cos(2 * np.arctan2(found.centres[:, 1], found.centres[:, 0]))
+    _, _, bent = _thin_ring(0.1)
+    assert np.abs(found.moment[:, 1, 0] - bent * twice).max() / abs(bent) == pytest.approx(
+        said, 0.3
+    )
+    for kind, thickness in (("tet4", 0.3), ("tet10", 0.1), ("hex8", 0.1)):
+        assert not _said_of_kinks(_lined(kind, 4, thickness, OPEN, reach=4))
+    flat = box("tet4", (2, 2, 2))
+    slab = model(
+        flat,
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(3),
+        structures={"slab": _shell("z1", 0.01)},
+        stages=(Stage("build", build=("slab",)),),
+    )
+    assert not _said_of_kinks(slab)
 
 
 @pytest.mark.slow  # 6 s; the lining of 0.3 m above is quick
