@@ -11,7 +11,7 @@ from geoident.errors import Fault
 from geoident.fem.location import format_point
 from geoident.fem.shells import consistent_sides, corners_of, flat_triangles
 from geoident.fem.structures import straight_pieces
-from geoident.forward.actions.supports import fixed_dofs, group_nodes, normal_axis
+from geoident.forward.actions.supports import fixed_dofs, group_nodes, mirror_axis
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.members import rigidities
 from geoident.forward.structures.placing import (
@@ -360,7 +360,7 @@ def _shell_faults(on_mesh: CaseOnMesh, name: str, shell: Shell) -> list[Fault]:
     own = group_nodes(mesh, shell.group)
     for n, group in enumerate(shell.mirrored_on):
         nodes = np.intersect1d(own, group_nodes(mesh, group))
-        if normal_axis(mesh, nodes) is None or len(nodes) == len(own):
+        if mirror_axis(mesh, shell, group) is None or len(nodes) == len(own):
             why = "do not lie on a plane at right angles to x, y or z" if len(nodes) else "are none"
             why = "are all of its nodes" if len(nodes) == len(own) else why
             message = f"the nodes of the shell '{name}' on the group '{group}' {why}"

@@ -35,18 +35,24 @@ def _shell(group, t, *, axis=(1.0, 0.0, 0.0), **changes):
                  axis=axis)  # fmt: skip
 
 
-def _plate(kind, n, t, *, clamped):
+def _plate(kind, n, t, *, clamped, normal=2):
     """A quarter of a square plate of 4 m on ground that bears next to nothing, and its faces.
 
-    The plate is held at its edges, and along itself everywhere, as the ground is.
+    The plate is held at its edges, and along itself everywhere, as the ground is. Its normal is z,
+    or another axis, with all of it turned round.
     """
+    turned = np.roll([0, 1, 2], normal - 2)  # x, y, z lie along the axes
+    axes = np.argsort(turned)
     mesh = box(kind, (n, n, 1), size=(2.0, 2.0, 0.5))
-    everywhere = Support("outer", (0, 1))
-    held = Support("x1", (2,)), Support("y1", (2,))
+    mesh = replace(mesh, points=mesh.points[:, turned])
+    everywhere = Support("outer", tuple(sorted(axes[:2].tolist())))
+    held = Support("x1", (normal,)), Support("y1", (normal,))
     edges = ("x1", "y1") if clamped else ()
     shell = _shell("z1", t, mirrored_on=("x0", "y0"), clamped_on=edges,
+                   axis=tuple(np.eye(3)[axes[0]].tolist()),
                    compressive_strength=FC, tensile_strength=FC)  # fmt: skip
-    push = {"push": Traction("z1", (ZERO, ZERO, Scalar(-1e3)))}
+    across = np.eye(3)[normal].tolist()
+    push = {"push": Traction("z1", tuple(Scalar(-1e3 * part) for part in across))}
     staged = model(
         mesh,
         materials={"air": material("air", 1.0, 0.0)},
@@ -54,8 +60,9 @@ def _plate(kind, n, t, *, clamped):
         supports=(everywhere, *held),
         structures={"slab": shell},
         stages=(Stage("load", build=("slab",), loads=push),),
-        channels=(displacement("w", (0.0, 0.0, 0.5), (0.0, 0.0, -1.0)),),
-    )
+        channels=(displacement("w", tuple(0.5 * part for part in across),
+                               tuple(-part for part in across)),),
+    )  # fmt: skip
     return staged.survey(NOTHING, fields=False)
 
 
@@ -81,6 +88,14 @@ def test_a_square_plate_bends_as_timoshenko_has_it(kind, clamped, deflection, mo
     if moment is not None:  # the load presses on the side without ground
         assert shells.moment[middle, 0, 0] == pytest.approx(-moment * 1e3 * 16.0, rel=0.06)
     assert np.abs(shells.normal).max() < 1e-6 * np.abs(shells.moment).max()
+
+
+def test_a_plate_bends_alike_whatever_axis_it_faces():
+    """A plane of symmetry meets it in a straight line, along which other planes lie, too."""
+    plates = [_plate("hex8", 4, 0.02, clamped=False, normal=axis) for axis in range(3)]
+    for plate in plates[:2]:
+        np.testing.assert_allclose(plate.computed, plates[2].computed, rtol=1e-9)
+        np.testing.assert_allclose(plate.shells.moment, plates[2].shells.moment, rtol=1e-6)
 
 
 def _alone(kind, n, place, shell, supports, point, direction, loads=(), **changes):
