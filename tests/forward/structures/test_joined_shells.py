@@ -9,10 +9,12 @@ import pytest
 
 from geoident.model.actions import PointForce, Traction
 from geoident.model.case import Material, Stage, Support
+from geoident.model.gauges import Reads
 from geoident.model.ground import Axes, Orthotropic
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Shell
 from tests.support.cases import displacement, material, model
+from tests.support.force_gauges import gauge
 from tests.support.inner_faces import with_inner_faces
 from tests.support.meshes import box
 
@@ -36,18 +38,24 @@ def _line_force(place, direction):
     return {f"f{k}": PointForce(end, tuple(half)) for k, end in enumerate(ends)}
 
 
-def _found(mesh, shells, supports, loads, place, direction):
-    """Motion of a place, and per shell the places and moments m_11 of its faces."""
+def _tilt(name, shell, place):
+    """Of a shell at a place, towards x."""
+    return gauge("tilt", name, place, structure=shell, direction=(1.0, 0.0, 0.0),
+                 dimension="angle", reads=Reads.CHANGE, zero="build")  # fmt: skip
+
+
+def _found(mesh, shells, supports, loads, channels):
+    """What gauges read, and per shell the places and moments m_11 of its faces."""
     staged = model(
         mesh, **AIR, supports=supports, structures=shells,
-        stages=(Stage("load", build=tuple(shells), loads=loads),),
-        channels=(displacement("w", place, direction),),
+        stages=(Stage("build", build=tuple(shells)), Stage("load", loads=loads)),
+        channels=tuple(channels),
     )  # fmt: skip
     found = staged.survey(NOTHING, fields=False)
     names = np.array(found.shells.structures)
-    each = ((found.shells.centres[own], found.shells.moment[own, 0, 0], found.shells.axes[own, 2])
+    each = ((found.shells.centres[own], found.shells.moment[own, 0, 1], found.shells.axes[own, 2])
             for own in (names == name for name in shells))  # fmt: skip
-    return found.computed[0, 0], *each
+    return found.computed[:, 1], *each
 
 
 def test_moments_at_a_joint_of_wall_and_slab_are_in_equilibrium():
@@ -62,15 +70,21 @@ def test_moments_at_a_joint_of_wall_and_slab_are_in_equilibrium():
     supports = (Support("y0", (1,)), Support("y1", (1,)), Support("left", (0, 2)),
                 Support("right", (2,)))  # fmt: skip
     loads = _line_force((2.0, 2.0), (1.0, 0.0, 0.0))
-    moved, slab, wall = _found(mesh, shells, supports, loads, (2.0, 0.2, 2.0), (1.0, 0.0, 0.0))
+    z = np.array([0.0, 0.5, 1.1, 2.0])
+    gauges = [_tilt(f"t{k}", "wall", (2.0, 0.2, height)) for k, height in enumerate(z)]
+    gauges += [_tilt("end", "slab", (4.0, 0.1, 0.0)),
+               displacement("u", (2.0, 0.2, 2.0), (1.0, 0.0, 0.0))]  # fmt: skip
+    read, slab, wall = _found(mesh, shells, supports, loads, gauges)
     across = slab[0][:, 0] - 2.0
     np.testing.assert_allclose(
         slab[1], np.sign(across) * (1.0 - np.abs(across) / 2) * FORCE, rtol=1e-3
     )
     to_right = wall[2][0, 0]  # moments are positive with tension there
     np.testing.assert_allclose(wall[1], -to_right * (2.0 - wall[0][:, 2]) * FORCE, rtol=1e-3)
-    exact = FORCE * 2.0**3 / 3 / _rigidity(0.03) + 2.0 * (2.0 * FORCE) * 4.0 / 12 / _rigidity(0.02)
-    assert moved == pytest.approx(exact, rel=4e-3)
+    foot = 2.0 * FORCE * 4.0 / 12 / _rigidity(0.02)
+    leans = foot + FORCE * (2.0 * z - z**2 / 2) / _rigidity(0.03)
+    exact = [*leans, -foot / 2, 2.0 * foot + FORCE * 2.0**3 / 3 / _rigidity(0.03)]
+    np.testing.assert_allclose(read, exact, rtol=0.01)
 
 
 def test_shells_of_other_thickness_go_on_in_each_other():
@@ -82,9 +96,9 @@ def test_shells_of_other_thickness_go_on_in_each_other():
     groups = {**mesh.facet_groups, "thick": faces[inner], "thin": faces[~inner]}
     shells = {"thick": _shell("thick", 0.03, clamped_on=("x0",)), "thin": _shell("thin", 0.02)}
     loads = _line_force((2.0, 0.5), (0.0, 0.0, -1.0))
-    moved, thick, thin = _found(
-        replace(mesh, facet_groups=groups), shells, (Support("x0", (0, 1, 2)),), loads,
-        (2.0, 0.2, 0.5), (0.0, 0.0, -1.0),
+    end = displacement("w", (2.0, 0.2, 0.5), (0.0, 0.0, -1.0))
+    (moved,), thick, thin = _found(
+        replace(mesh, facet_groups=groups), shells, (Support("x0", (0, 1, 2)),), loads, [end]
     )  # fmt: skip
     for places, moment, _ in (thick, thin):
         np.testing.assert_allclose(moment, (2.0 - places[:, 0]) * FORCE, rtol=1e-3)

@@ -413,7 +413,8 @@ def _sought(*, age=False):
     )  # fmt: skip
     stages = (
         Stage("open", excavate=("core",), release={"core": Scalar(0.4)}),
-        Stage("line", build=("lining",), release={"core": Scalar(1.0)}),
+        Stage("line", build=("lining",), release={"core": Scalar(0.7)}),
+        Stage("more", release={"core": Scalar(1.0)}),
     )
     at = (RADIUS * float(np.cos(0.4)), RADIUS * float(np.sin(0.4)), 0.3)
     channels = [displacement("u", at, (0.6, 0.8, 0.0))]
@@ -421,6 +422,8 @@ def _sought(*, age=False):
         dimension = "line load" if quantity[0] == "n" else "moment per length"
         channels.append(gauge("load-cell", quantity, at, quantity, structure="lining",
                               dimension=dimension))  # fmt: skip
+    channels.append(gauge("tilt", "tilt", at, structure="lining", dimension="angle",
+                          reads=Reads.CHANGE, zero="line", direction=(1.0, 0.0, 0.0)))  # fmt: skip
     for fibre in ("inside", "outside"):
         channels.append(gauge("strain", fibre, at, fibre, structure="lining", reads=Reads.VALUE,
                               direction=(-0.3, 0.6, 0.5), towards=(0.0, 0.0, 0.3)))  # fmt: skip
@@ -434,7 +437,8 @@ def _sought(*, age=False):
 
 def test_derivatives_by_all_its_numbers_are_exact():
     staged, p, names = _sought()
-    pairs = [(name, "line") for name in ("u", "n_22", "n_11", "m_22", "m_11", "inside", "outside")]
+    pairs = [(name, "more") for name in ("u", "n_22", "n_11", "m_22", "m_11", "inside", "outside")]
+    pairs += [("u", "line"), ("tilt", "more")]
     assert_exact(staged.response(pairs), p, names)
 
 
