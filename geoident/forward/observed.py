@@ -33,7 +33,8 @@ from geoident.model.response import Evaluation
 from geoident.model.results.costs import Counts
 from geoident.model.results.interfaces import InterfaceStates
 from geoident.model.results.opening import FaceAdvance, GroundReaction
-from geoident.model.results.result import FieldSeries, MemberForces, ShellForces, SupportReactions
+from geoident.model.results.result import FieldSeries, MemberForces, SupportReactions
+from geoident.model.results.shells import ShellForces
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity
 

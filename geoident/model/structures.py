@@ -149,6 +149,8 @@ class Shell(_Structure):
         mirrored_on: groups on planes of symmetry: it only turns about their normals there.
         density: kg/m3.
         weight: of a square metre of it, Pa, in place of the density.
+        compressive_strength: of its section, Pa; None: how far it is used is not asked for.
+        tensile_strength: likewise.
         ageing: how its stiffness grows since it was built; None: it does not.
     """
 
@@ -161,6 +163,8 @@ class Shell(_Structure):
     mirrored_on: tuple[str, ...] = ()
     density: Scalar | None = None
     weight: Scalar | None = None
+    compressive_strength: float | None = None
+    tensile_strength: float = 0.0
     ageing: Ageing | None = None
 
     @property

@@ -211,7 +211,7 @@ def _result(
             *wrong.findings,
             *gross_findings(gross, estimate.readings, case),
             *(() if wrong else still_findings(case, stated) or sign_findings(case, stated)),
-            *strength_findings(survey.members),
+            *strength_findings(survey),
             *alarm_findings(alarms),
             *doubts,
             *(

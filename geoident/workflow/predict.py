@@ -188,7 +188,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
         findings=(
             *_whose_gauges(task),
             *collapse_findings(survey),
-            *strength_findings(survey.members),
+            *strength_findings(survey),
             *alarm_findings(alarms),
             *inherited,
         ),

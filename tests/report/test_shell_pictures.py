@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
-from geoident.model.results.result import ShellForces
+from geoident.model.results.shells import ShellForces
 from geoident.report.drawing.shells import shell_pictures
 from geoident.report.drawing.style import drawing_style
 

@@ -11,7 +11,7 @@ from geoident.forward.stages import CaseOnMesh, listed
 from geoident.model.actions import FaceLoad, HeadForce, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case, KeyPath, Support
-from geoident.model.mesh import Mesh, and_inner, nodes_in
+from geoident.model.mesh import Mesh, and_inner, nodes_in, rows_in
 from geoident.model.structures import Shell
 
 
@@ -47,18 +47,26 @@ def _held_rotations(on_mesh: CaseOnMesh) -> Bools:
             nodes = np.intersect1d(own, group_nodes(mesh, group))
             along = np.ones(mesh.dim, dtype=bool)
             if group not in shell.clamped_on:
-                along[normal_axis(mesh, nodes)] = False
+                along[mirror_axis(mesh, shell, group)] = False
             held[np.searchsorted(mesh.rotations_of, nodes)] |= along
     return held
 
 
-def normal_axis(mesh: Mesh, nodes: Ints) -> int | None:
-    """The axis at right angles to the plane on which some nodes (k,) lie; None for no such one."""
-    if not len(nodes):
+def mirror_axis(mesh: Mesh, shell: Shell, group: str) -> int | None:
+    """The axis at right angles to the plane on which a shell meets a group; None for no such one.
+
+    Where they meet in a straight line several planes hold it: the faces beside it go on across that
+    of symmetry.
+    """
+    faces = mesh.facet_groups[shell.group]
+    there = np.intersect1d(group_nodes(mesh, shell.group), group_nodes(mesh, group))
+    if not len(there):
         return None
-    thick = np.ptp(mesh.points[nodes], axis=0)
-    axis = int(np.argmin(thick))
-    return axis if thick[axis] <= _NEAR_NODE * np.ptp(mesh.points, axis=0).max() else None
+    flat = np.ptp(mesh.points[there], axis=0) <= _NEAR_NODE * np.ptp(mesh.points, axis=0).max()
+    own = [block.nodes[rows] for block, rows in rows_in(mesh.facets, faces)]
+    beside = np.concatenate([nodes[np.isin(nodes, there).any(axis=1)].ravel() for nodes in own])
+    across = np.where(flat, np.ptp(mesh.points[beside], axis=0), -1.0)
+    return int(np.argmax(across)) if flat.any() else None
 
 
 def group_nodes(mesh: Mesh, name: str) -> Ints:

@@ -17,7 +17,7 @@ from geoident.forward.gauges.motion import relative_displacements
 from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import Placed, point_fault
 from geoident.forward.gauges.pore_pressure import pore_pressures
-from geoident.forward.gauges.shell_forces import shell_readings
+from geoident.forward.gauges.shell_forces import shell_readings, tilts_of_shells
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import stresses
 from geoident.forward.gauges.thermometer import thermometers
@@ -61,6 +61,7 @@ ON_SHELLS: Mapping[str, Placing] = {
     "load-cell": shell_readings,
     "strain": shell_readings,
     "pressure-cell": pressures_on_linings,
+    "tilt": tilts_of_shells,
 }
 """What they read on a shell."""
 

@@ -1,4 +1,4 @@
-"""Normal forces and moments of shells at a point, per metre, and strains (`fem.shells`).
+"""Normal forces and moments of shells at a point, per metre, strains, tilts (`fem.shells`).
 
 A face of the mesh gives the mean of each force over it: in it the forces cancel with which the
 nodes of quadratic elements load a shell unevenly. From the middle of the face that holds the point
@@ -16,16 +16,17 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, format_point
-from geoident.fem.shells import ShellMembers
+from geoident.fem.shells import ShellMembers, rotation_nodes
 from geoident.forward.analysis.stage import LinearRows
 from geoident.forward.gauges.member_forces import scaled
+from geoident.forward.gauges.motion import RelativeDisplacements
 from geoident.forward.gauges.observation import AnalysisState, Observable
 from geoident.forward.gauges.on_structures import NOT_STANDING, standing
 from geoident.forward.gauges.placement import Placed
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import rigidities
 from geoident.forward.structures.placing import placed, present_throughout
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import SHELL_FORCES, Channel
 from geoident.model.structures import Shell
@@ -43,6 +44,7 @@ class PlaceOnShell:
         sign: of moments: -1 where the inside is not that of the normals.
         away: distance of the place from the point that was asked for, in parts of a face.
         point: (3,) the place, m.
+        nodes, shapes: (3,) of the triangle that holds it, and their parts in what is there.
         side_known: whether it is known which side is the inside.
         axes: (2, 3) unit vectors 1 and 2 there.
         inside: (3,) unit vector to the inside.
@@ -52,6 +54,8 @@ class PlaceOnShell:
     sign: float
     away: float
     point: Floats
+    nodes: Ints
+    shapes: Floats
     side_known: bool
     axes: Floats
     inside: Floats
@@ -88,7 +92,19 @@ class PlaceOnShell:
         size = float(np.sqrt(members.area[own]))
         known = channel.towards is not None or bool(members.side_known[own])
         away = float(apart[best]) / size
-        return cls(weights, sign, away, feet[best], known, frame[:2], sign * frame[2])
+        plane = np.vstack([frame[:2] @ corners[best].T, np.ones(3)])
+        shapes = np.linalg.solve(plane, np.append(frame[:2] @ feet[best], 1.0))
+        return cls(
+            weights,
+            sign,
+            away,
+            feet[best],
+            members.nodes[best],
+            shapes,
+            known,
+            frame[:2],
+            sign * frame[2],
+        )
 
 
 @dataclass(frozen=True)
@@ -155,6 +171,23 @@ def shell_readings(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
         made = _strain if channel.kind == "strain" else _force
         terms.append(made(channel, shell, members, place))
     return Placed(ShellReadings(channels, terms), readable, faults=faults, unreadable=NOT_STANDING)
+
+
+def tilts_of_shells(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read how far the top of what is fixed to a shell leans, while it stands."""
+    readable, faults = standing(channels, on_mesh)
+    rows = sp.lil_array((len(channels), on_mesh.mesh.points.size))
+    for row, channel in enumerate(channels):
+        found = place_on_shell(channel, on_mesh)
+        if found is None:
+            continue
+        place = found[1]
+        faults = (*faults, *shell_faults(channel, place, on_mesh))
+        about = np.cross((0.0, 0.0, 1.0), channel.direction)
+        dofs = 3 * rotation_nodes(on_mesh.mesh, place.nodes)[:, None] + np.arange(3)
+        rows[row, dofs.ravel()] = np.outer(place.shapes, about).ravel()
+    observable = RelativeDisplacements(sp.csr_array(rows))
+    return Placed(observable, readable, faults=faults, unreadable=NOT_STANDING)
 
 
 def place_on_shell(

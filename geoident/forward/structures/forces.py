@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from geoident.fem.shells import ShellMembers
@@ -14,8 +16,12 @@ from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
-from geoident.model.results.result import MemberForces, ShellForces
-from geoident.model.structures import Bars, Beam, GroutedBars
+from geoident.model.results.result import MemberForces
+from geoident.model.results.shells import ShellForces, along
+from geoident.model.structures import Bars, Beam, GroutedBars, Shell
+
+_DIRECTIONS = np.radians(np.arange(0.0, 180.0, 5.0))
+"""Of the sections of a shell, from axis 1; axis 2 is in the middle."""
 
 _ROUNDING = 1e-9
 """Of the terms of a yield function: what is left of one that is zero."""
@@ -102,6 +108,8 @@ class MemberRecorder:
         after_virgin = [np.concatenate(one, axis=1) for one in self._of_shells[1:]]
         forces = np.stack(after_virgin, axis=-1)
         shells = [members_of(part) for part in parts]
+        normal, moment = forces[:3].transpose(1, 0, 2), forces[3:].transpose(1, 0, 2)
+        used, angle = self._used_of_shells(parts, normal, moment)
         return ShellForces(
             structures=tuple(p.name for p, s in zip(parts, shells, strict=True) for _ in s.area),
             numbers=np.concatenate([np.arange(1, len(s.area) + 1) for s in shells]),
@@ -109,9 +117,39 @@ class MemberRecorder:
             centres=np.concatenate([s.centres for s in shells]),
             corners=np.concatenate([s.corners for s in shells]),
             axes=np.concatenate([s.face_axes for s in shells]),
-            normal=forces[:3].transpose(1, 0, 2),
-            moment=forces[3:].transpose(1, 0, 2),
+            normal=normal,
+            moment=moment,
+            utilisation=used,
+            used_angle=angle,
         )
+
+    def _used_of_shells(
+        self, parts: Sequence[StructureMembers], normal: Floats, moment: Floats
+    ) -> tuple[Floats, Floats] | tuple[None, None]:
+        """What `ShellForces` says of the strength of shells, by n and m (n_faces, 3, n_stages)."""
+        used = np.full(normal.shape, np.nan)
+        worst, first = np.full(used[:, 0].shape, np.nan), 0
+        for part in parts:
+            own = slice(first, first + len(members_of(part).area))
+            first, shell = own.stop, part.structure
+            if not isinstance(shell, Shell) or shell.compressive_strength is None:
+                continue
+            each = np.stack(
+                [
+                    utilisation(
+                        along(normal[own], angle),
+                        along(moment[own], angle),
+                        thickness=shell.thickness.value(self._values),
+                        compressive=shell.compressive_strength,
+                        tensile=shell.tensile_strength,
+                    )
+                    for angle in _DIRECTIONS
+                ]
+            )
+            most = each.argmax(axis=0)
+            used[own] = np.stack([each[0], each[len(each) // 2], each.max(axis=0)], axis=1)
+            worst[own] = np.where(np.isnan(each[0]), np.nan, _DIRECTIONS[most])
+        return (None, None) if np.isnan(used).all() else (used, worst)
 
     def _of_part(self, part: StructureMembers, forces: Floats) -> Floats:
         """N, M at both ends, Q, N_t, N from a jack, utilisation, q of grout: (8, n_members)."""

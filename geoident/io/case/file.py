@@ -55,7 +55,7 @@ from geoident.io.case.timetable import (
 from geoident.io.loaded import LoadedCase
 from geoident.io.mesh.shipped import SHIPPED, shipped_meshes
 from geoident.io.schema.faults import add_schema_faults, paths_of
-from geoident.io.schema.section import Context
+from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import kind_of, tied_parameter
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.head import refuse_no_case
@@ -336,9 +336,9 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
     assert isinstance(data, dict)
     noted = faults.of_keys()  # what pydantic finds there has been said
     wrong = {str(path[0]) for path in noted}
-    known: dict[int, tuple[str, ...]] = {}
+    sections: dict[int, type[Section]] = {}
     try:
-        section = CaseSection.model_validate(data, context=known)
+        section = CaseSection.model_validate(data, context=sections)
         if not faults.found:
             return section, Faults(places)
     except ValidationError as error:
@@ -350,7 +350,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Faults]:
             if not any(path[: len(key)] == key for key in noted)
         ]
         faults = Faults(places, faults.found)
-        add_schema_faults(faults, errors, data, known)
+        add_schema_faults(faults, errors, data, sections)
         wrong |= {str(one["loc"][0]) if one["loc"] else "" for one in errors}
     # an unknown key may hold what other sections refer to, and without 'model' nobody knows whether
     # there is ground: nothing more is said then

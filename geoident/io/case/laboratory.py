@@ -554,12 +554,12 @@ def with_tests(places: Places, faults: Faults) -> Places:
             message = "the case is of 'tests', whose ground and stages are given with them"
             hint = "Remove it. Site and tests are two cases, which a project fits together."
             faults.add((key,), "no-ground", message, hint, key=True)
-    known: dict[int, tuple[str, ...]] = {}
+    sections: dict[int, type[Section]] = {}
     tests: dict[str, AnyTest] = {}
     try:
-        tests = _Tests.model_validate(data, context=known).tests
+        tests = _Tests.model_validate(data, context=sections).tests
     except ValidationError as error:
-        add_schema_faults(faults, error.errors(include_url=False), data, known)
+        add_schema_faults(faults, error.errors(include_url=False), data, sections)
     materials = node if isinstance(node := data.get("materials"), dict) else {}
     for name, test in tests.items():
         if test.material not in materials:

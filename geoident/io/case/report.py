@@ -112,11 +112,11 @@ def read_report_head(text: str, path: str) -> ReportHead:
     places = apply_overrides(parse_yaml(text, path), ())
     if not isinstance(places.data, dict):
         return ReportHead()
-    faults, known = Faults(places), dict[int, tuple[str, ...]]()
+    faults, sections = Faults(places), dict[int, type[Section]]()
     try:
-        head = _OnlyReport.model_validate(places.data, context=known).report
+        head = _OnlyReport.model_validate(places.data, context=sections).report
     except ValidationError as error:
-        add_schema_faults(faults, error.errors(include_url=False), places.data, known)
+        add_schema_faults(faults, error.errors(include_url=False), places.data, sections)
         faults.raise_any()
         raise
     if head is None:

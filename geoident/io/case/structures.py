@@ -6,6 +6,7 @@ An opening in closed form has supports of its own, which press on its wall all r
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -188,17 +189,11 @@ class BeamSection(Section):
 
     def check(self, faults: SectionFaults) -> None:
         """Its weight is given in one way and not negative; its strength has a section."""
-        if self.tensile_strength is not None and self.compressive_strength is None:
-            message = "'tensile_strength' without 'compressive_strength'"
-            hint = "Give both: N and M are held against them together."
-            faults.add(("tensile_strength",), "missing-key", message, hint)
-        elif self.compressive_strength is not None and self.thickness is None:
+        _check_strengths(self, faults)
+        if self.compressive_strength is not None and self.thickness is None:
             message = "'compressive_strength' without a thickness, which makes the section"
             hint = "Give E and thickness in place of EA and EI, or leave the strength out."
             faults.add(("compressive_strength",), "missing-key", message, hint)
-        if self.tensile_strength is not None and self.tensile_strength.factor < 0:
-            message = f"'{self.tensile_strength.text}' is negative"
-            faults.add(("tensile_strength",), "out-of-range", message, "Drop the -.")
         if self.limits is not None and self.limits.compressive_strength and not self.thickness:
             message = "strengths of a section without a thickness, which makes the section"
             hint = "Give E and thickness in place of EA and EI, or limits of N and M."
@@ -242,6 +237,16 @@ class ShellSection(Section):
     temperature do not strain it.
     """
 
+    not_here = MappingProxyType(
+        {
+            "yield": "Shells are elastic. With 'compressive_strength' results say which part of "
+            "the strength n and m use; a lining that yields is made of elements.",
+            "hinges": "Shells have no hinges: folds and joints are rigid, edges turn freely.",
+            "EA": "Give E, nu and thickness: EA per metre is E times the thickness.",
+            "EI": "Give E, nu and thickness: a plate bends with E t^3 / (12 (1 - nu^2)).",
+        }
+    )
+
     kind: Literal["shell"]
     on: Name = Field(description="Group of faces of the mesh on which it is built.")
     E: Modulus = Field(description="Young's modulus.")
@@ -266,6 +271,19 @@ class ShellSection(Section):
         description="Weight of a square metre of it, in place of the density.",
         examples=["8 kN/m2"],
     )
+    compressive_strength: FixedStrength | None = Field(
+        None,
+        description="Compressive strength of its rectangular section: results then say which part "
+        "of the strength n and m use together, along axis 1, along axis 2 and in the direction in "
+        "which it is most. Divide it by the safety factors that are to be kept.",
+        examples=["20 MPa"],
+    )
+    tensile_strength: FixedStress | None = Field(
+        None,
+        description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
+        "concrete; what fibres bear in the crack, or bars by the thickness.",
+        examples=["0.8 MPa"],
+    )
     ageing: AgeingSection | None = Field(
         None,
         description="Its stiffness grows since it was built, as that of sprayed concrete. Stages "
@@ -274,8 +292,9 @@ class ShellSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """Its axis has a direction; its weight is given once and not negative."""
+        """Its axis has a direction; its strengths go together; it weighs once, not less than 0."""
         refuse_no_direction("axis", self.axis, faults)
+        _check_strengths(self, faults)
         if self.density is not None and self.weight is not None:
             message = "found density and weight; expected one of them"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
@@ -289,6 +308,17 @@ class ShellSection(Section):
             context.at("kind").refuse("wrong-analysis", message, hint)
         axis = context.at("axis").vector(self.axis)
         return self.to_model(Shell, context, group=self.on, axis=axis)
+
+
+def _check_strengths(section: BeamSection | ShellSection, faults: SectionFaults) -> None:
+    given = section.tensile_strength
+    if given is not None and section.compressive_strength is None:
+        message = "'tensile_strength' without 'compressive_strength'"
+        hint = "Give both: N and M are held against them together."
+        faults.add(("tensile_strength",), "missing-key", message, hint)
+    if given is not None and given.factor < 0:
+        message = f"'{given.text}' is negative"
+        faults.add(("tensile_strength",), "out-of-range", message, "Drop the -.")
 
 
 def _refuse_negative_weight(section: BeamSection | ShellSection, faults: SectionFaults) -> None:

@@ -15,7 +15,8 @@ from geoident.io.result.hdf5 import hdf5_output, texts
 from geoident.io.result.vtkhdf import HIDDEN_CELL, with_z, write_cells
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.results.interfaces import InterfaceStates
-from geoident.model.results.result import MemberForces, ShellForces
+from geoident.model.results.result import MemberForces
+from geoident.model.results.shells import ShellForces
 
 _LINE, _TRIANGLE, _QUADRILATERAL = 3, 5, 9
 """VTK's numbers of cells of two, three and four points."""
@@ -125,8 +126,7 @@ def shell_faces(forces: ShellForces, state: int) -> StructureCells:
         state: 0 is the virgin state, in which nothing stands.
     """
     normal, moment = _at(forces.normal, state), _at(forces.moment, state)
-    n_principal, _ = principal(normal)
-    m_principal, angle = principal(moment)
+    angle = _at(forces.m_angle, state)
     first, second, inside = forces.axes.transpose(1, 0, 2)
     components = {
         f"{letter}_{part}": each[:, k]
@@ -142,8 +142,8 @@ def shell_faces(forces: ShellForces, state: int) -> StructureCells:
         at_points={},
         of_cells={
             **components,
-            "n_principal": n_principal,
-            "m_principal": m_principal,
+            "n_principal": _at(forces.n_principal, state),
+            "m_principal": _at(forces.m_principal, state),
             "m_direction": np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second,
         },
         static={
@@ -188,18 +188,6 @@ def interface_faces(states: InterfaceStates, state: int) -> StructureCells:
         present=np.isfinite(at_points["t_n"][first]),
         names=states.names,
     )
-
-
-def principal(parts: Floats) -> tuple[Floats, Floats]:
-    """Principal values (n, 2) of forces of shells, the larger first, and its angle to axis 1 (n,).
-
-    Args:
-        parts: (n, 3) components 11, 22 and 12.
-    """
-    middle, half = (parts[:, 0] + parts[:, 1]) / 2, (parts[:, 0] - parts[:, 1]) / 2
-    radius = np.hypot(half, parts[:, 2])
-    angle = 0.5 * np.arctan2(parts[:, 2], half)
-    return np.stack([middle + radius, middle - radius], axis=1), np.asarray(angle)
 
 
 def write_structures_vtkhdf(

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from geoident.errors import Term
-from geoident.io.schema.section import SECTION_FAULTS, SectionFault
+from geoident.io.schema.section import SECTION_FAULTS, Section, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, listing, shorten
@@ -17,8 +17,8 @@ from geoident.io.text.yaml_reader import Node
 from geoident.model.case import KeyPath
 from geoident.units import UnitError
 
-KnownKeys = Mapping[int, tuple[str, ...]]
-"""Identity of a mapping of the file to the keys that it may have."""
+Sections = Mapping[int, type[Section]]
+"""Identity of a mapping of the file to the section that it is."""
 
 _QUOTED = re.compile(r"'([^']*)'")
 _WHOLE = re.compile(r"[-+]?[0-9]+")
@@ -49,7 +49,7 @@ _HINTS = {
 
 
 def add_schema_faults(
-    faults: Faults, errors: list[ErrorDetails], data: Node, known: KnownKeys
+    faults: Faults, errors: list[ErrorDetails], data: Node, sections: Sections
 ) -> None:
     """Note what pydantic found as faults of the case.
 
@@ -57,7 +57,7 @@ def add_schema_faults(
         faults: takes them.
         errors: what pydantic found.
         data: what was read.
-        known: the keys that are allowed at each place, for hints.
+        sections: of the mappings of the file, for hints.
     """
     resolved = [(error, *_resolve(error, data)) for error in errors]
     cut = {
@@ -73,7 +73,7 @@ def add_schema_faults(
             hint = f"Write '{name}: {whole}.{shorten(path[-1])}' with a decimal point."
             faults.add(path, "unknown-key", message, hint, key=True)
         elif path not in cut.values():
-            _add(faults, error, path, node, known, is_key=is_key)
+            _add(faults, error, path, node, sections, is_key=is_key)
 
 
 def paths_of(errors: list[ErrorDetails], data: Node) -> list[KeyPath]:
@@ -109,7 +109,7 @@ def _add(
     error: ErrorDetails,
     path: KeyPath,
     node: Node,
-    known: KnownKeys,
+    sections: Sections,
     *,
     is_key: bool,
 ) -> None:
@@ -122,7 +122,7 @@ def _add(
     elif kind == "value_error":
         _add_refused(faults, path, context["error"], is_key=is_key)
     elif kind == "extra_forbidden":
-        _add_unknown_key(faults, path, known)
+        _add_unknown_key(faults, path, sections)
     elif kind == "missing":
         name = str(error["loc"][-1])
         hint = _MISSING_HINTS.get(name, f"Add '{name}: ...'.")
@@ -142,10 +142,13 @@ def _add_refused(faults: Faults, path: KeyPath, error: Exception, *, is_key: boo
         faults.add(path, "bad-value", str(error), key=is_key)
 
 
-def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
+def _add_unknown_key(faults: Faults, path: KeyPath, sections: Sections) -> None:
     key = str(path[-1])
     holder = node_at(faults.places.data, path[:-1])
-    hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
+    section = sections.get(id(holder), Section)
+    hint = section.not_here.get(key) or faults.did_you_mean(
+        key, section.key_names(), what="Keys here"
+    )
     name, colon, value = key.partition(":")
     if colon and name and value:
         hint = f"Write a space after the colon: '{shorten(name)}: {shorten(value)}'."

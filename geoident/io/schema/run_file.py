@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, ValidationError
 
 from geoident.errors import Location
 from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.section import Section
 from geoident.io.schema.values import Name, kind_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
@@ -69,12 +70,12 @@ def validated(section: type[S], faults: Faults, what: FileKind) -> S:
     if not isinstance(data, dict):
         hint = f"Begin with 'format: geoident-{what}/1'."
         faults.add((), "wrong-kind", f"found {kind_of(data)}; expected a mapping", hint)
-    known: dict[int, tuple[str, ...]] = {}
+    sections: dict[int, type[Section]] = {}
     try:
-        return section.model_validate(data, context=known)
+        return section.model_validate(data, context=sections)
     except ValidationError as error:
         if isinstance(data, dict):
-            add_schema_faults(faults, error.errors(include_url=False), data, known)
+            add_schema_faults(faults, error.errors(include_url=False), data, sections)
         faults.raise_any()
         raise
 

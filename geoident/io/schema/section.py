@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
@@ -90,16 +91,17 @@ class Section(BaseModel):
         json_schema_extra=_describe_ways,
     )
     one_of: ClassVar[tuple[Alternatives, ...]] = ()
+    not_here: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Keys that one may expect, since neighbours have them, and what to do without them."""
     builds: ClassVar[type[DataclassInstance]]
     """The class of the model whose attributes are keys of the section."""
 
     @model_validator(mode="before")
     @classmethod
     def _note_keys(cls, data: Any, info: ValidationInfo) -> Any:
-        """Remember which keys this mapping may have, for did-you-mean."""
+        """Remember whose keys this mapping has, for what is said of unknown ones."""
         if isinstance(info.context, dict):
-            known = tuple(f.alias or name for name, f in cls.model_fields.items())
-            info.context[id(data)] = known
+            info.context[id(data)] = cls
         return data
 
     @model_validator(mode="after")
@@ -149,6 +151,11 @@ class Section(BaseModel):
             if f.name in keys and f.name not in given
         }
         return kind(**{key: x for key, x in values.items() if x is not None}, **given)
+
+    @classmethod
+    def key_names(cls) -> tuple[str, ...]:
+        """Its keys as users write them."""
+        return tuple(f.alias or name for name, f in cls.model_fields.items())
 
     @property
     def numbers(self) -> list[CaseNumber]:

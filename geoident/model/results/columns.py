@@ -37,8 +37,13 @@ LABELS: Mapping[str, tuple[str, ...]] = {
     "end": ("first", "second"),
     "shell_axis": ("1", "2", "n"),
     "shell_part": ("11", "22", "12"),
+    "principal": ("I", "II"),
+    "section": ("1", "2", "most"),
 }
 """Labels of axes that mean the same everywhere; the first of them where an axis is shorter."""
+
+VIEWS = ("json", "csv", "xarray", "diff")
+"""All views of a table but the result file."""
 
 ROW = "row"
 """Axis along which several records of one type stand."""

@@ -19,7 +19,7 @@ from geoident.model.parameter import Prior
 from geoident.model.results.alarms import AlarmState
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.bands import Prediction
-from geoident.model.results.columns import column, derived, select
+from geoident.model.results.columns import VIEWS, column, derived, select
 from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
 from geoident.model.results.decisions import DecisionState, TellingReading
@@ -41,6 +41,7 @@ from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.safety import StageSafety
 from geoident.model.results.settlement import SettlementState
+from geoident.model.results.shells import ShellForces
 from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.times import StageTimes
 from geoident.model.results.updates import UpdateHistory
@@ -48,9 +49,6 @@ from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, si_unit, size_in
-
-VIEWS = ("json", "csv", "xarray", "diff")
-"""All views of a table but the result file."""
 
 GIVEN = ("json", "diff")
 """Views without what the case says of the parameters."""
@@ -806,71 +804,6 @@ class MemberForces:
         """Name of each piece, such as ``lining:12``."""
         pairs = zip(self.structures, self.numbers, strict=True)
         return tuple(f"{name}:{number}" for name, number in pairs)
-
-
-@dataclass(frozen=True)
-class ShellForces:
-    """Forces in shells, means over the faces of the mesh; NaN while a shell does not stand.
-
-    Args:
-        structures: (n_faces,) name of the shell of each face.
-        numbers: (n_faces,) its number within the shell, from 1.
-        stages: names of the stages, the virgin state not among them.
-        centres: (n_faces, 3) middles of the faces, m.
-        corners: (n_faces, 4, 3) of the faces in their order, m; the fourth of a triangle is NaN.
-        axes: (n_faces, 3, 3) unit vectors: axes 1 and 2 of the forces, and the normal to the
-            inside.
-        normal: (n_faces, 3, n_stages) n_11, n_22, n_12, N per metre, tension positive.
-        moment: (n_faces, 3, n_stages) m_11, m_22, m_12, N m per metre, positive with tension on
-            the inside.
-    """
-
-    structures: tuple[str, ...] = field(metadata=column("face", name="structure"))
-    numbers: Ints = field(metadata=column("face", name="number"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    centres: Floats = field(
-        metadata=column(
-            "face",
-            "axis",
-            name="points",
-            title="centre",
-            sheet="{axis}",
-            dimension="length",
-            shown="m",
-        )
-    )
-    corners: Floats = field(metadata=column("face", "corner", "axis", hidden=VIEWS))
-    axes: Floats = field(metadata=column("face", "shell_axis", "axis", name="axes", hidden=VIEWS))
-    normal: Floats = field(
-        metadata=column(
-            "face",
-            "shell_part",
-            "stage",
-            name="n",
-            sheet="n_{shell_part}",
-            dimension="line load",
-            unit="N/m",
-            shown="kN/m",
-        )
-    )
-    moment: Floats = field(
-        metadata=column(
-            "face",
-            "shell_part",
-            "stage",
-            name="m",
-            sheet="m_{shell_part}",
-            dimension="moment per length",
-            unit="N m/m",
-            shown="kNm/m",
-        )
-    )
-
-    @property
-    def standing(self) -> list[list[int]]:
-        """Numbers of each stage and face where its shell stands."""
-        places: list[list[int]] = np.argwhere(np.isfinite(self.normal[:, 0].T)).tolist()
-        return places
 
 
 def fingerprint(identity: str, status: str, objective: float) -> str:

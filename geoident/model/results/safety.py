@@ -8,11 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.columns import column
+from geoident.model.results.columns import VIEWS, column
 from geoident.model.results.yielded import Mechanism
-
-VIEWS = ("json", "csv", "xarray", "diff")
-"""Views of the table that leave out what belongs to each draw or trial."""
 
 FELT = 0.1
 """Part of the largest influence of a parameter from which on another one counts."""

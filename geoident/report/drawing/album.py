@@ -38,6 +38,7 @@ from geoident.report.drawing.parameters.intervals import (
 from geoident.report.drawing.parameters.scan import scan_pictures
 from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import Scene, scene_of
+from geoident.report.drawing.sections import section_pictures
 from geoident.report.drawing.shells import shell_pictures
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
@@ -103,7 +104,12 @@ def album(result: Result, *, prefix: str = "") -> Album:
         ),
         fields,
         quality_pictures(result),
-        (*structure_pictures(result), *shell_pictures(result), *interface_pictures(result)),
+        (
+            *section_pictures(result),
+            *structure_pictures(result),
+            *shell_pictures(result),
+            *interface_pictures(result),
+        ),
         backtest_pictures(result),
         update_pictures(result),
     )

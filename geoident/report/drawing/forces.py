@@ -19,11 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.parameter import Values
 from geoident.model.results.result import MemberForces, Result
-from geoident.model.structures import Beam
 from geoident.report.drawing.labels import place_labels
-from geoident.report.drawing.scene import case_of
 from geoident.report.drawing.style import (
     COMPUTED,
     FAINT,
@@ -34,7 +31,6 @@ from geoident.report.drawing.style import (
     evenly,
     hide_unused,
     key,
-    marker,
     short,
 )
 from geoident.report.text.layout import number
@@ -98,78 +94,12 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
                 partial(_bars_along_figure, forces),
             )
         )
-    return (*_strength_pictures(result, forces), *pictures)
-
-
-def _strength_pictures(result: Result, forces: MemberForces) -> tuple[Picture, ...]:
-    """N and M of each lining against what its section bears, where the case gives a strength."""
-    case = None if forces.utilisation is None else case_of(result)
-    if case is None:
-        return ()
-    values = dict(zip(result.parameters.names, result.parameters.values.tolist(), strict=True))
-    curves = {
-        name: _limit_curve(beam, values)
-        for name, beam in case.structures.items()
-        if isinstance(beam, Beam) and name in forces.structures
-    }
-    shown = [(name, curve) for name, curve in curves.items() if curve is not None]
-    return tuple(
-        Picture(
-            f"strength-{number}",
-            f"N and M of {name} against its strength",
-            "Line: what the section bears. Dots: both ends of all pieces; beyond the "
-            f"line the strength is exceeded. {_some_stages(_of(forces, name), _MOST_STAGES)}",
-            partial(_strength_figure, forces, name, curve),
-        )
-        for number, (name, curve) in enumerate(shown, start=1)
-    )
-
-
-def _limit_curve(beam: Beam, values: Values) -> tuple[Floats, Floats] | None:
-    """N and M that use up a section, tension positive, N/m and N; None where either has no limit.
-
-    Its strengths for the report come before its yield limits.
-    """
-    given, part = beam.limits, np.linspace(-1.0, 1.0, 61)
-    compressive, tensile = beam.compressive_strength, beam.tensile_strength
-    if compressive is None and given is not None and given.compressive_strength is not None:
-        compressive = given.compressive_strength.value(values)
-        tensile = given.tensile_strength.value(values)
-    if compressive is not None and beam.thickness is not None:
-        h = beam.thickness.value(values)
-        middle, half = 0.5 * (tensile - compressive) * h, 0.5 * (tensile + compressive) * h
-        return middle + half * part, 0.25 * half * h * (1.0 - part**2)
-    if given is None or given.N is None or given.M is None:
-        return None
-    curve = {"section": 1.0 - part**2, "linear": 1.0 - np.abs(part), "none": np.ones(len(part))}
-    return given.N.value(values) * part, given.M.value(values) * curve[given.interaction]
+    return tuple(pictures)
 
 
 def _of(forces: MemberForces, name: str) -> Ints:
     """Stages at which a structure stands."""
     return _present(forces, np.array(forces.structures) == name)
-
-
-def _strength_figure(forces: MemberForces, name: str, curve: tuple[Floats, Floats]) -> Figure:
-    """The limit of a section, and N and M of a lining, compression upwards."""
-    axial, moment = curve
-    figure = Figure(figsize=(5.0, 3.6))
-    axes = figure.subplots()
-    limit = np.r_[moment, -moment[::-1], moment[0]], np.r_[axial, axial[::-1], axial[0]]
-    limit = limit[0] / _KILO, limit[1] / _KILO
-    axes.plot(*limit, color="black", lw=1.3)
-    members = np.flatnonzero(np.array(forces.structures) == name)
-    for k, stage in enumerate(_spread(_of(forces, name), _MOST_STAGES)):
-        m = forces.moment[members, :, stage].ravel() / _KILO
-        n = np.repeat(forces.axial[members, stage], 2) / _KILO
-        axes.plot(m, n, ls="", marker=marker(k), ms=3.5, color=colour(k), alpha=0.8,
-                  label=short(forces.stages[stage], 24))  # fmt: skip
-    axes.invert_yaxis()
-    axes.set_xlabel("M (kNm/m)")
-    axes.set_ylabel("N (kN/m, tension positive)")
-    axes.grid(visible=True)
-    figure.legend(loc="outside right upper")
-    return figure
 
 
 def _some_stages(stages: Ints, most: int) -> str:

@@ -21,7 +21,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import Result, ShellForces
+from geoident.model.results.result import Result
+from geoident.model.results.shells import ShellForces
 from geoident.report.drawing.fields.panels import bands
 from geoident.report.drawing.space import add_faces, frame
 from geoident.report.drawing.style import MIDDLE, STRESSES, WIDTH, Picture, evenly, short

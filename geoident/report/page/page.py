@@ -13,6 +13,7 @@ from geoident.io.text.yaml_writer import compact_text
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.plan import GaugePlan
 from geoident.model.results.result import Labelled, Result
+from geoident.model.results.sections import section_uses
 from geoident.report.drawing.album import Album, album, comparison
 from geoident.report.drawing.model.figure import model_pictures
 from geoident.report.drawing.opening import opening_pictures
@@ -415,7 +416,7 @@ def _updates(result: Result) -> tuple[Block, ...]:
 
 def _strength(result: Result) -> tuple[Block, ...]:
     """Where the strength of linings is used most, as far as the case gives it."""
-    table = structures.strength_table(result.members)
+    table = structures.strength_table(section_uses(result.members, result.shells))
     if not table.rows:
         return ()
     note = tag("p", structures.STRENGTH_NOTE, class_="note")

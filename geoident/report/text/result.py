@@ -13,6 +13,7 @@ import numpy as np
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import sentences_of
 from geoident.model.results.result import Labelled, Result
+from geoident.model.results.sections import section_uses
 from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,
@@ -233,7 +234,7 @@ def outcome_sentences(result: Result) -> list[str]:
             None,
             [
                 trough.trough_sentence(result),
-                structures.strength_sentence(result.members),
+                structures.strength_sentence(section_uses(result.members, result.shells)),
                 alarms.alarm_sentence(result),
             ],
         ),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import MemberForces, ShellForces, SupportReactions
+from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.model.results.sections import SectionUse
+from geoident.model.results.shells import ShellForces
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.rows import objects
 
@@ -129,36 +131,33 @@ STRENGTH_NOTE = (
 )
 
 
-def strength_table(forces: MemberForces | None) -> TextTable:
-    """For each lining with a strength and each stage: where most of it is used, and by what."""
+def strength_table(uses: Sequence[SectionUse]) -> TextTable:
+    """For each structure with a strength and each stage: where most of it is used, and by what."""
     header = ("structure", "stage", "used", "N (kN/m)", "M (kNm/m)", "at (m)")
-    used = None if forces is None else forces.utilisation
-    if forces is None or used is None:
-        return TextTable(header, [])
     rows = []
-    for name, members, stage in _present(forces):
-        if not np.isfinite(used[members, stage]).any() and not np.isinf(used[members, stage]).any():
-            continue
-        k = int(members[np.argmax(np.nan_to_num(used[members, stage], nan=-1.0))])
-        end = int(np.argmax(np.abs(forces.moment[k, :, stage])))
-        place = ", ".join(number(float(x), 3) for x in forces.ends[k, end])
-        numbers = (forces.axial[k, stage], forces.moment[k, end, stage])
-        cells = [number(float(force) / _KILO) for force in numbers]
-        rows.append([name, forces.stages[stage], percent_used(used[members, stage]), *cells, place])
+    for use in uses:
+        for stage in np.flatnonzero(~np.isnan(use.most)).tolist():
+            k = int(np.argmax(np.nan_to_num(use.used[:, stage], nan=-1.0)))
+            place = ", ".join(number(float(x), 3) for x in use.places[k, stage])
+            cells = [number(float(each[k, stage]) / _KILO) for each in (use.axial, use.moment)]
+            share = percent_used(use.used[:, stage])
+            rows.append([use.name, use.stages[stage], share, *cells, place])
     return TextTable(header, rows, right="llrrrr")
 
 
-def strength_sentence(forces: MemberForces | None) -> str:
+def strength_sentence(uses: Sequence[SectionUse]) -> str:
     """How much of the strength of linings is used; empty where no strength is given."""
-    used = None if forces is None else forces.utilisation
-    if forces is None or used is None:
+    if not uses:
         return ""
-    k, stage = np.unravel_index(int(np.argmax(np.nan_to_num(used, nan=-1.0))), used.shape)
-    if np.isinf(used[k, stage]):
+    use = max(uses, key=lambda one: float(np.fmax.reduce(one.most)))
+    stage = int(np.argmax(np.nan_to_num(use.most, nan=-1.0)))
+    if np.isinf(use.most[stage]):
         return ""  # a finding says it
-    share = percent_used(used[[k], stage])
-    where = f"{forces.structures[k]}, {forces.stages[stage]}"
-    return f"N and M use at most {share} of the strength of the linings ({where})."
+    share = percent_used(use.most[[stage]])
+    return (
+        f"N and M use at most {share} of the strength of the linings "
+        f"({use.name}, {use.stages[stage]})."
+    )
 
 
 def percent_used(utilisation: Floats) -> str:

@@ -28,7 +28,8 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
-from geoident.model.results.result import GaugeTable, MemberForces
+from geoident.model.results.result import GaugeTable
+from geoident.model.results.sections import section_uses
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
@@ -426,29 +427,32 @@ def collapse_findings(survey: Survey) -> tuple[Finding, ...]:
     )
 
 
-def strength_findings(members: MemberForces | None) -> tuple[Finding, ...]:
-    """One for every lining whose section does not bear N and M at the estimate."""
-    used = None if members is None else members.utilisation
-    if members is None or used is None:
-        return ()
+def strength_findings(survey: Survey) -> tuple[Finding, ...]:
+    """One for every lining or shell whose section does not bear N and M at the estimate."""
+    uses = section_uses(survey.members, survey.shells)
+    beyond = [use for use in uses if (use.most > 1.0).any()]
     findings = []
-    for name in dict.fromkeys(members.structures):
-        own = np.array(members.structures) == name
-        largest = np.fmax.reduce(used[own], axis=0)
-        beyond = np.flatnonzero(np.nan_to_num(largest, posinf=np.inf) > 1.0)
-        if beyond.size:
-            most, stages = float(largest[beyond].max()), [members.stages[j] for j in beyond]
-            share = f"{100.0 * most:.0f} % of it" if np.isfinite(most) else "more than any part"
-            findings.append(
-                Finding(
-                    "strength",
-                    name,
-                    f"The strength of {name} is exceeded: N and M need {share} "
-                    f"(stage{'s' * (len(stages) > 1)} {', '.join(stages)}). The analysis takes it "
-                    "as elastic.",
-                    {"utilisation": most} if np.isfinite(most) else {},
-                )
+    for name in dict.fromkeys(use.structure for use in beyond):
+        own = [use for use in beyond if use.structure == name]
+        shares: list[str] = []
+        for use in own:
+            part = float(np.fmax.reduce(use.most))
+            share = f"{100.0 * part:.0f} % of it" if np.isfinite(part) else "more than any part"
+            if not any(one.startswith(share) for one in shares):  # mostly an axis is the worst
+                shares.append(f"{share} {use.direction}".strip())
+        most = np.fmax.reduce([use.most for use in own])
+        largest = float(np.fmax.reduce(most))
+        stages = [own[0].stages[j] for j in np.flatnonzero(most > 1.0)]
+        findings.append(
+            Finding(
+                "strength",
+                name,
+                f"The strength of {name} is exceeded: N and M need {', '.join(shares)} "
+                f"(stage{'s' * (len(stages) > 1)} {', '.join(stages)}). The analysis takes it "
+                "as elastic.",
+                {"utilisation": largest} if np.isfinite(largest) else {},
             )
+        )
     return tuple(findings)
 
 

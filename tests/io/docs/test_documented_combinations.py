@@ -199,6 +199,7 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
     **{("Bolt", key): {"k_grout": "2 GPa"} for key in ("bond", "free", "head", "pieces")},
     ("Pile", "base_capacity"): {"k_base": "2 GN/m"},
     ("Beam", "tensile_strength"): {"compressive_strength": "20 MPa"},
+    ("Shell", "tensile_strength"): {"compressive_strength": "20 MPa"},
     ("Beam yield", "interaction"): {"M": "150 kNm/m"},
     ("Strain", "fibre"): {"structure": "wall"},
     ("Load cell", "point"): {"structure": "wall"},

@@ -9,7 +9,8 @@ from geoident.io.result.structure_cells import (
     write_structures_vtkhdf,
 )
 from geoident.io.result.vtu import write_structures_vtu
-from geoident.model.results.result import MemberForces, ShellForces
+from geoident.model.results.result import MemberForces
+from geoident.model.results.shells import ShellForces
 
 xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from geoident.model.results.result import MemberForces, ShellForces, SupportReactions
+from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.model.results.shells import ShellForces
 from geoident.report.text.structures import (
     force_table,
     reaction_table,

@@ -32,7 +32,7 @@ _ON_LINE = 1e-9
 
 
 class TiltSection(GaugeBase):
-    """Rotation of a point of the ground, of a beam or of a pair of points, in a vertical plane.
+    """Rotation of a point of the ground, a beam or a shell, or of two points, in a vertical plane.
 
     Positive where the top leans towards a direction. At a point it is the rotation of the ground
     there, without its distortion; of two points that of the line from one to the other.
@@ -40,7 +40,9 @@ class TiltSection(GaugeBase):
 
     one_of = (
         *GaugeBase.one_of,
-        Alternatives("point on?", "between", hint="Two points have a rotation without a beam."),
+        Alternatives(
+            "point on?", "between", hint="Two points have a rotation without a structure."
+        ),
     )
 
     measures = ("angle",)
@@ -48,7 +50,7 @@ class TiltSection(GaugeBase):
     kind: Literal["tilt"]
     point: Coordinates | None = Field(None, description="The point whose rotation is read.")
     on: Name | None = Field(
-        None, description="Beam (a wall, a lining) whose rotation is read at the point."
+        None, description="Beam or shell (a wall, a lining) whose rotation is read at the point."
     )
     between: Line | None = Field(None, description="In place of it, two points.")
     towards: DirectionVector | None = Field(
@@ -59,7 +61,7 @@ class TiltSection(GaugeBase):
 
     @property
     def structure(self) -> str | None:
-        """The beam on which it sits, if it does."""
+        """The beam or shell on which it sits, if it does."""
         return self.on
 
     def channels(self, name: str, context: Context) -> list[Channel]:

@@ -116,10 +116,6 @@ def _is_of_shell(
     if not isinstance(structure, Shell):
         message = f"'{name}' is no shell, whose {channel.quantity} is read"
         place.at("quantity").refuse("wrong-structure", message, "Of beams N, M or Q, of bars N.")
-    elif channel.kind == "tilt":
-        message = f"'{name}' is a shell, of which a {channel.kind} reads nothing"
-        hint = "Give the two points of 'between' on it."
-        place.at("kind").refuse("wrong-structure", message, hint)
     elif channel.kind == "load-cell" and channel.quantity not in SHELL_FORCES:
         message = f"'{name}' is a shell, whose quantities are {', '.join(SHELL_FORCES)}"
         hint = "Add 'quantity: n_22', the normal force along axis 2."
