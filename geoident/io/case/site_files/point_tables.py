@@ -1,6 +1,6 @@
 """Tables of points from CSV files, written into the case before it is validated.
 
-Values from tests of a constant that varies, motions of supports, changes of temperature, the ends of
+Values from tests of a constant that varies, motions of supports, changes of temperature, ends of
 bars, and the rows of tests, which have no places:
 
     x [m], y [m], E [GPa], accuracy [GPa]       x [m], y [m], ux [mm], uy [mm]
@@ -85,7 +85,7 @@ class _Table:
         what: is in it, for messages.
         header: the remedy where a column is missing.
         given: what stands under the entry beside the file.
-        owners: names of which a column `structure` has one in each row: first that whose rows count.
+        owners: names of which a column `structure` has one in each row; rows of the first count.
     """
 
     entry: KeyPath
@@ -204,7 +204,7 @@ class _Table:
     def _is_own(
         self, line: int, cells: list[Cell], units: Mapping[str, str], refuse: _Refuse
     ) -> bool:
-        """Whether a row is of the structure that names the file; a name of no structure is refused."""
+        """Whether a row is of the structure that names the file; an unknown name is refused."""
         if _OWNER not in units:
             return True
         n = list(units).index(_OWNER)
