@@ -31,6 +31,7 @@ from geoident.model.structures import (
     Beam,
     GroutedBars,
     OpeningSupport,
+    Piles,
     Shell,
     Structure,
     Struts,
@@ -137,7 +138,7 @@ def _free_edge(on_mesh: CaseOnMesh, shell: Shell) -> Ints:
 def built_notes(on_mesh: CaseOnMesh) -> list[str]:
     """Structures that no stage builds, with a mesh or without one.
 
-    Also from where behind the face others stand, and linings that are built with their excavation.
+    Also from where behind the face others stand, and what is built with the excavation beside it.
     """
     states = on_mesh.sequence.states
     built = {name for state in states for name in state.structures}
@@ -158,11 +159,11 @@ def built_notes(on_mesh: CaseOnMesh) -> list[str]:
                     f"{_distance(distances[0])}, on and takes its share of what is released after "
                     "that"
                 )
-            elif state.leaving and _lines(on_mesh, name, state.leaving):
+            elif name not in state.stressed and _lines(on_mesh, name, state.leaving):
                 stage = f"{{name: opened, excavate: {_named(on_mesh, state.leaving)}, release: "
                 stage += f"{_parts(on_mesh, state.leaving, '0.5')}}}"
                 notes.append(
-                    f"{what}, which excavates the ground within it, so it carries what this "
+                    f"{what}, which excavates the ground at it, so it carries what this "
                     "releases as if it had stood before the excavation. If it follows the face, "
                     f"release a part first, by a stage '{stage}', and 'release: "
                     f"{_parts(on_mesh, state.leaving, '1')}' where it is built"
@@ -171,9 +172,9 @@ def built_notes(on_mesh: CaseOnMesh) -> list[str]:
 
 
 def lining_faults(on_mesh: CaseOnMesh) -> list[Fault]:
-    """Linings that stand before their tunnel is there, though its stress is released in parts.
+    """Supports that stand before their tunnel is there, though its stress is released in parts.
 
-    A stage builds first and releases then. A lining in the stage that excavates its tunnel, or
+    A stage builds first and releases then. What is built in the stage that excavates the tunnel, or
     after one whose face is still ahead of the section, would take all of the stress.
     """
     case, sequence, faults = on_mesh.case, on_mesh.sequence, []
@@ -185,16 +186,18 @@ def lining_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             continue
         keys: list[tuple[KeyPath, str, frozenset[int]]] = []
         for k, name in enumerate(case.stages[n - 1].build):
+            if name in state.stressed:
+                continue  # the jack gives its force
             keys += [(("build", k), name, g) for g in (opened, coming) if _lines(on_mesh, name, g)]
         for group in case.stages[n - 1].install:
             index = sequence.groups.index(group)
             keys += [(("install", group), group, g) for g in (opened, coming) if index in g]
         for path, name, groups in keys:
             if groups == opened:
-                why = f"stage '{state.name}' excavates the tunnel and builds its lining '{name}', "
-                why += "which would stand before anything is released and carry all of it"
+                why = f"stage '{state.name}' excavates the ground at '{name}' and builds it, so "
+                why += "that it would stand before anything is released and carry all of it"
             else:
-                why = f"the lining '{name}' would stand from the distance to the face at stage "
+                why = f"'{name}' would stand from the distance to the face at stage "
                 why += f"'{before.name}' on, {_distance(before.release[min(coming)])}: before the "
                 why += "face has passed"
             build = f"build: [{name}]"
@@ -208,7 +211,7 @@ def lining_faults(on_mesh: CaseOnMesh) -> list[Fault]:
 def _later(
     state: ConstructionState, build: str, on_mesh: CaseOnMesh, groups: frozenset[int]
 ) -> str:
-    """The line by which a lining is built after its tunnel is open."""
+    """The line by which a structure is built after its tunnel is open."""
     part = state.release[min(groups)]
     if isinstance(part, FaceDistance):
         away = part.distance
@@ -220,13 +223,16 @@ def _later(
 
 
 def _lines(on_mesh: CaseOnMesh, name: str, groups: frozenset[int]) -> bool:
-    """Whether a structure is on the wall of what groups of elements fill, all of it."""
+    """Whether a structure is on the wall of what groups of elements fill: all of it, or heads."""
     mesh, beam = on_mesh.mesh, on_mesh.case.structures[name]
-    if not groups or not isinstance(beam, Beam | Shell | OpeningSupport):
+    if not groups or isinstance(beam, Piles):
         return False
     if isinstance(beam, OpeningSupport) or not mesh.blocks:
         return True  # of the one opening of a case without mesh
-    within = nodes_in(mesh.blocks, np.isin(on_mesh.sequence.group_of, list(groups)))
+    elements = np.isin(on_mesh.sequence.group_of, list(groups))
+    if isinstance(beam, Bars):
+        return any(on_mesh.locator.best(head, elements) is not None for head, _ in beam.ends)
+    within = nodes_in(mesh.blocks, elements)
     return bool(np.isin(group_nodes(mesh, beam.group), and_inner(mesh, within)).all())
 
 
@@ -506,9 +512,10 @@ def _off_symmetry(
 
 
 def _no_ground(case: Case, name: str, path: KeyPath, message: str) -> Fault:
+    hint = "correct the place, or 'dismantle' the structure before its ground is gone"
+    if isinstance(case.structures[name], GroutedBars):
+        hint += "; of bars that lose a part of their ground make two structures, of the part that "
+        hint += "goes and of the part that stays"
     return case.source.fault(
-        ("structures", name, *path),
-        code="no-ground-there",
-        message=message,
-        hint="correct the place, or 'dismantle' the structure before its ground is gone",
+        ("structures", name, *path), code="no-ground-there", message=message, hint=hint
     )

@@ -31,6 +31,7 @@ from geoident.io.schema.values import (
     Modulus,
     Multiple,
     Name,
+    OrFile,
     Ratio,
     Size,
     Stress,
@@ -339,9 +340,11 @@ class _BarSection(Section):
         Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
     )
 
-    ends: list[Line] = Field(
+    ends: Annotated[list[Line], OrFile()] = Field(
         min_length=1,
-        description="The two end points of every bar.",
+        description="The two end points of every bar, or the name of a CSV file that has a row for "
+        "each: `x1 [m], y1 [m], x2 [m], y2 [m]`. With a column `structure` one file serves several "
+        "structures.",
         examples=[[["[3, 0 m]", "[7, 0 m]"]]],
     )
     spacing: Size | None = Field(

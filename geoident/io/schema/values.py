@@ -528,6 +528,15 @@ def _meant(entries: list[Any]) -> list[str]:
     return meant
 
 
+class OrFile:
+    """Annotation of a list that a case may also name by a CSV file, which is read before."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [handler(schema), {"type": "string"}]}
+
+
 @dataclass(frozen=True)
 class CountOr:
     """Annotation of a whole number from one on, or a word."""

@@ -8,7 +8,7 @@ from math import cosh, sinh, sqrt, tanh
 import numpy as np
 import pytest
 
-from geoident.errors import CollapseError
+from geoident.errors import CollapseError, InputError
 from geoident.model.actions import HeadForce, Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.gauges import Channel, Reads
@@ -410,3 +410,34 @@ def _check_slopes(bars, load, less, names, forces=("N0.3", "N1.2", "N2.6")):
         acts = np.maximum(acts, np.abs(jacobian).max(axis=0))
         assert_slopes(response.readings, start, jacobian, names, step=2e-4)
     assert (acts > 0).all(), dict(zip(names, acts, strict=True))
+
+
+# --- in stages ---------------------------------------------------------------------------------
+
+
+def _beside_a_pit(*stages, **changes):
+    mesh = from_grid("quad4", np.stack(np.meshgrid(*[np.arange(5.0)] * 2, indexing="ij"), -1)
+                     .reshape(-1, 2), (4, 4))  # fmt: skip
+    centres = np.array([mesh.points[nodes].mean(axis=0) for nodes in mesh.blocks[0].nodes])
+    pit = (centres[:, 0] < 1) & (centres[:, 1] > 3)
+    mesh = replace(mesh, groups={"pit": np.flatnonzero(pit), "rock": np.flatnonzero(~pit)})
+    head = GroutedBars(
+        (((1.0, 3.5), (3.0, 3.2)),), Scalar(1.0), EA=Scalar(EA), k_grout=Scalar(K), free=0.5
+    )
+    return model(
+        mesh, materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"pit": "rock", "rock": "rock"}, supports=rollers(2),
+        structures={"bar": head}, stages=stages, **changes,
+    )  # fmt: skip
+
+
+def test_bolts_built_with_the_excavation_at_their_heads_are_told_of():
+    """A stage builds first: such bolts carry what the excavation releases."""
+    half = {"pit": Scalar(0.5)}
+    found = _beside_a_pit(Stage("first", ("pit",), build=("bar",)))
+    assert any("carries what this releases" in text for text in found.notes)
+    with pytest.raises(InputError, match="'bar' and builds it, so that it would stand before"):
+        _beside_a_pit(Stage("first", ("pit",), build=("bar",), release=half), Stage("second"))
+    jacked = Stage("first", ("pit",), build=("bar",), prestress={"bar": Scalar(1e4)}, release=half)
+    for stages in ((Stage("open", ("pit",)), Stage("bolted", build=("bar",))), (jacked,)):
+        assert not any("releases" in text for text in _beside_a_pit(*stages).notes)

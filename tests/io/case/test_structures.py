@@ -306,3 +306,13 @@ def test_on_a_mesh_the_beam_or_bolts_to_write_are_named(project, built):
     assert fault.path == "structures.shell.kind"
     assert "and there is a mesh" in fault.message
     assert "write 'shell: {kind: beam, on: LINES, E: 15 GPa" in fault.hint
+
+
+def test_ends_of_bolts_from_a_file(project, built, tmp_path):
+    """One file for several structures: each takes the rows that bear its name."""
+    table = "x1 [m], y1 [m], x2 [m], y2 [m], structure\n3,0,7,1,bolts\n3,1,4,5,shell\n"
+    table += "3,2,7,200e-2,bolts\n"
+    (tmp_path / "bolts.csv").write_text(table)
+    bolt = BOLT.replace("[[[3, 0 m], [7, 1 m]]]", "bolts.csv")
+    found = project.read(built(bolt=bolt)).case.structures["bolts"]
+    assert found.ends == (((3.0, 0.0), (7.0, 1.0)), ((3.0, 2.0), (7.0, 2.0)))

@@ -1,10 +1,13 @@
 """Tables of points from CSV files, written into the case before it is validated.
 
-Values from tests of a constant that varies, motions of supports, changes of temperature, and the
-rows of tests, which have no places:
+Values from tests of a constant that varies, motions of supports, changes of temperature, ends of
+bars, and the rows of tests, which have no places:
 
     x [m], y [m], E [GPa], accuracy [GPa]       x [m], y [m], ux [mm], uy [mm]
     12.5,  40,    14.2,    1.0                  12.5,  3,     -1.2,    0.3
+
+    structure, x1 [m], y1 [m], x2 [m], y2 [m]
+    round 1,   0,      3,      0,      7
 
 The resolved case holds the numbers themselves, so a result needs no file beside it, and its hash
 tells when a file has changed.
@@ -31,6 +34,8 @@ from geoident.units import UnitError, normal_unit, read_quantity, size_in, with_
 _LIMIT = 10 * 10**6  # bytes
 _MOTIONS = {"ux": "x", "uy": "y", "uz": "z"}
 """Column of a motion to its key."""
+_OWNER = "structure"
+"""Column that says of which structure a row is."""
 
 
 def with_tables(places: Places, folder: Path, faults: Faults) -> Places:
@@ -45,7 +50,7 @@ def with_tables(places: Places, folder: Path, faults: Faults) -> Places:
     solid = isinstance(data, dict) and data.get("analysis") == "solid"
     axes = ("x", "y", "z") if solid else ("x", "y")
     tables = [*_measured(data, axes), *_motions(data, axes), *_temperatures(data, axes)]
-    tables += _rows_of_tests(data)
+    tables += [*_ends_of_bars(data, axes), *_rows_of_tests(data)]
     if not tables:
         return places
     data = deepcopy(data)
@@ -80,6 +85,7 @@ class _Table:
         what: is in it, for messages.
         header: the remedy where a column is missing.
         given: what stands under the entry beside the file.
+        owners: names of which a column `structure` has one in each row; rows of the first count.
     """
 
     entry: KeyPath
@@ -90,18 +96,22 @@ class _Table:
     what: str
     header: str
     given: Mapping[str, Node]
+    owners: tuple[str, ...] = ()
 
     @property
     def measured(self) -> bool:
         """It holds values from tests, with their accuracies."""
         return "accuracy" in self.columns
 
-    def written(self, rows: list[tuple[int, _Row]]) -> dict[str, Node]:
+    def written(self, rows: list[tuple[int, _Row]]) -> Node:
         """The rows as they would be written in the case."""
         if not self.axes:
             names = dict.fromkeys(name for _, row in rows for name in row)
             return {name: [row.get(name) for _, row in rows] for name in names}
-        points: list[Node] = [[row[axis] for axis in self.axes] for _, row in rows]
+        points = [[row[axis] for axis in self.axes] for _, row in rows]
+        if self.owners:
+            half = len(self.axes) // 2
+            return [[point[:half], point[half:]] for point in points]
         if not self.measured:
             written: dict[str, Node] = {**self.given, "points": points}
             for name in self.columns:
@@ -142,10 +152,11 @@ class _Table:
         rows = []
         for number, line in lines[1:] if not wrong else ():
             cells = cells_of(line, delimiter)
-            if any(cell.text for cell in cells):
+            if any(cell.text for cell in cells) and self._is_own(number, cells, units, refuse):
                 rows.append((number, self._row(number, cells, units, refuse)))
         if not wrong and not rows:
-            refuse(1, 1, "bad-table", "the table has no row", self.header)
+            whose = f" of '{shorten(self.owners[0])}'" if _OWNER in units else ""
+            refuse(1, 1, "bad-table", f"the table has no row{whose}", self.header)
         faults.extend(wrong)
         return None if wrong else rows
 
@@ -157,7 +168,9 @@ class _Table:
         for cell in header:
             title, at = cell.text, cell.column
             name, unit = name_and_unit(title)
-            if name not in dimensions:
+            if name == _OWNER and self.owners and name not in units:
+                units[name] = ""
+            elif name not in dimensions:
                 message = f"the column '{shorten(title)}' is not known here"
                 refuse(
                     1, at, "unknown-column", message, did_you_mean(name, dimensions, what="Columns")
@@ -183,10 +196,24 @@ class _Table:
                     refuse(1, at, "unit", message, hint)
         values = [name for name in self.columns if name != "accuracy"]
         missing = [axis for axis in self.axes if axis not in units]
-        missing += [] if any(name in units for name in values) else [values[0]]
+        missing += values[:1] if not any(name in units for name in values) else []
         for name in missing if good else ():
             refuse(1, 1, "missing-column", f"there is no column '{name}'", self.header)
         return units
+
+    def _is_own(
+        self, line: int, cells: list[Cell], units: Mapping[str, str], refuse: _Refuse
+    ) -> bool:
+        """Whether a row is of the structure that names the file; an unknown name is refused."""
+        if _OWNER not in units:
+            return True
+        n = list(units).index(_OWNER)
+        owner = cells[n] if n < len(cells) else Cell("", 1)
+        if owner.text not in self.owners:
+            message = f"there is no structure '{shorten(owner.text)}'"
+            hint = did_you_mean(owner.text, self.owners, what="Structures")
+            refuse(line, owner.column, "unknown-structure", message, hint)
+        return owner.text == self.owners[0]
 
     def _row(self, line: int, cells: list[Cell], units: Mapping[str, str], refuse: _Refuse) -> _Row:
         """What stands in the cells of a row, with units; what is no number is refused."""
@@ -196,6 +223,8 @@ class _Table:
             hint = "Remove what is too much; a decimal comma is written as a point."
             refuse(line, cells[len(units)].column, "bad-row", message, hint)
         for n, (name, unit) in enumerate(units.items()):
+            if name == _OWNER:
+                continue
             text, at = (cells[n].text, cells[n].column) if n < len(cells) else ("", 1)
             not_read = not self.axes and name != next(iter(self.columns))
             if not text and (name == "accuracy" or not_read):
@@ -251,6 +280,19 @@ def _temperatures(data: Node, axes: tuple[str, ...]) -> Iterator[_Table]:
             at: KeyPath = ("stages", n, "temperature", group)
             columns = {"change": "temperature"}
             yield from _with_points(at, given, axes, columns, "temperatures", header)
+
+
+def _ends_of_bars(data: Node, axes: tuple[str, ...]) -> Iterator[_Table]:
+    """Files with the ends of bars; one file may have those of several structures."""
+    structures = _items(data.get("structures") if isinstance(data, dict) else None)
+    columns = tuple(f"{axis}{end}" for end in (1, 2) for axis in axes)
+    header = f"Begin with a line such as '{', '.join(f'{c} [m]' for c in columns)}' (a column "
+    header += "'structure' may say whose row it is)."
+    for name, given in structures:
+        if isinstance(given, dict) and isinstance(file := given.get("ends"), str):
+            at: KeyPath = ("structures", name, "ends")
+            owners = (str(name), *(str(other) for other, _ in structures if other != name))
+            yield _Table(at, at, file, columns, {}, "ends of bars", header, {}, owners)
 
 
 def _rows_of_tests(data: Node) -> Iterator[_Table]:
