@@ -1,4 +1,4 @@
-"""Factors of safety at draws of a posterior, in one process or in several.
+"""Factors of safety at draws of a posterior, in one process or in several, and their band.
 
 The first draws begin at the factor of the best values, all others at what a surface through the
 first says: so the factors are the same to the last bit in any number of processes.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -17,8 +17,11 @@ from geoident.errors import ModelError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.safety.search import Search, safety_factors
-from geoident.identify.assessment.scalar_band import fitted_surface
+from geoident.identify.assessment.scalar_band import fitted_surface, scalar_band
+from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats, Ints
+from geoident.model.results.safety import SafetyFactor, StageSafety, depends_on
 from geoident.workflow.executing.executor import in_order
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.control import Control
@@ -32,6 +35,9 @@ _FIRST = 8
 
 _FACTORIZATIONS = 100
 """Of a factor, about."""
+
+_MANY = 20_000
+"""Draws at which the surface through the factors is asked."""
 
 
 @dataclass(frozen=True)
@@ -77,47 +83,138 @@ def factor_at(model: StagedModel, task: FactorTask) -> FactorAtDraw:
     return FactorAtDraw(found.value, found.bounded)
 
 
-def factors_at_draws(
-    model: StagedModel,
-    parts: ModelParts,
-    control: Control,
-    points: Sequence[Floats],
-    coordinates: Floats,
-    state: int,
-    best: float,
-) -> tuple[Floats, Ints]:
-    """The factor of a state at each of some points, NaN where there is none; whether it is bounded.
+@dataclass(frozen=True)
+class SafetyDraws:
+    """Draws of the posterior of a fit, at which factors are computed.
 
     Args:
         model: of the fit.
         parts: of which it consists, to build it elsewhere.
         control: stops the run, says in how many processes.
-        points: d parameter vectors (n,), SI.
-        coordinates: (d, r) of the same, independent and of the size of one.
-        state: its number.
-        best: factor at the best values.
-
-    Raises:
-        Interrupted: a stop was asked for.
-        ModelError: no process computes a factor.
+        assessment: how well the fit knows its n parameters.
+        count: how many draws.
+        seed: of these.
     """
-    count, first = len(points), max(_FIRST, coordinates.shape[1] + 3)
-    jobs = control.jobs
-    if jobs is None:
-        jobs = worthwhile_processes(model, parts.solver, count * _FACTORIZATIONS)
-    found: list[FactorAtDraw] = []
-    with _computing(model, parts, min(jobs, count), control) as compute:
-        for some in (slice(0, first), slice(first, count)):
-            guesses = _guesses(coordinates, found, coordinates[some], best)
-            tasks = [
-                FactorTask(p, state, guess) for p, guess in zip(points[some], guesses, strict=True)
-            ]
-            for one in compute(tasks):
-                found.append(one)
-                control.stop.check()
-                said = f"factor at draw {len(found)} of {count}"
-                control.monitor.part(said, len(found) / count)
-    return np.array([one.value for one in found]), np.array([one.bounded for one in found], int)
+
+    model: StagedModel
+    parts: ModelParts
+    control: Control
+    assessment: Assessment
+    count: int
+    seed: int
+
+    def band(self, p: Floats, state: int, best: SafetyFactor) -> StageSafety:
+        """What the posterior makes of the factor of a state.
+
+        Args:
+            p: (n,) the best values, SI.
+            state: its number.
+            best: its factor there.
+
+        Raises:
+            Interrupted: a stop was asked for.
+            ModelError: it cannot be computed at most draws.
+        """
+        rng, scaling = (
+            np.random.default_rng([self.seed, state]),
+            Scaling(self.model.case.parameters),
+        )
+        assessment, count, names = self.assessment, self.count, self.model.names
+        steps, many = (_drawn(assessment, size, rng) for size in (count, _MANY))
+        axes = _axes(many)
+        points = [scaling.away(p, step) for step in steps]
+        z = steps @ axes
+        y, bounded = self._factors(points, z, state, best.value)
+        y = np.log(y)
+        known = np.isfinite(y)
+        if np.count_nonzero(known) < max(3, count // 2):
+            raise ModelError(
+                f"at {count - np.count_nonzero(known)} of {count} draws of the posterior the model "
+                f"has no answer at stage '{best.stage}'",
+                "The fit leaves parameters so open that a band means nothing: see `geoident show`.",
+            )
+        band = scalar_band(z[known], y[known], many @ axes, 0.0, rng)
+        lower, median, upper = np.exp(band.quantiles)
+        influence = np.asarray(axes @ band.surface.coefficients[1 : 1 + axes.shape[1]])
+        influence *= many.std(axis=0)
+        unknown = ~(np.array(assessment.determined) | np.array(assessment.from_prior))
+        felt = depends_on(names, influence)
+        return replace(
+            StageSafety.of(best, len(p)),
+            lower95=float(lower),
+            median=float(median),
+            upper95=float(upper),
+            below_one=band.below,
+            below_one_sd=band.below_sd,
+            counted=int(np.count_nonzero(y[known] < 0.0)),
+            surface="quadratic" if band.surface.quadratic else "linear",
+            left=band.surface.left,
+            undetermined=", ".join(
+                n for n, open_ in zip(names, unknown, strict=True) if open_ and n in felt
+            ),
+            influence=influence,
+            factors=np.exp(y),
+            bounded=bounded,
+            draws=np.array(points),
+        )
+
+    def _factors(
+        self, points: Sequence[Floats], z: Floats, state: int, best: float
+    ) -> tuple[Floats, Ints]:
+        """Factors at some points, NaN where there is none; whether they are bounded.
+
+        Args:
+            points: d parameter vectors (n,), SI.
+            z: (d, r) of the same, independent and of the size of one.
+            state: its number.
+            best: factor at the best values.
+
+        Raises:
+            Interrupted: a stop was asked for.
+            ModelError: no process computes a factor.
+        """
+        control, count, first = self.control, len(points), max(_FIRST, z.shape[1] + 3)
+        jobs = control.jobs
+        if jobs is None:
+            jobs = worthwhile_processes(self.model, self.parts.solver, count * _FACTORIZATIONS)
+        found: list[FactorAtDraw] = []
+        with _computing(self.model, self.parts, min(jobs, count), control) as compute:
+            for some in (slice(0, first), slice(first, count)):
+                guesses = _guesses(z, found, z[some], best)
+                tasks = [
+                    FactorTask(p, state, guess)
+                    for p, guess in zip(points[some], guesses, strict=True)
+                ]
+                for one in compute(tasks):
+                    found.append(one)
+                    control.stop.check()
+                    said = f"factor at draw {len(found)} of {count}"
+                    control.monitor.part(said, len(found) / count)
+        values = np.array([one.value for one in found])
+        return values, np.array([one.bounded for one in found], int)
+
+
+def _drawn(assessment: Assessment, count: int, rng: np.random.Generator) -> Floats:
+    """Steps (d, n) of the scaled parameters from the estimate, from the posterior."""
+    posterior = assessment.posterior
+    shift = posterior.shift[:, rng.choice(len(posterior.weight), count, p=posterior.weight)]
+    normal = rng.standard_normal((posterior.factor.shape[1], count))
+    return np.asarray((shift + posterior.factor @ normal).T)
+
+
+def _axes(steps: Floats) -> Floats:
+    """(n, r) what makes independent coordinates of the size of one of steps (m, n).
+
+    Directions in which nothing varies are left out.
+    """
+    sd = steps.std(axis=0)
+    varies = sd > 0.0
+    size = np.where(varies, sd, 1.0)
+    values, vectors = np.linalg.eigh(np.atleast_2d(np.cov((steps[:, varies] / size[varies]).T)))
+    kept = values > 1e-8 * values.max(initial=0.0)
+    axes = np.zeros((steps.shape[1], int(np.count_nonzero(kept))))
+    axes[varies] = vectors[:, kept] / np.sqrt(values[kept]) / size[varies, None]
+    return axes
 
 
 def _guesses(z: Floats, found: Sequence[FactorAtDraw], wanted: Floats, best: float) -> Floats:

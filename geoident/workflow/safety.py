@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from geoident.errors import ExitCode, InputError, ModelError, UsageError
+from geoident.errors import ExitCode, InputError, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel
 from geoident.forward.safety.search import Search, safety_factors
 from geoident.forward.safety.strengths import reducible
-from geoident.identify.assessment.scalar_band import scalar_band
-from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.scaling import Scaling
 from geoident.io.bridges.values import WrittenValue, read_values
 from geoident.io.text.wording import nearest
-from geoident.model.arrays import Floats, Ints
-from geoident.model.case import Case
+from geoident.model.arrays import Floats
 from geoident.model.moments import stage_and_time
 from geoident.model.results.result import Result
-from geoident.model.results.safety import SafetyFactor, StageSafety, alike, depends_on
+from geoident.model.results.safety import SafetyFactor, StageSafety, alike
 from geoident.workflow.estimating.diagnosis import bare_parameter_table
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, job_at_hand, write
@@ -33,7 +28,7 @@ from geoident.workflow.estimating.from_fit import (
     read_fit,
     require_same_mesh,
 )
-from geoident.workflow.factors_at_draws import factors_at_draws
+from geoident.workflow.factors_at_draws import SafetyDraws
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
@@ -54,9 +49,6 @@ from geoident.workflow.simulate import values_for, with_starts
 
 DRAWS = 30
 """Draws of the posterior at which a factor is computed."""
-
-_MANY = 20_000
-"""Draws at which the surface through them is asked."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +186,8 @@ def _result(task: _Task, control: Control) -> Result:
     factors = _factors(model, p, states, control)
     rows, status = [StageSafety.of(one, len(p)) for one in factors], "done"
     if fit is not None:
-        rows = _bands(task, fit, model, p, states, factors, control)
+        draws = _draws(task, fit, model, p, control)
+        rows = [draws.band(p, *one) for one in zip(states, factors, strict=True)]
         if any(row.undetermined for row in rows):
             status = "not-determined"
         if fit.status == "poor-fit":
@@ -235,25 +228,16 @@ def _result(task: _Task, control: Control) -> Result:
     )
 
 
-def _bands(
-    task: _Task,
-    fit: Result,
-    model: StagedModel,
-    p: Floats,
-    states: Sequence[int],
-    factors: Sequence[SafetyFactor],
-    control: Control,
-) -> list[StageSafety]:
-    """What the posterior of a fit makes of factors at its best values."""
-    job, asked = task.job, task.asked
-    assessment = _assessment(fit, model, job.inputs.case, p)
-    parts = ModelParts.of(model, job.inputs.case, job.request.solver)
+def _draws(
+    task: _Task, fit: Result, model: StagedModel, p: Floats, control: Control
+) -> SafetyDraws:
+    """The draws of the posterior of a fit at which factors are computed."""
+    case, request = task.job.inputs.case, task.job.request
+    survey = model.survey(p, fields=False, partial=True)
+    known = known_by_fit(fit, case, model, case, survey, same_case=True, follow=False)
+    parts = ModelParts.of(model, case, request.solver)
     assert parts is not None  # a staged model has them
-    at_draws = partial(factors_at_draws, model, parts, control)
-    return [
-        _band(model, p, state, best, assessment, asked.draws, job.request.seed, at_draws)
-        for state, best in zip(states, factors, strict=True)
-    ]
+    return SafetyDraws(model, parts, control, known.assessment, task.asked.draws, request.seed)
 
 
 def _staged(model: ObservedModel) -> StagedModel:
@@ -319,88 +303,3 @@ def _factors(
         control.monitor.part(words, 0.0)
 
     return tuple(safety_factors(model, p, states, Search(tell=tell)))
-
-
-def _assessment(fit: Result, model: StagedModel, case: Case, p: Floats) -> Assessment:
-    """How well the fit knows its parameters, in the order of the model."""
-    survey = model.survey(p, fields=False, partial=True)
-    return known_by_fit(fit, case, model, case, survey, same_case=True, follow=False).assessment
-
-
-def _drawn(assessment: Assessment, count: int, rng: np.random.Generator) -> Floats:
-    """Steps (d, n) of the scaled parameters from the estimate, from the posterior."""
-    posterior = assessment.posterior
-    shift = posterior.shift[:, rng.choice(len(posterior.weight), count, p=posterior.weight)]
-    normal = rng.standard_normal((posterior.factor.shape[1], count))
-    return np.asarray((shift + posterior.factor @ normal).T)
-
-
-def _band(
-    model: StagedModel,
-    p: Floats,
-    state: int,
-    best: SafetyFactor,
-    assessment: Assessment,
-    count: int,
-    seed: int,
-    at_draws: Callable[[Sequence[Floats], Floats, int, float], tuple[Floats, Ints]],
-) -> StageSafety:
-    """What a posterior makes of the factor of a stage.
-
-    Raises:
-        ModelError: it cannot be computed at most draws.
-    """
-    rng, scaling = np.random.default_rng([seed, state]), Scaling(model.case.parameters)
-    steps = _drawn(assessment, count, rng)
-    many = _drawn(assessment, _MANY, rng)
-    axes = _axes(many)
-    points = [scaling.away(p, step) for step in steps]
-    z = steps @ axes
-    y, bounded = at_draws(points, z, state, best.value)
-    y = np.log(y)
-    known = np.isfinite(y)
-    if np.count_nonzero(known) < max(3, count // 2):
-        raise ModelError(
-            f"at {count - np.count_nonzero(known)} of {count} draws of the posterior the model has "
-            f"no answer at stage '{best.stage}'",
-            "The fit leaves parameters so open that a band means nothing: see `geoident show`.",
-        )
-    band = scalar_band(z[known], y[known], many @ axes, 0.0, rng)
-    lower, median, upper = np.exp(band.quantiles)
-    influence = np.asarray(axes @ band.surface.coefficients[1 : 1 + axes.shape[1]])
-    influence *= many.std(axis=0)
-    unknown = ~(np.array(assessment.determined) | np.array(assessment.from_prior))
-    felt = depends_on(model.names, influence)
-    return replace(
-        StageSafety.of(best, len(p)),
-        lower95=float(lower),
-        median=float(median),
-        upper95=float(upper),
-        below_one=band.below,
-        below_one_sd=band.below_sd,
-        counted=int(np.count_nonzero(y[known] < 0.0)),
-        surface="quadratic" if band.surface.quadratic else "linear",
-        left=band.surface.left,
-        undetermined=", ".join(
-            n for n, open_ in zip(model.names, unknown, strict=True) if open_ and n in felt
-        ),
-        influence=influence,
-        factors=np.exp(y),
-        bounded=bounded,
-        draws=np.array(points),
-    )
-
-
-def _axes(steps: Floats) -> Floats:
-    """(n, r) what makes independent coordinates of the size of one of steps (m, n).
-
-    Directions in which nothing varies are left out.
-    """
-    sd = steps.std(axis=0)
-    varies = sd > 0.0
-    size = np.where(varies, sd, 1.0)
-    values, vectors = np.linalg.eigh(np.atleast_2d(np.cov((steps[:, varies] / size[varies]).T)))
-    kept = values > 1e-8 * values.max(initial=0.0)
-    axes = np.zeros((steps.shape[1], int(np.count_nonzero(kept))))
-    axes[varies] = vectors[:, kept] / np.sqrt(values[kept]) / size[varies, None]
-    return axes

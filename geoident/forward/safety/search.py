@@ -228,20 +228,9 @@ class _Reduction:
         self._collapse: tuple[float, CollapseError] | None = None  # the last that is proven
 
     def found(self) -> SafetyFactor:
-        """The factor of safety."""
+        """The factor of safety, and how the ground fails beyond it."""
+        low, high = self._narrowed()
         state = self._model.sequence.states[self._number]
-        low, high = self._bracket(self._reached.factor, _FIRST)
-        narrow = 1.0 + self._search.tolerance
-        while True:
-            while high / low > narrow and np.isfinite(high):
-                middle = float(np.sqrt(low * high))
-                # a failure that would be the last one, and cannot be proven, is looked for once
-                surely = middle / low <= narrow and not self._associated(middle)
-                stands = self._stands(middle, surely=surely)
-                low, high = (middle, high) if stands else (low, middle)
-            if not (self._hasty and np.isfinite(high)) or not self._stands(high, surely=True):
-                break
-            low, high = self._bracket(high, narrow)
         mechanism, place = self._mechanism(high)
         materials, joints = self._materials(), self._joints()
         structures = self._model.case.structures
@@ -262,6 +251,21 @@ class _Reduction:
             moved=np.array([np.abs(u).max(initial=0.0) for u in self._moved]),
             solved=self._solved,
         )
+
+    def _narrowed(self) -> tuple[float, float]:
+        """The ends of the last bracket, of which the upper one fails for sure, or is infinite."""
+        narrow = 1.0 + self._search.tolerance
+        low, high = self._bracket(self._reached.factor, _FIRST)
+        while True:
+            while high / low > narrow and np.isfinite(high):
+                middle = float(np.sqrt(low * high))
+                # a failure that would be the last one, and cannot be proven, is looked for once
+                surely = middle / low <= narrow and not self._associated(middle)
+                stands = self._stands(middle, surely=surely)
+                low, high = (middle, high) if stands else (low, middle)
+            if not (self._hasty and np.isfinite(high)) or not self._stands(high, surely=True):
+                return low, high
+            low, high = self._bracket(high, narrow)
 
     def _materials(self) -> list[Material]:
         """Those that are there."""

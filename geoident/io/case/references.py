@@ -57,7 +57,8 @@ def _check_materials(section: CaseSection, faults: Faults) -> None:
             uses += [(("stages", n, key, group), name) for group, name in mapping.items()]
     for path, name in uses:
         if name not in known:
-            faults.add_unknown(path, "material", name, known)
+            choices = (*known, ABSENT) if path[0] == "groups" else known
+            faults.add_unknown(path, "material", name, choices)
 
 
 def _check_groups(section: CaseSection, faults: Faults) -> None:

@@ -17,6 +17,7 @@ from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
+from geoident.model.structures import Bolts, GroutedBars
 from tests.forward.structures.test_interfaces import held_by_friction, on_level, roof
 from tests.support.meshes import box
 
@@ -29,7 +30,7 @@ def factor_of(staged, **search):
     return found
 
 
-def bench(joint: Interface, dip: float, H: float = 10.0, ground=()):
+def bench(joint: Interface, dip: float, H: float = 10.0, ground=(), **structures):
     """A vertical face of rock of 25 kN/m3 whose joint comes out at the toe."""
     n = 4
     wide = H / tan(dip)
@@ -46,7 +47,8 @@ def bench(joint: Interface, dip: float, H: float = 10.0, ground=()):
         supports=(Support("x1", (0, 1)), Support("y0", (0, 1))),
         gravity=(0.0, -G),
         interfaces={"joint": joint},
-        stages=(Stage("cut", install={"all": "rock"}),),
+        structures=structures,
+        stages=(Stage("cut", install={"all": "rock"}, build=tuple(structures)),),
     )
 
 
@@ -86,6 +88,30 @@ def test_part_of_a_strength_and_dilation():
     stable = factor_of(bench(joint, dip, ground=(mohr(1e6, PHI),)))
     assert stable.value == pytest.approx(exact, rel=0.003)
     assert stable.unyielding == ()
+
+
+BOLT = {"ends": (((0.0, 4.0), (9.0, 4.0)),), "spacing": Scalar(1.0), "EA": Scalar(1e8)}
+
+
+@pytest.mark.parametrize(
+    "bolt",
+    [
+        Bolts(**BOLT, capacity=Scalar(300e3)),
+        pytest.param(
+            GroutedBars(**BOLT, k_grout=Scalar(5e8), bond=Scalar(60e3), pieces=9),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_bolt_keeps_its_strength(bolt):
+    """T is added to what holds the slide, and is not divided: of steel, or of 5 m of grout."""
+    dip, T = radians(45.0), 300e3
+    W, L = 0.5 * 25e3 * 10.0**2, 10.0 / sin(dip)
+    exact = (C * L + (W * cos(dip) + T * sin(dip)) * tan(PHI)) / (W * sin(dip) - T * cos(dip))
+    joint = Interface("joint", **STIFF, cohesion=Scalar(C), friction=Scalar(PHI))
+    found = factor_of(bench(joint, dip, bolt=bolt), guess=exact)
+    assert found.value == pytest.approx(exact, rel=0.003)
+    assert found.kept == ("bolt",)
 
 
 @pytest.mark.slow  # the slide above, whose factor is below one as well

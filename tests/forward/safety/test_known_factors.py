@@ -85,19 +85,16 @@ def test_vertical_cut_in_tresca_soil(verification):
     verification("safety", "tri6, 800 elements", ["vertical cut"], exact=exact, found=found)
 
 
-def _slow(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
-
-
+@pytest.mark.slow  # the cylinder
 @pytest.mark.parametrize(
     ("beta", "phi", "N", "n"),
     [
         (60, 20, 10.39, 6),
-        _slow(45, 20, 16.16, 6),
-        _slow(45, 10, 9.31, 8),
-        _slow(60, 10, 7.26, 8),
-        _slow(90, 10, 4.58, 10),
-        _slow(60, 0, 5.25, 10),
+        (45, 20, 16.16, 6),
+        (45, 10, 9.31, 8),
+        (60, 10, 7.26, 8),
+        (90, 10, 4.58, 10),
+        (60, 0, 5.25, 10),
     ],
 )
 def test_stability_numbers_of_slopes(beta, phi, N, n, verification):
