@@ -392,3 +392,27 @@ class _Rows:
 def rotation_nodes(mesh: Mesh, nodes: Ints) -> Ints:
     """The nodes that stand for the rotations at some nodes (...)."""
     return np.asarray(mesh.n_places + np.searchsorted(mesh.rotations_of, nodes))
+
+
+def nearest_triangle(corners: Floats, point: Floats) -> tuple[int, Floats]:
+    """Which triangle comes nearest to a point, and the parts (3,) of its corners in that place.
+
+    Args:
+        corners: (m, 3, 3) m.
+        point: (3,) m.
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    to_point = point - corners
+    along = (edges * to_point).sum(axis=2) / (edges**2).sum(axis=2)
+    on_edges = corners + np.clip(along, 0.0, 1.0)[..., None] * edges
+    away = np.linalg.norm(on_edges - point, axis=2)
+    feet = np.take_along_axis(on_edges, away.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    outside = (np.cross(edges, to_point) @ normal[:, :, None])[..., 0] < 0.0
+    inner = ~outside.any(axis=1)
+    height = (to_point[:, 0] * normal).sum(axis=1) / (normal**2).sum(axis=1)
+    feet[inner] = point - height[inner, None] * normal[inner]
+    best = int(np.linalg.norm(feet - point, axis=1).argmin())
+    sides = (corners[best, 1:] - corners[best, 0]).T
+    parts = np.linalg.lstsq(sides, feet[best] - corners[best, 0])[0]
+    return best, np.array([1.0 - parts.sum(), *parts])

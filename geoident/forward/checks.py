@@ -83,7 +83,7 @@ from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar, Values
-from geoident.model.structures import Beam
+from geoident.model.structures import Beam, Shell
 
 
 def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
@@ -108,6 +108,7 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
 
 
 _upright_of = OfMesh[Mesh]()
+_turning_of = OfMesh[Mesh]()
 _barred_of = OfMesh[Mesh]()
 _split_of = OfMesh[SplitMesh]()
 _loose_body_of = OfMesh[LooseBody | None]()
@@ -116,20 +117,18 @@ _loose_body_of = OfMesh[LooseBody | None]()
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     kinematics = kinematics_of(case.analysis)
     groups, bars = shell_groups(case, mesh), bar_lines(case)
-    upright = _upright_of(
-        mesh,
-        (case.analysis, groups),
-        lambda: with_shells(oriented(mesh, kinematics), groups),
-    )
-    whole = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
+    upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
+    turning = _turning_of(upright, groups, lambda: with_shells(upright, groups))
+    whole = CaseOnMesh(case, turning, turned=turned_elements(mesh, upright))
     along = tuple(one.along for one in case.interfaces.values())
-    if not along or groups:  # of both together the case is refused
-        return replace(whole, mesh=_with_bars(upright, bars))
-    beams = tuple(one.group for one in case.structures.values() if isinstance(one, Beam))
-    parted = _split_of(upright, (along, beams), lambda: split(upright, along, beams))
+    if not along:
+        return replace(whole, mesh=_with_bars(turning, bars))
+    between = tuple(one.group for one in case.structures.values() if isinstance(one, Beam | Shell))
+    parted = _split_of(upright, (along, between), lambda: split(upright, along, between))
+    turning = _turning_of(parted.mesh, groups, lambda: with_shells(parted.mesh, groups))
     return replace(
         whole,
-        mesh=_with_bars(parted.mesh, bars),
+        mesh=_with_bars(turning, bars),
         joints=parted.joints,
         before=whole,
         original=parted.original,

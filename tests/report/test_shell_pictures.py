@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
+from geoident.model.parameter import Scalar
 from geoident.model.results.shells import ShellForces
+from geoident.model.structures import Shell
+from geoident.report.drawing import sections
 from geoident.report.drawing.shells import shell_pictures
 from geoident.report.drawing.style import drawing_style
 
@@ -69,6 +73,29 @@ def test_a_tunnel_is_unrolled_from_its_crown_with_the_linings_of_its_rounds(turn
     assert right == pytest.approx(np.pi / 2 * 2.0, abs=2.0 * turn / AROUND)
     rows = [axes.get_ylabel() for axes in figure.axes if "N" in axes.get_ylabel()]
     assert rows == ["n_11 (kN/m)", "n_22 (kN/m)", "m_11 (kNm/m)", "m_22 (kNm/m)"]
+
+
+def test_n_and_m_of_its_faces_are_drawn_in_the_diagram_of_its_section(monkeypatch):
+    """Dots in three directions; the line of t = 0.3 m, 20 MPa and no tension reaches -6 MN/m."""
+    forces = _tunnel(np.pi)
+    count = len(forces.numbers)
+    used = replace(forces, utilisation=np.full((count, 3, 1), 0.5), used_angle=np.zeros((count, 1)))
+    shell = Shell("wall", Scalar(1e9), Scalar(0.3), Scalar(0.2), (0.0, 1.0, 0.0),
+                  compressive_strength=20e6)  # fmt: skip
+    case = SimpleNamespace(structures={"round 1": shell, "round 2": shell})
+    monkeypatch.setattr(sections, "case_of", lambda result: case)
+    parameters = SimpleNamespace(names=(), values=np.empty(0))
+    pictures = sections.section_pictures(
+        SimpleNamespace(members=None, shells=used, parameters=parameters)
+    )
+    assert [picture.name for picture in pictures] == ["strength-1", "strength-2"]
+    with drawing_style():
+        limit, dots = pictures[0].draw().axes[0].lines
+    assert [*limit.get_ydata()[[0, 60]]] == pytest.approx([-6000.0, 0.0])
+    assert limit.get_xdata().max() == pytest.approx(20e3 * 0.3**2 / 8)
+    own = np.array(forces.structures) == "round 1"
+    assert len(dots.get_xdata()) == 3 * own.sum()
+    assert dots.get_xdata().max() == pytest.approx(forces.moment[own].max() / 1e3)
 
 
 def test_a_slab_is_drawn_in_its_plane_and_a_dome_in_space():

@@ -166,8 +166,8 @@ def _beside_beam(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
         (*channel.key, "interface"),
         code="beside-beam",
         message=f"gauge '{channel.name}' reads across the interface '{channel.interface}', which a "
-        "beam divides: across which of its two sides is not said",
-        hint="Take an extensometer from a point of the beam to one of the ground.",
+        "beam or shell divides: across which of its two sides is not said",
+        hint="Take an extensometer from a point of it to one of the ground.",
     )
 
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault
 from geoident.fem.location import REACH, format_point
-from geoident.fem.shells import ShellMembers, rotation_nodes
+from geoident.fem.shells import ShellMembers, nearest_triangle, rotation_nodes
 from geoident.forward.analysis.stage import LinearRows
 from geoident.forward.gauges.member_forces import scaled
 from geoident.forward.gauges.motion import RelativeDisplacements
@@ -71,9 +71,8 @@ class PlaceOnShell:
         """
         assert members.nodes is not None
         point, corners = np.array(channel.second), mesh_points[members.nodes]
-        feet = _feet(corners, point)
-        apart = np.linalg.norm(feet - point, axis=1)
-        best = int(apart.argmin())
+        best, shapes = nearest_triangle(corners, point)
+        foot = shapes @ corners[best]
         own, frame = int(members.triangles.face[best]), members.frames[best]
         at_own = members.nodes[members.triangles.face == own]
         touching = np.isin(members.nodes, at_own).any(axis=1)
@@ -81,24 +80,22 @@ class PlaceOnShell:
         # The gradient is that of a plane through the faces around in the mean, not through this
         # face: beside an edge its curvature along the edge would lean the plane across it.
         places = (members.centres[near] - members.centres[own]) @ frame[:2].T
-        reach = (feet[best] - members.centres[own]) @ frame[:2].T
+        reach = (foot - members.centres[own]) @ frame[:2].T
         weights = np.zeros(len(members.area))
         weights[near] = reach @ np.linalg.pinv(places - places.mean(axis=0), rcond=1e-6)
         weights[own] += 1.0
         sign = 1.0
         if channel.towards is not None:
-            inwards = frame[2] @ (np.array(channel.towards) - feet[best])
+            inwards = frame[2] @ (np.array(channel.towards) - foot)
             sign = -1.0 if inwards < 0.0 else 1.0
         size = float(np.sqrt(members.area[own]))
         known = channel.towards is not None or bool(members.side_known[own])
-        away = float(apart[best]) / size
-        plane = np.vstack([frame[:2] @ corners[best].T, np.ones(3)])
-        shapes = np.linalg.solve(plane, np.append(frame[:2] @ feet[best], 1.0))
+        away = float(np.linalg.norm(foot - point)) / size
         return cls(
             weights,
             sign,
             away,
-            feet[best],
+            foot,
             members.nodes[best],
             shapes,
             known,
@@ -272,19 +269,3 @@ def shell_faults(channel: Channel, place: PlaceOnShell, on_mesh: CaseOnMesh) -> 
         message = f"reads {of} at {asked}, where there is ground on both sides of it or on none: "
         message += "which side is its inside is not known"
         yield fault("which-side", message, "give 'towards': a point on the inside")
-
-
-def _feet(corners: Floats, point: Floats) -> Floats:
-    """The points (m, 3) of triangles with corners (m, 3, 3) that are nearest to a point (3,)."""
-    edges = np.roll(corners, -1, axis=1) - corners
-    to_point = point - corners
-    along = (edges * to_point).sum(axis=2) / (edges**2).sum(axis=2)
-    on_edges = corners + np.clip(along, 0.0, 1.0)[..., None] * edges
-    away = np.linalg.norm(on_edges - point, axis=2)
-    feet = np.take_along_axis(on_edges, away.argmin(axis=1)[:, None, None], axis=1)[:, 0]
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    outside = (np.cross(edges, to_point) @ normal[:, :, None])[..., 0] < 0.0
-    inner = ~outside.any(axis=1)
-    height = (to_point[:, 0] * normal).sum(axis=1) / (normal**2).sum(axis=1)
-    feet[inner] = point - height[inner, None] * normal[inner]
-    return feet

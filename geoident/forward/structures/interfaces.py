@@ -64,7 +64,7 @@ def interface_parts(on_mesh: CaseOnMesh) -> list[InterfacePart]:
             beams = frozenset(
                 beam
                 for beam, one in on_mesh.case.structures.items()
-                if isinstance(one, Beam) and one.group in faces.beams
+                if isinstance(one, Beam | Shell) and one.group in faces.beams
             )
             pairs = sequence.group_of[faces.elements]
             pairs = pairs[:, [faces.side, 1 - faces.side]] if beams else np.sort(pairs, axis=1)
@@ -85,15 +85,6 @@ def interface_parts(on_mesh: CaseOnMesh) -> list[InterfacePart]:
 def interface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Interfaces whose group the mesh lacks, or that have no ground on both sides."""
     case, mesh, faults = on_mesh.case, on_mesh.mesh, []
-    shell = next((n for n, one in case.structures.items() if isinstance(one, Shell)), None)
-    if case.interfaces and shell is not None:
-        message = "shells and interfaces in one case are not computed yet"
-        hint = "Leave out the interfaces, or model the lining by elements."
-        return [
-            case.source.fault(
-                ("structures", shell), code="beside-interface", message=message, hint=hint
-            )
-        ]
     for name, given in case.interfaces.items():
         path: KeyPath = ("interfaces", name, "along")
         what = "edges" if mesh.dim == 2 else "surfaces"
@@ -124,7 +115,9 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
         refuse(("interfaces",), message, "Leave out the interfaces, or 'heat' of the ground.")
     divided = any(one.beams for faces in on_mesh.joints.values() for one in faces)
     if case.consolidates and divided:
-        message = "a beam on an interface beside ground that consolidates is not computed yet"
+        message = (
+            "a beam or shell on an interface beside ground that consolidates is not computed yet"
+        )
         refuse(
             ("interfaces",), message, "Model the wall by elements with an interface on each side."
         )

@@ -83,8 +83,8 @@ def with_shells(mesh: Mesh, groups: tuple[str, ...]) -> Mesh:
 def _shell(on_mesh: CaseOnMesh, shell: Shell, present: Bools) -> ShellMembers:
     """A shell on the mesh; its normals look to the side without ground (`open_sides`)."""
     mesh, faces = on_mesh.mesh, on_mesh.mesh.facet_groups[shell.group]
-    corners = corners_of(mesh, faces)
-    sides = consistent_sides(corners, open_sides(mesh, corners, present))
+    corners, unsplit = corners_of(mesh, faces), on_mesh.unsplit.mesh
+    sides = consistent_sides(corners, open_sides(unsplit, corners_of(unsplit, faces), present))
     return shell_members(mesh, faces, corners, sides, np.array(shell.axis))
 
 

@@ -29,7 +29,7 @@ class InterfaceSection(Section):
 
     The mesh is split there; what stands on either side follows from its elements, and ends inside
     the ground stay joined. An interface works while the ground of both its sides is there; a beam
-    on its lines divides it, and slips on both of its own sides. Beside
+    or shell on it divides it, and slips on both of its own sides. Beside
     `k_n` and `k_s`, traction per opening and per slip, it has Coulomb's limit if `friction` or
     `R_inter` is given; else it is elastic, and bears tension.
     """

@@ -481,4 +481,6 @@ class TableReader:
         return tuple(visible(str(text)) for text in self.group.attrs.get(name, ()))
 
     def _damage(self, name: str, what: str) -> InputError:
-        return refusal(self._path, "damaged-result", f"{name} {what}")
+        hint = f"an earlier version of geoident may not have had it: {_AGAIN}"
+        hint = hint if what == "is missing" else _AGAIN
+        return refusal(self._path, "damaged-result", f"{name} {what}", hint)

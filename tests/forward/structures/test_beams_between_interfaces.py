@@ -21,27 +21,9 @@ from tests.support.derivatives import assert_exact
 from tests.support.force_gauges import gauge
 from tests.support.inner_faces import with_inner_faces
 from tests.support.meshes import box, regroup
+from tests.support.slipping_ring import slipping_ring
 
 NOTHING, ZERO = np.empty(0), Scalar(0.0)
-
-
-def slipping_ring(K, EA, EI, k_n, k_s):
-    """N at spring line and crown, M at the crown of a ring on springs in ground that is unloaded.
-
-    The springs have the in-situ tractions t_0 and part by (t - t_0) / k. Mean stress: p R^2 / EA =
-    (p0 - p) (R / (2 G) + 1 / k_n). With cos 2a Michell's A / r^2 + B in the ground.
-    """
-    G, R, S = E / (2 * (1 + NU)), RADIUS, P0 * (1 - K) / 2
-    load = np.array([[-6 / R**4, -4 / R**2], [-6 / R**4, -2 / R**2]])  # of A and B
-    motion = np.array([[2 / R**3, 4 * (1 - NU) / R], [2 / R**3, -(2 - 4 * NU) / R]]) / (2 * G)
-    stretch, bend = np.array([1.0, 2.0]) / R, np.array([-4.0, -2.0]) / R**2
-    ring = EA * np.outer(stretch, stretch) + EI * np.outer(bend, bend)
-    more = np.eye(2) + ring @ np.diag([1 / k_n, 1 / k_s])
-    state = np.linalg.solve(ring @ motion - more @ load, np.array([S, -S]))
-    w, v = motion @ state - load @ state / [k_n, k_s]
-    mean = -P0 * (1 + K) / 2 * R / (1 + R * R / EA / (R / (2 * G) + 1 / k_n))
-    vary = EA * stretch @ [w, v]
-    return mean + vary, mean - vary, EI * bend @ [w, v]
 
 
 @pytest.mark.parametrize(("k_n", "k_s"), [(5e9, 5e8), (1e13, 1e4)])
@@ -60,7 +42,8 @@ def test_a_lining_that_slips(k_n, k_s, along, verification):
         interfaces={"slip": Interface(along, Scalar(k_n), Scalar(k_s))},
     )
     found = staged.survey(NOTHING, fields=False).members
-    spring, crown, moment = slipping_ring(0.5, EA, EI, k_n, k_s)
+    mean, vary, moment = slipping_ring(0.5, EA, EI, k_n, k_s, p=P0, radius=RADIUS, E=E, nu=NU)
+    spring, crown = mean + vary, mean - vary
     order = np.argsort(np.arctan2(found.ends[..., 1], found.ends[..., 0]).mean(axis=1))
     axial, moments = found.axial[order, 0], found.moment[order].mean(axis=1)[:, 0]
     assert axial[[0, -1]] == pytest.approx([spring, crown], rel=0.01)

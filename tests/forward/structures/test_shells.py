@@ -351,13 +351,13 @@ def test_one_that_ages_meets_every_load_with_its_stiffness_of_that_day():
         Stage("line", build=("lining",), release={"core": Scalar(0.5)}, lasts=10.0 * day),
         Stage("advance", release={"core": Scalar(1.0)}, lasts=day),
     )
-    staged = _lined("hex8", 8, 0.3, stages, structures={"lining": shell})
+    staged = _lined("hex8", 6, 0.3, stages, structures={"lining": shell})
     found = staged.survey(NOTHING, fields=False).shells
     twice = np.cos(2 * np.arctan2(found.centres[:, 1], found.centres[:, 0]))
     young, old = (np.array(_thin_ring(0.3, modulus)) for modulus in (5e9, E))
     for stage, (mean, vary, bent) in ((1, 0.3 * young), (2, 0.3 * young + 0.5 * old)):
         exact = mean + vary * twice
-        np.testing.assert_allclose(found.normal[:, 1, stage], exact, atol=0.01 * abs(mean))
+        np.testing.assert_allclose(found.normal[:, 1, stage], exact, atol=0.015 * abs(mean))
         moment = found.moment[:, 1, stage]
         assert moment @ twice / (twice @ twice) == pytest.approx(bent, rel=0.03)
 

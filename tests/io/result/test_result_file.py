@@ -23,6 +23,7 @@ from geoident.io.result import hdf5
 from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
 from geoident.io.result.hdf5 import TableWriter, hdf5_output
 from geoident.model.results.result import DIAGNOSTIC_COLUMNS, FieldSeries, LastStates, Result
+from geoident.model.results.shells import ShellForces
 from tests.io.result.conftest import make_result
 from tests.support.results import changed_gauges
 
@@ -353,7 +354,27 @@ def test_every_missing_piece_is_named(written: Path, every: int) -> None:
         path.write_bytes(whole)
         with h5py.File(path, "a") as file:
             del file[name]
-        assert f"/{name} is missing" in refused(path)
+        said = refused(path)
+        assert f"/{name} is missing" in said
+        assert "an earlier version of geoident may not have had it" in said
+
+
+@pytest.mark.parametrize("strong", [False, True])
+def test_shells_come_back_with_what_is_used_of_them(
+    tmp_path: Path, result_maker: Make, *, strong: bool
+) -> None:
+    result, rng = result_maker(full=True), np.random.default_rng(3)
+    stages = result.gauges.stages
+    shells = ShellForces(
+        ("wall", "wall"), np.array([1, 2]), stages, rng.random((2, 3)), rng.random((2, 4, 3)),
+        rng.random((2, 3, 3)), rng.random((2, 3, len(stages))), rng.random((2, 3, len(stages))),
+        *((rng.random((2, 3, len(stages))), rng.random((2, len(stages)))) if strong else ()),
+    )  # fmt: skip
+    write_result(replace(result, shells=shells), tmp_path / "a.h5", overwrite=False)
+    found = read_result(tmp_path / "a.h5").shells
+    assert found is not None
+    for name, value in vars(shells).items():
+        np.testing.assert_equal(getattr(found, name), value)
 
 
 @pytest.mark.parametrize("name", ["identity", "reason", "seed", "versions", "contents", "solves"])

@@ -1,16 +1,22 @@
 """Forces in linings and bolts, kN for people and N for programs, against numbers by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.model.results.sections import section_uses
 from geoident.model.results.shells import ShellForces
 from geoident.report.text.structures import (
     force_table,
     reaction_table,
     reaction_tables_by_stage,
     shell_table,
+    strength_sentence,
+    strength_table,
     structures_list,
 )
+from geoident.workflow.estimating.predictions import strength_findings
 
 NAN = np.nan
 
@@ -63,6 +69,40 @@ def test_extremes_over_the_faces_of_each_shell_are_shown():
         ["slab", "second", "0", "0", "-2", "-2", "0", "0", "20", "0"],
     ]
     assert shell_table(None).text == ""
+
+
+def test_where_the_strength_of_shells_is_used_most_is_shown():
+    """Two faces of a vault: what is used along both axes and in the direction of 45 degrees."""
+    used = np.array([[[0.2], [np.inf], [np.inf]], [[0.4], [0.1], [0.5]]])
+    shells = ShellForces(
+        structures=("vault", "vault"),
+        numbers=np.array([1, 2]),
+        stages=("built",),
+        centres=np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
+        corners=np.zeros((2, 4, 3)),
+        axes=np.broadcast_to(np.eye(3), (2, 3, 3)),
+        normal=1e3 * np.array([[[-1.0], [2.0], [0.0]], [[-8.0], [-4.0], [3.0]]]),
+        moment=1e3 * np.array([[[5.0], [6.0], [0.0]], [[1.0], [3.0], [-2.0]]]),
+        utilisation=used,
+        used_angle=np.full((2, 1), np.pi / 4),
+    )
+    assert [list(row) for row in strength_table(section_uses(None, shells)).rows] == [
+        ["vault along axis 1", "built", "40 %", "-8", "1", "4, 5, 6"],
+        ["vault along axis 2", "built", "no capacity", "2", "6", "1, 2, 3"],
+        ["vault in the worst direction", "built", "no capacity", "0.5", "5.5", "1, 2, 3"],
+    ]
+    assert strength_sentence(section_uses(None, shells)) == ""  # a finding says it
+    (finding,) = strength_findings(SimpleNamespace(members=None, shells=shells))
+    assert finding.sentence == (
+        "The strength of vault is exceeded: N and M need more than any part along axis 2 (stage "
+        "built). The analysis takes it as elastic."
+    )
+    used[0, 1:] = 0.3
+    assert strength_sentence(section_uses(None, shells)) == (
+        "N and M use at most 50 % of the strength of the linings (vault in the worst direction, "
+        "built)."
+    )
+    assert strength_table(section_uses(None, None)).rows == []
 
 
 def test_programs_get_every_piece():

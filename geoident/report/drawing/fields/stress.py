@@ -92,7 +92,7 @@ def _spread(window: Window) -> tuple[Floats, float]:
     """Places (k, 2) all over a window, and how far they are apart, m."""
     step = window.size / _CROSSES
     x, y = (
-        np.arange(low + step / 2, high, step)
+        np.arange(low + min(step, high - low) / 2, high, step)  # a thin slice has one row
         for low, high in zip(window.low, window.high, strict=True)
     )
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), step
@@ -101,8 +101,8 @@ def _spread(window: Window) -> tuple[Floats, float]:
 def _crosses(view: SheetView, state: int, places: Floats) -> tuple[Floats, Floats, Floats]:
     """Places (m, 2) in the ground, principal stresses (m, 2), Pa, and directions (m, 2, 2)."""
     sites = view.sites(state, places)
-    here = np.array([site is not None for site in sites])
-    elements = [site.element for site in sites if site is not None]
+    here = np.array([site is not None for site in sites], dtype=np.bool_)
+    elements = np.array([site.element for site in sites if site is not None], dtype=np.int64)
     stress = view.scene.fields.stress[state, elements]
     across, up = view.across
     shear = {(0, 1): 3, (1, 2): 4, (0, 2): 5}[across, up]
