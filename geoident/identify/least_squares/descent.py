@@ -17,7 +17,7 @@ nothing is evaluated twice. A descent ends on what the *next* step promises, bef
 Where residuals vanish at the solution, convergence is quadratic and the first rule ends it. A trial
 where the model has no solution is rejected. Where readings are rough, as where a wall sticks and
 slips, steps do not bring what they promise: two of them in a row end a descent as soon as no more
-is promised than a tenth of a standard deviation is worth.
+is promised than a fifth of a standard deviation is worth.
 """
 
 from __future__ import annotations
@@ -57,8 +57,11 @@ The misfit rises by 1 within a standard deviation: what is promised lies within 
 derivatives of ground without dilation are off by up to a few percent (theory 5.4), and promise such
 gains at the very minimum.
 """
-ROUGH = 1e-3
-"""The same, relative: where the readings are met exactly, every gain is small and worth taking."""
+AT_ROUGH, ROUGH = 0.04, 1e-3
+"""The same where two steps in a row did not bring theirs: a fifth of a standard deviation.
+
+And in parts of phi: where the readings are met exactly, every gain is small and worth taking.
+"""
 
 _KINKED = (
     "The computed readings are not smooth here. By the derivatives the misfit could fall by at "
@@ -344,7 +347,7 @@ class Descent(Generic[IterateT]):
             kept = trial is not None and point.phi - trial.phi >= 0.25 * step.gain
             vain = 0 if kept else vain + 1
             promised = self.propose(control.best, np.inf).gain
-            if vain >= 2 and promised <= min(AT_KINK, ROUGH * control.best.phi):
+            if vain >= 2 and promised <= min(AT_ROUGH, ROUGH * control.best.phi):
                 return Ending(control.best, "converged", _KINKED.format(promised))
         exhausted = Ending(control.best, "not-converged", _EXHAUSTED.format(self.max_steps))
         return self._ended(control, self.propose(control.point, np.inf)) or exhausted
