@@ -215,9 +215,8 @@ class HardeningSteps:
     def _no_equilibrium(
         self, task: StageTask, done: float, total: Floats, yields: Bools
     ) -> CollapseError:
-        beyond = f" beyond {100.0 * done:.3g} % of what it changes"
-        if task.water is not None and task.water.h > 0.0:
-            beyond, done = "", np.nan
+        flows = task.water is not None and task.water.h > 0.0
+        beyond = "" if flows else f" beyond {100.0 * done:.3g} % of what it changes"
         msg = f"at {task.moment} no equilibrium was found{beyond}: "
         msg += "the ground comes to its limit load there, or its stiffness to none"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage lacks "
@@ -225,6 +224,8 @@ class HardeningSteps:
         hint += "has no stiffness: give it a little cohesion."
         moved = total[: self._points.n_dofs, 0].copy()
         reached = LastEquilibrium(moved, task.carried.stress[..., 0].copy(), yields)
+        if flows:  # of a part of a step nothing is told
+            done, reached = np.nan, None
         return CollapseError(
             msg, hint, stage=task.state.name, fraction=done, reached=reached, proven=False
         )

@@ -45,6 +45,7 @@ _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not n
 _NEWTON_STEPS_IN_TIME = 2  # a part of a step in time: it begins with what the last one needed
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _HARDENING_STEPS = 35  # a stage of hardening soil: ten parts, three or four steps each
+_HARDENING_STEPS_IN_TIME = 4  # a part of a step in time of it
 _HARDENING_SECONDS = 6e-5  # a strain point and Newton step of it
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PORES = 1.3  # what pressures of water add to the entries and operations of a factor
@@ -141,9 +142,12 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
             factors *= 2
             seconds += factors * _ANALYSIS_SECONDS * model.n_dofs[n]
         if water and model.yields:
-            newton = 2 * len(steps) * _NEWTON_STEPS_IN_TIME
+            of_part, of_point = _NEWTON_STEPS_IN_TIME, _YIELD_SECONDS
+            if model.case.hardens:
+                of_part, of_point = _HARDENING_STEPS_IN_TIME, _HARDENING_SECONDS
+            newton = 2 * len(steps) * of_part
             factors += newton
-            seconds += newton * (_YIELD_SECONDS * points + _ANALYSIS_SECONDS * model.n_dofs[n])
+            seconds += newton * (of_point * points + _ANALYSIS_SECONDS * model.n_dofs[n])
         flops = factors * pores * cost.flops
         at_points = _POINT_SECONDS + (_CREEP_SECONDS if creeps else 0.0)
         seconds += solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + at_points * points)

@@ -130,17 +130,25 @@ gauges:
   P: {kind: piezometer, point: [1.5 m, 1.7 m], accuracy: 1 kPa}
   J: {kind: joint-meter, interface: joint, point: [1 m, 2 m], component: slip, accuracy: 0.01 mm}
 """
-SLIPS = "cohesion: $c, friction: $phi, dilation: 15 deg,"
+SLIPS = "cohesion: $c, friction: $phi, dilation: $phi,"
+SLIDES = "cohesion: $c, friction: $phi,"
+"""The same without dilation: tangents are not symmetric."""
+
+
+SOIL = """yield: {type: hardening-soil, E50: 0.3 $E, Eoed: 0.3 $E, m: 0.5, cohesion: 50 kPa,
+    friction: 28 deg}, """
 
 
 @pytest.mark.parametrize(
-    ("limit", "permeable", "shear"),
+    ("limit", "permeable", "shear", "soil"),
     [
-        pytest.param("", "false", 10, id="elastic"),
-        pytest.param(SLIPS, "true", 16, id="slips", marks=pytest.mark.slow),  # takes 15 s
+        pytest.param("", "false", 10, "", id="elastic"),
+        pytest.param(SLIPS, "true", 16, "", id="slips", marks=pytest.mark.slow),  # takes 15 s
+        pytest.param(SLIDES, "true", 10, "", id="slides", marks=pytest.mark.slow),
+        pytest.param(SLIDES, "true", 13, SOIL, id="hardens", marks=pytest.mark.slow),
     ],
 )
-def test_derivatives_by_all_constants_are_exact(tmp_path, limit, permeable, shear):
+def test_derivatives_by_all_constants_are_exact(tmp_path, limit, permeable, shear, soil):
     """Of water that flows across, or not, and of a joint that slips while it does."""
     mesh = with_inner_faces(
         box("tri6", (2, 2), size=(3.0, 4.0)), joint=lambda x: abs(x[..., -1] - 2.0) < 1e-9
@@ -148,16 +156,18 @@ def test_derivatives_by_all_constants_are_exact(tmp_path, limit, permeable, shea
     mesh = regroup(mesh, low=lambda x: x[:, -1] < 2.0)
     write_msh(mesh, tmp_path / "m.msh", ["x0", "y0", "y1", "joint"])
     text = SITE.replace("LIMIT ", limit).replace("PERMEABLE", permeable).replace("TAU", f"{shear}")
+    text = text.replace("hydraulic: {permeability: $k}", f"{soil}hydraulic: {{permeability: $k}}")
     if not limit:
         lines = [x for x in text.splitlines(True) if not x.startswith(("  c:", "  phi:"))]
         text = "".join(lines)
-    (tmp_path / "case.yaml").write_text(text.replace("dilation: 15 deg", "dilation: $phi"))
+    (tmp_path / "case.yaml").write_text(text)
     model = model_at(tmp_path / "case.yaml", {"load": [3 * 86400.0]})
     pairs = [(c.name, s) for c in model.case.channels for s in model.case.stage_names[1:4]]
     p = np.array([parameter.start for parameter in model.case.parameters])
+    step, rtol = (5e-4 if soil else 2e-3), (1e-5 if limit == SLIDES else 1e-7)
     if limit:
         assert model.survey(p, fields=False).interfaces.slips.any()
-    assert_exact(model.response(pairs), p, model.names, step=2e-3)
+    assert_exact(model.response(pairs), p, model.names, step=step, rtol=rtol)
 
 
 CREEP = """\
