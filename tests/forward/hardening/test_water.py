@@ -217,10 +217,6 @@ gauges:
   W: {kind: displacement, component: x, point: [4 m, 3 m], accuracy: 0.1 mm}
   P: {kind: piezometer, point: [2 m, 2.5 m], accuracy: 1 kPa}
 """
-JOINT = """\
-interfaces:
-  wall: {on: cut, k_n: $k_n, k_s: 0.1 $k_n, of: clay, R_inter: 0.6}
-"""
 
 
 def site(folder, text=SITE):
