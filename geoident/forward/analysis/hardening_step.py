@@ -222,6 +222,8 @@ class HardeningSteps:
         hint = "Raise the strengths (their start values or bounds), or see whether the stage lacks "
         hint += "support or loads more than is meant. Soil without cohesion that carries no stress "
         hint += "has no stiffness: give it a little cohesion."
+        if flows:  # of a part of a step nothing is told
+            return CollapseError(msg, hint, stage=task.state.name, fraction=np.nan)
         moved = total[: self._points.n_dofs, 0].copy()
         reached = LastEquilibrium(moved, task.carried.stress[..., 0].copy(), yields)
         if flows:  # of a part of a step nothing is told

@@ -168,10 +168,10 @@ def test_derivatives_by_all_constants_are_exact(tmp_path, limit, permeable, shea
     model = model_at(tmp_path / "case.yaml", {"load": [3 * 86400.0]})
     pairs = [(c.name, s) for c in model.case.channels for s in model.case.stage_names[1:4]]
     p = np.array([parameter.start for parameter in model.case.parameters])
-    rtol = 1e-5 if limit == SLIDES and not soil else 1e-7  # equilibria are less exact
+    step, rtol = (5e-4 if soil else 2e-3), (1e-5 if limit == SLIDES else 1e-7)
     if limit:
         assert model.survey(p, fields=False).interfaces.slips.any()
-    assert_exact(model.response(pairs), p, model.names, step=2e-3, rtol=rtol)
+    assert_exact(model.response(pairs), p, model.names, step=step, rtol=rtol)
 
 
 CREEP = """\

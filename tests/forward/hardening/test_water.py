@@ -149,7 +149,7 @@ def test_a_small_load_consolidates_as_terzaghi_says(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lasts", ["200 d", "1000 years"])
+@pytest.mark.parametrize("lasts", ["200 d", "150 years"])
 def test_a_large_load_settles_in_the_end_as_drained_soil(tmp_path, lasts):
     """Also where the first step in time is longer than the consolidation: nothing swings."""
     path = column(tmp_path, ("LOAD", "100 kPa"), ("200 d", lasts))
@@ -217,10 +217,6 @@ gauges:
   W: {kind: displacement, component: x, point: [4 m, 3 m], accuracy: 0.1 mm}
   P: {kind: piezometer, point: [2 m, 2.5 m], accuracy: 1 kPa}
 """
-JOINT = """\
-interfaces:
-  wall: {on: cut, k_n: $k_n, k_s: 0.1 $k_n, of: clay, R_inter: 0.6}
-"""
 
 
 def site(folder, text=SITE):
@@ -262,7 +258,9 @@ def test_a_load_that_is_not_carried_is_refused_with_its_moment(tmp_path):
     text = text[: text.index("  - {name")] + stages + text[text.index("gauges:") :]
     path.write_text(text.replace("time_steps: 1", "time_steps: 1"))
     model = model_at(path)
-    with pytest.raises(CollapseError, match=r"days after it began, when .* no equilibrium was") as e:
+    with pytest.raises(
+        CollapseError, match=r"days after it began, when .* no equilibrium was"
+    ) as e:
         list(model.at(np.zeros(0), RunOptions(derivatives=False)).states())
     assert np.isnan(e.value.fraction)
     assert "beyond" not in str(e.value)

@@ -17,7 +17,7 @@ def check_hardening(
     others: Mapping[str, object],
     faults: SectionFaults,
 ) -> None:
-    """Ground that hardens by planes, faces and what takes time.
+    """Ground that hardens by planes, faces and temperatures.
 
     Args:
         materials: of the case.
