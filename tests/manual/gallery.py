@@ -27,7 +27,7 @@ from manual.transcript import small
 ROOT = DOCS.parents[1]
 FOLDER = DOCS / "gallery"
 OF_README = "cavern-overview.png"
-WANTED = ("model", "overview", "in-service-1")
+WANTED = ("model", "overview", "curves-1", "in-service-1")
 WIDTH = 900  # px
 MOST = 60_000  # bytes of a picture
 

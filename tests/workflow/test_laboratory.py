@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from geoident import fit, fit_project
+from geoident.errors import CollapseError
 from geoident.io.result.file import read_result
 from geoident.report.drawing.album import album
 from geoident.workflow.running.jobs import build_model, load_inputs
@@ -214,6 +215,18 @@ def test_plates_on_elastic_ground(tmp_path, verification):
     verification("plate-load", "settlement", list(exact), **numbers)
 
 
+@pytest.mark.slow
+def test_a_row_beyond_the_strength_is_named(tmp_path):
+    """A flexible plate on clay carries 5.14 to 6.05 times its strength (Cox et al. 1961: 5.69)."""
+    material = {**ELASTIC, "nu": 0.4, "yield": {"type": "tresca", "cohesion": "5 kPa"}}
+    rows = {"pressure": ["20 kPa", "50 kPa", "90 kPa"]}
+    test = {**PLATE, "K0": 1, "plate": "flexible", "readings": rows}
+    with pytest.raises(CollapseError, match="stage 'PL at 50 kPa'") as found:
+        _computed(_case(tmp_path, {"PL": test}, material, {}))
+    assert "leave out this row and those after it" in found.value.hint
+    assert 5.14 < (20 + 30 * found.value.fraction) / 5 < 6.05
+
+
 def test_pressuremeter_in_clay(tmp_path, verification):
     """R. E. Gibson & W. F. Anderson (1961): p = p0 + s [1 + ln(2 G eps / s)], nu = 0.5."""
     s, nu, shear = 50e3, 0.495, 20e6 / (2 * 1.495)
@@ -303,7 +316,7 @@ def test_result_of_tests_is_drawn_over_what_was_imposed(tmp_path):
     """Not over stages, and without the fields of a specimen of unit size."""
     confined = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)) / 1e3
     (tmp_path / "rows.csv").write_text(
-        "axial_strain [mm/m], vertical_stress [kPa]\n"
+        "Axial strain [mm/m], vertical_stress [kPa]\n"
         f"{100e3 / confined}, 110\n, 310\n{200e3 / confined}, 210\n"
     )
     tests = {

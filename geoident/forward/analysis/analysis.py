@@ -92,6 +92,12 @@ KnownDisplacements = Callable[[int], Floats | None]
 """Displacements (n_dofs, 1 + n) of a state with their derivatives; None where not known."""
 
 
+_BEYOND_STRENGTH = (
+    "The stage is a row of a test. It asks more than the ground carries at these values: leave out "
+    "this row and those after it, or begin the fit with a higher strength."
+)
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """How an analysis is made.
@@ -313,6 +319,8 @@ class AnalysisRun:
                     else:
                         yielded = self._advance(n, u, carried, forces)
                 except CollapseError as error:
+                    if self._analysis.case.of_tests:
+                        error.add(_BEYOND_STRENGTH)
                     if not self._options.partial:
                         raise
                     self._collapses.append(error)

@@ -31,7 +31,6 @@ from geoident.io.schema.values import (
 )
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.yaml_reader import Node
-from geoident.model.case import KeyPath
 
 Keys = dict[str, Node]
 """A mapping of a case."""
@@ -564,8 +563,12 @@ def with_tests(places: Places, faults: Faults) -> Places:
     for name, test in tests.items():
         if test.material not in materials:
             faults.add_unknown(("tests", name, "material"), "material", test.material, materials)
-        elif test.undrained and isinstance(of := materials[test.material], dict):
-            _require_water(of, ("tests", name, "drainage"), test.material, faults)
+            continue
+        of = materials[test.material]
+        if test.undrained and isinstance(of, dict) and of.get("hydraulic") == "impervious":
+            message = f"'{test.material}' is impervious, and no water presses in it"
+            hint = f"Remove 'hydraulic' of '{test.material}'."
+            faults.add(("tests", name, "drainage"), "no-water", message, hint)
     least = min((test.initial for test in tests.values()), default=0.0)
     first = next(iter(tests), "")
     for name, test in tests.items():
@@ -586,18 +589,6 @@ def with_tests(places: Places, faults: Faults) -> Places:
     if isinstance(head, dict) and "curves" not in head:
         rest["report"] = {**head, "curves": _curves(tests)}
     return replace(places, data={**written, **rest})
-
-
-def _require_water(material: Keys, path: KeyPath, name: str, faults: Faults) -> None:
-    """The material of an undrained test can hold water."""
-    law = material.get("yield")
-    if material.get("hydraulic") == "impervious":
-        message = f"'{name}' is impervious, and no water presses in it"
-        faults.add(path, "no-water", message, f"Remove 'hydraulic' of '{name}'.")
-    elif isinstance(law, dict) and law.get("type") == "hardening-soil":
-        message = f"'{name}' is hardening soil, which is computed drained only yet"
-        hint = "Leave this test out, or describe it by 'type: mohr-coulomb' in a case of its own."
-        faults.add(path, "hardening", message, hint)
 
 
 def _initial_state(test: AnyTest, least: float) -> tuple[str, Keys]:

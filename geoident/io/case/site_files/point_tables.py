@@ -168,13 +168,15 @@ class _Table:
         for cell in header:
             title, at = cell.text, cell.column
             name, unit = name_and_unit(title)
+            if name not in dimensions and name != _OWNER:
+                name = name.lower().replace(" ", "_")
             if name == _OWNER and self.owners and name not in units:
                 units[name] = ""
             elif name not in dimensions:
                 message = f"the column '{shorten(title)}' is not known here"
-                refuse(
-                    1, at, "unknown-column", message, did_you_mean(name, dimensions, what="Columns")
-                )
+                hint = did_you_mean(name, dimensions, what="Columns")
+                hint = f"{hint} Rename it, or remove it from the table.".strip()
+                refuse(1, at, "unknown-column", message, hint)
                 good = False
             elif name in units:
                 refuse(
@@ -235,6 +237,7 @@ class _Table:
             except UnitError:
                 what = f"'{shorten(text)}' is not a number" if text else "the cell is empty"
                 hint = f"Write the {name} in {unit} as a number, or remove the row."
+                hint = "Write decimal points in place of commas." if "," in text else hint
                 refuse(line, at, "bad-number", f"{what} ({name})", hint)
         return row
 
@@ -302,7 +305,8 @@ def _rows_of_tests(data: Node) -> Iterator[_Table]:
         if columns and isinstance(test, dict) and isinstance(file := test.get("readings"), str):
             at: KeyPath = ("tests", name, "readings")
             units = {"strain": "%", "pressure": "kPa", "length": "mm"}
-            titles = ", ".join(f"{c} [{units[dimension]}]" for c, dimension in columns.items())
+            few = list(columns.items())[:3]  # those of a drained test
+            titles = ", ".join(f"{c} [{units[dimension]}]" for c, dimension in few)
             header = f"Begin with a line such as '{titles}'."
             yield _Table(at, at, file, (), columns, "readings", header, {})
 
