@@ -121,7 +121,8 @@ def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
         (case.analysis, groups),
         lambda: with_shells(oriented(mesh, kinematics), groups),
     )
-    whole = CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
+    turned = turned_elements(mesh, upright)
+    whole = CaseOnMesh(case, upright, turned=turned, given=mesh)
     along = tuple(one.along for one in case.interfaces.values())
     if not along or groups:  # of both together the case is refused
         return replace(whole, mesh=_with_bars(upright, bars))

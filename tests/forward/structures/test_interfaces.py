@@ -53,7 +53,7 @@ def pulled(staged) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_column_pulled_apart(kind):
-    """t and t / k_n on the whole area, alike in all kinds of elements; both halves stretch alike."""
+    """t and t / k_n on the whole area, alike in all elements; both halves stretch alike."""
     dim = 2 if kind in KINDS_2D else 3
     top, base = ("y1", "y0") if dim == 2 else ("z1", "z0")
     load = Traction(top, (*(ZERO,) * (dim - 1), Scalar(2e5)))
