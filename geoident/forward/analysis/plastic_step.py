@@ -614,7 +614,8 @@ class PlasticSteps:
             assert ground.law is not None
             stress = np.ascontiguousarray(carried[:, ground.points])
             position = self.systems.discretization.points.position
-            name, path = ground.name, ("materials", ground.name, "yield")
+            name = ground.name
+            path: tuple[str, ...] = ("materials", name, "yield")
             bears = f"outside the yield surface of {name}"
             if ground.of_structure:
                 part = members[name.removeprefix(OF_STRUCTURE)]
