@@ -80,23 +80,23 @@ def _sheet_pictures(states: InterfaceStates) -> Iterator[Picture]:
     axes = np.stack([level, np.cross(normals, level), normals], axis=1)
     every = sheets(corners, axes, "interface", either_way=True)
     for count, sheet in enumerate(every[:MOST_SHEETS], start=1):
-        own = [points[face] for face in sheet.faces]
-        there = np.isfinite(states.normal_traction[np.concatenate(own)]).any(axis=0)
+        on_sheet = [points[face] for face in sheet.faces]
+        there = np.isfinite(states.normal_traction[np.concatenate(on_sheet)]).any(axis=0)
         stages = np.flatnonzero(there)
         if not len(stages):
             continue
-        names = list(dict.fromkeys(states.interfaces[one[0]] for one in own))
+        names = list(dict.fromkeys(states.interfaces[one[0]] for one in on_sheet))
         stages = stages[evenly(len(stages), MOST_SHEET_STAGES)]
         words = (
-            f"{sheet.words} Means over the faces; tension and opening are positive, t_s and slip "
-            f"are sizes. Drawn are {len(stages)} of {int(there.sum())} stages, "
+            f"{sheet.words} Axis 1 is level. Means over the faces; tension and opening are "
+            f"positive, t_s and slip are sizes. Drawn are {len(stages)} of {int(there.sum())} stages, "
             f"{min(len(every), MOST_SHEETS)} of {len(every)} pieces."
         )
         yield Picture(
             f"interface-{count}",
             f"On the interface {short(', '.join(names), 60)}",
             words,
-            partial(_sheet_figure, states, sheet, own, stages),
+            partial(_sheet_figure, states, sheet, on_sheet, stages),
         )
 
 
