@@ -87,9 +87,10 @@ def _sheet_pictures(states: InterfaceStates) -> Iterator[Picture]:
             continue
         names = list(dict.fromkeys(states.interfaces[one[0]] for one in on_sheet))
         stages = stages[evenly(len(stages), MOST_SHEET_STAGES)]
+        drawn = f"{len(stages)} of {int(there.sum())} stages"
         words = (
             f"{sheet.words} Axis 1 is level. Means over the faces; tension and opening are "
-            f"positive, t_s and slip are sizes. Drawn are {len(stages)} of {int(there.sum())} stages, "
+            f"positive, t_s and slip are sizes. Drawn are {drawn}, "
             f"{min(len(every), MOST_SHEETS)} of {len(every)} pieces."
         )
         yield Picture(
