@@ -119,7 +119,7 @@ def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     groups, bars = shell_groups(case, mesh), bar_lines(case)
     upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
     turning = _turning_of(upright, groups, lambda: with_shells(upright, groups))
-    whole = CaseOnMesh(case, turning, turned=turned_elements(mesh, upright))
+    whole = CaseOnMesh(case, turning, turned=turned_elements(mesh, upright), given=mesh)
     along = tuple(one.along for one in case.interfaces.values())
     if not along:
         return replace(whole, mesh=_with_bars(turning, bars))

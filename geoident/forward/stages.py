@@ -222,6 +222,8 @@ class CaseOnMesh:
         joints: group of faces along which the mesh is split to these faces.
         before: the same before the split; None where nothing is split.
         original: (n_nodes,) which node of before each node is.
+        given: the mesh that was given, before shells, bars and interfaces have nodes of their own;
+            None: this one.
     """
 
     case: Case
@@ -232,6 +234,7 @@ class CaseOnMesh:
     joints: Mapping[str, tuple[JointFaces, ...]] = field(default_factory=dict)
     before: CaseOnMesh | None = None
     original: Ints | None = None
+    given: Mesh | None = None
 
     @property
     def unsplit(self) -> CaseOnMesh:

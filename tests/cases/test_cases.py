@@ -24,7 +24,10 @@ from geoident.workflow.running.jobs import Request, plan_fit
 
 CASES = Path(__file__).parents[2] / "cases"
 QUICK = ("braced-pit", "cavern", "dam", "gravity-dam", "shaft", "stratified-tunnel")
-SLOW = ("braced-pit-soil", "cavern-plastic", "metro-shell", "pressure-tunnel", "tunnel-3d")
+SLOW = (
+    *("braced-pit-soil", "cavern-plastic", "dam-on-joint"),
+    *("metro-shell", "pressure-tunnel", "tunnel-3d"),
+)
 NAMES = (*QUICK, "cavern-field", *SLOW)
 LEAN = ("fit.backtest=false", "fit.mesh_error=false", "fit.model_error=none")
 """Changes with which a long fit finds the same in a quarter of the time; as it comes it is slow."""

@@ -12,6 +12,7 @@ from support.inner_faces import with_inner_faces
 from support.meshes import box, regroup
 
 from geoident.api import read_result
+from geoident.workflow.running.workers import ModelParts
 
 CASE = """\
 format: geoident-case/1
@@ -47,6 +48,7 @@ gauges:
 readings: readings.csv
 fit: {backtest: false, method: gauss-newton}
 """
+GIVEN = "readings: readings.csv\n"
 TRUE = np.array([5e9, 1e9, np.radians(30.0)])
 ACCURACY = np.array([0.01] * 4 + [0.02] * 2)
 """Of the gauges, mm."""
@@ -69,7 +71,7 @@ def test_stiffness_and_friction_are_found_and_a_later_stage_predicted(tmp_path):
     """Its far half holds still while its near one slips, so that all three are told apart."""
     truth = tmp_path / "truth"
     truth.mkdir()
-    finer = model_at(write_case(truth, (20, 8), CASE.replace("readings: readings.csv\n", "")))
+    finer = model_at(write_case(truth, (20, 8), CASE.replace(GIVEN, "")))
     true = finer.computed(TRUE) * 1e3
     path, rng = write_case(tmp_path, (10, 4), CASE), np.random.default_rng(7)
     noisy = true + ACCURACY[:, None] * rng.standard_normal(true.shape)
@@ -111,3 +113,12 @@ def test_stiffness_and_friction_are_found_and_a_later_stage_predicted(tmp_path):
     for n, channel in enumerate(finer.case.channels):
         _, _, _, _, low, high, *_ = later[channel.name]
         assert low - ACCURACY[n] < true[n, 3] < high + ACCURACY[n], said.output
+
+
+def test_another_process_builds_the_same_model(tmp_path):
+    """It is given the mesh before the split; of one that is split nothing could be made."""
+    model = model_at(write_case(tmp_path, (4, 2), CASE.replace(GIVEN, "")))
+    parts = ModelParts.of(model, model.case, "auto")
+    assert parts is not None
+    again = parts.build()
+    np.testing.assert_array_equal(again.computed(TRUE), model.computed(TRUE))

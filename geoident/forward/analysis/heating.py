@@ -56,7 +56,7 @@ class StageHeating:
 
     def temperatures(self, moment: float) -> Floats:
         """(n_nodes, 1 + n) at a moment of the stage, s since its beginning."""
-        return self._march.at(moment)
+        return self._march.at(moment)[self._conduction.joined]
 
     def until(self, time: float) -> Floats:
         """Normal strain (n_points, 1 + n) that came since the last time that was asked for, s."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -77,11 +77,21 @@ class Conduction:
 
     Args:
         on_mesh: the case on its mesh.
+
+    Attributes:
+        joined: (n_nodes,) the node that has the temperature of each: both sides of an interface
+            have one, as heat flows through it.
     """
 
     def __init__(self, on_mesh: CaseOnMesh) -> None:
         self._on_mesh, self._case = on_mesh, on_mesh.case
-        self._sequence = on_mesh.sequence
+        self._sequence, mesh = on_mesh.sequence, on_mesh.mesh
+        self.joined: Ints = np.arange(mesh.n_nodes)
+        if on_mesh.original is not None:
+            self.joined[: len(on_mesh.original)] = on_mesh.original
+        self._mesh = replace(
+            mesh, blocks=tuple(replace(one, nodes=self.joined[one.nodes]) for one in mesh.blocks)
+        )
         self._systems: dict[int, HeatSystem] = {}
         self._matrices: dict[int, tuple[sp.csr_array, sp.csr_array]] = {}
 
@@ -93,11 +103,11 @@ class Conduction:
     @cached_property
     def at_points(self) -> sp.csr_array:
         """(n_points, n_nodes) how values at nodes give those at strain points."""
-        return shapes_at_points(self._on_mesh.mesh, self._on_mesh.discretization)
+        return shapes_at_points(self._mesh, self._on_mesh.discretization)
 
     def operators(self, state: int, point: ParameterPoint) -> HeatOperators:
         """The matrices of a state, (n_nodes, n_nodes)."""
-        current, shape = self._sequence.states[state], (self._on_mesh.mesh.n_nodes,) * 2
+        current, shape = self._sequence.states[state], (self._mesh.n_nodes,) * 2
         capacity, flow = [], []
         for group in sorted(current.materials):
             M, H = self._of_group(group)
@@ -153,14 +163,14 @@ class Conduction:
 
     def given(self, state: int, time: float, point: ParameterPoint) -> Floats:
         """Temperatures (n_nodes, 1 + n) where they are given at a time of a stage, s."""
-        values = np.zeros((self._on_mesh.mesh.n_nodes, point.n_columns))
+        values = np.zeros((self._mesh.n_nodes, point.n_columns))
         for one in self[state].given:
             values[one.nodes] = one.face.temperature.at(time - one.begun, point).columns
         return values
 
     def let_in(self, state: int, span: tuple[float, float], point: ParameterPoint) -> Floats:
         """Heat (n_nodes, 1 + n) that films let in during a part of a stage, s, for T = 0."""
-        total = np.zeros((self._on_mesh.mesh.n_nodes, point.n_columns))
+        total = np.zeros((self._mesh.n_nodes, point.n_columns))
         for one in self[state].films:
             assert one.face.film is not None
             start, end = (time - one.begun for time in span)
@@ -198,13 +208,13 @@ class Conduction:
     def _of_group(self, group: int) -> tuple[sp.csr_array, sp.csr_array]:
         """M and H of a group, for unit properties."""
         if group not in self._matrices:
-            mesh, kinematics = self._on_mesh.mesh, self._on_mesh.kinematics
+            mesh, kinematics = self._mesh, self._on_mesh.kinematics
             elements = self._sequence.group_of == group
             self._matrices[group] = capacity_and_conduction(mesh, kinematics, elements)
         return self._matrices[group]
 
     def _prepare(self, state: int) -> HeatSystem:
-        on_mesh, mesh = self._on_mesh, self._on_mesh.mesh
+        on_mesh, mesh = self._on_mesh, self._mesh
         current, present = self._sequence.states[state], self._sequence.present(state)
         nodes = nodes_in(mesh.blocks, present)
         now, given, films = self._begins(state), [], []
@@ -212,7 +222,8 @@ class Conduction:
             since = current.heat_since[name]
             begun = self._begins(since) - now
             if face.film is None:
-                named = np.intersect1d(given_nodes(on_mesh, name, since, state), nodes)
+                at = self.joined[given_nodes(on_mesh, name, since, state)]
+                named = np.intersect1d(at, nodes)
                 given.append(GivenNodes(named, face, begun))
             else:
                 patches = free_patches(mesh, on_mesh.table, name, present)

@@ -110,9 +110,6 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
 
     if not case.interfaces:
         return []
-    if case.conducts:
-        message = "heat that is conducted across interfaces is not computed yet"
-        refuse(("interfaces",), message, "Leave out the interfaces, or 'heat' of the ground.")
     divided = any(one.beams for faces in on_mesh.joints.values() for one in faces)
     if case.consolidates and divided:
         message = (

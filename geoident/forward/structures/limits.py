@@ -135,7 +135,7 @@ def given_back(interface: Interface, point: ParameterPoint, plastic: Floats) -> 
         plastic: (dim, n, 1 + n + k) elastic tractions of a step less those at its end, Pa.
     """
     if interface.dilation == Scalar(0.0):
-        return plastic[0]
+        return np.asarray(plastic[0])
     stiff, soft = rigidities(interface, point)
     angle = point.number(interface.dilation)
     opens = angle.sine() / angle.cosine() * stiff / soft  # by the slip, as tractions

@@ -1,7 +1,8 @@
-"""Interfaces in the plane: tractions, opening and slip along them, and where they slip or open."""
+"""Interfaces: tractions, opening and slip along them or on them, and where they slip or open."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -16,8 +17,21 @@ from geoident.report.drawing.fields.panels import add_lines, draw_lines, finish,
 from geoident.report.drawing.forces import LINE_STYLES, chain
 from geoident.report.drawing.scene import SheetView
 from geoident.report.drawing.style import FAINT, WIDTH, Picture, colour, evenly, key, short
+from geoident.report.drawing.unrolled import (
+    MOST_SHEET_STAGES,
+    MOST_SHEETS,
+    Sheet,
+    sheet_figure,
+    sheets,
+)
 
 _MOST_STAGES = 8
+_CORNERS = {3: 3, 7: 3, 4: 4, 9: 4}
+"""Corners of a face in space by the number of its points."""
+
+_FLAT = 1e-6
+"""Sine of the dip below which a face has no strike: its first axis is x then."""
+
 _STICKS, _SLIPS, _OPENS = "#4c78a8", "#e08214", "#c4122f"
 _STATES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("sticks", {"color": _STICKS, "lw": 1.4}),
@@ -27,10 +41,12 @@ _STATES: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 def interface_pictures(result: Result) -> tuple[Picture, ...]:
-    """Tractions and jumps along each interface of a model in the plane."""
+    """Tractions and jumps along each interface, in space on its faces."""
     states = result.interfaces
-    if states is None or states.points.shape[1] != 2:
+    if states is None:
         return ()
+    if states.points.shape[1] == 3:
+        return tuple(_sheet_pictures(states))
     count = int(np.isfinite(states.normal_traction).any(axis=0).sum())
     words = (
         "Tension and opening are positive; slip is positive where the side beyond the interface "
@@ -46,6 +62,69 @@ def interface_pictures(result: Result) -> tuple[Picture, ...]:
             partial(_along_figure, states, name),
         )
         for n, name in enumerate(states.names, start=1)
+    )
+
+
+def _sheet_pictures(states: InterfaceStates) -> Iterator[Picture]:
+    """Maps of interfaces in space, the largest pieces first; values are means over the faces."""
+    points = states.face_points
+    corners = np.full((len(points), 4, 3), np.nan)
+    for face, own in zip(corners, points, strict=True):
+        n = _CORNERS[len(own)]
+        face[:n] = states.points[own[:n]]
+    normals = states.normals[[own[0] for own in points]]
+    level = np.cross([0.0, 0.0, 1.0], normals)
+    flat = np.linalg.norm(level, axis=1) < _FLAT
+    level[flat] = [1.0, 0.0, 0.0]
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    axes = np.stack([level, np.cross(normals, level), normals], axis=1)
+    every = sheets(corners, axes, "interface", either_way=True)
+    for count, sheet in enumerate(every[:MOST_SHEETS], start=1):
+        on_sheet = [points[face] for face in sheet.faces]
+        there = np.isfinite(states.normal_traction[np.concatenate(on_sheet)]).any(axis=0)
+        stages = np.flatnonzero(there)
+        if not len(stages):
+            continue
+        names = list(dict.fromkeys(states.interfaces[one[0]] for one in on_sheet))
+        stages = stages[evenly(len(stages), MOST_SHEET_STAGES)]
+        drawn = f"{len(stages)} of {int(there.sum())} stages"
+        words = (
+            f"{sheet.words} Axis 1 is level. Means over the faces; tension and opening are "
+            f"positive, t_s and slip are sizes. Drawn are {drawn}, "
+            f"{min(len(every), MOST_SHEETS)} of {len(every)} pieces."
+        )
+        yield Picture(
+            f"interface-{count}",
+            f"On the interface {short(', '.join(names), 60)}",
+            words,
+            partial(_sheet_figure, states, sheet, on_sheet, stages),
+        )
+
+
+def _sheet_figure(
+    states: InterfaceStates, sheet: Sheet, points: list[Ints], stages: Ints
+) -> Figure:
+    """Maps of tractions and jumps on the faces of a sheet with these points."""
+    rows = {}
+    for name, values, factor in _quantities(states):
+        means = np.full((len(points), len(stages)), np.nan)
+        for mean, own in zip(means, points, strict=True):
+            known = values[np.ix_(own, stages)]
+            there = np.isfinite(known)
+            some = there.any(axis=0)
+            total = np.where(there, known, 0.0).sum(axis=0)
+            mean[some] = factor * total[some] / there.sum(axis=0)[some]
+        rows[name] = means
+    return sheet_figure(sheet, rows, [states.stages[stage] for stage in stages])
+
+
+def _quantities(states: InterfaceStates) -> tuple[tuple[str, Floats, float], ...]:
+    """Name, values and factor of what is drawn."""
+    return (
+        ("t_n (kPa)", states.normal_traction, 1e-3),
+        ("t_s (kPa)", states.shear_traction, 1e-3),
+        ("opening (mm)", states.opening, 1e3),
+        ("slip (mm)", states.slip, 1e3),
     )
 
 
@@ -74,15 +153,9 @@ def _along_figure(states: InterfaceStates, name: str) -> Figure:
     ends = np.where(turned[:, None], faces[order][:, ::-1], faces[order]).ravel()
     there = np.flatnonzero(np.isfinite(states.normal_traction[ends]).any(axis=0))
     stages = there[evenly(len(there), _MOST_STAGES)]
-    panels: tuple[tuple[str, Floats, float], ...] = (
-        ("t_n (kPa)", states.normal_traction, 1e-3),
-        ("t_s (kPa)", states.shear_traction, 1e-3),
-        ("opening (mm)", states.opening, 1e3),
-        ("slip (mm)", states.slip, 1e3),
-    )
     figure = Figure(figsize=(WIDTH, 4.8))
     grid = figure.subplots(2, 2, sharex=True)
-    for axes, (title, values, factor) in zip(grid.ravel(), panels, strict=True):
+    for axes, (title, values, factor) in zip(grid.ravel(), _quantities(states), strict=True):
         axes.axhline(0.0, color=FAINT, lw=0.6)
         for k, stage in enumerate(stages):
             style: dict[str, Any] = {"color": colour(k), "ls": LINE_STYLES[k % 4], "lw": 1.2}

@@ -51,7 +51,7 @@ class ModelParts:
 
     Args:
         case: of the model.
-        mesh: that it stands on; None for a closed form.
+        mesh: that it was given; None for a closed form.
         solver: name of the sparse solver, or ``auto``.
     """
 
@@ -69,7 +69,7 @@ class ModelParts:
             solver: name of the sparse solver, or ``auto``.
         """
         if isinstance(model, StagedModel):
-            return cls(case, model.mesh, solver)
+            return cls(case, model.on_mesh.given or model.mesh, solver)
         return cls(case, None, solver) if isinstance(model, OpeningModel) else None
 
     def build(self) -> StagedModel | OpeningModel:

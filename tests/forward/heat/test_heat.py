@@ -19,7 +19,8 @@ from support.heated import (
     write_slab,
 )
 from support.in_stages import model_at, read, write_msh
-from support.meshes import from_grid
+from support.inner_faces import with_inner_faces
+from support.meshes import box, from_grid
 
 from geoident.forward.analysis.analysis import RunOptions
 
@@ -49,6 +50,30 @@ def test_a_slab_that_is_cooled(tmp_path, verification):
     for row, x in enumerate((0.5, 1.5)):
         exact = [cooled_slab(x, day * DAY) for day in days]
         verification("cooled-slab", f"{x} m deep", days, exact=exact, found=found[row])
+
+
+def test_heat_flows_through_a_joint(tmp_path):
+    """It is as warm as the slab without it; held at both ends it opens by what the slab shortens.
+
+    sigma (L / M + 1 / k_n) = -alpha (1 + nu) / (1 - nu) int T, M of a slab that is held across.
+    """
+    text = SLAB.replace("x1: x,", "x0: x, x1: x,").replace(
+        "stages:", "interfaces: {joint: {along: joint, k_n: 1 GPa/m, k_s: 1 GPa/m}}\nstages:"
+    )
+    text += "  J: {kind: joint-meter, interface: joint, point: [1 m, 0.5 m], component: opening,"
+    text += " accuracy: 1 um}\n"
+    mesh = box("quad8", (64, 1), size=(THICKNESS, 1.0))
+    mesh = with_inner_faces(mesh, joint=lambda x: abs(x[..., 0] - 1.0) < 1e-9)
+    write_msh(mesh, tmp_path / "slab.msh", ["x0", "x1", "y0", "y1", "joint"])
+    (tmp_path / "case.yaml").write_text(text)
+    found = read(tmp_path / "case.yaml", {"cool": TIMES})
+    modulus = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
+    for state, t in enumerate([*TIMES, 20 * DAY]):
+        truth = [cooled_slab(x, t) for x in (0.5, 1.5)]
+        np.testing.assert_allclose(found[:2, state], truth, atol=0.05)
+        mean = quad(lambda x, t=t: cooled_slab(x, t) - 10.0, 0, THICKNESS, limit=200)[0]
+        stress = -ALPHA * (1 + NU) / (1 - NU) * mean / (THICKNESS / modulus + 1e-9)
+        np.testing.assert_allclose(found[4, state], stress / 1e9, rtol=5e-3)
 
 
 def test_steps_converge_with_the_second_order(tmp_path):

@@ -11,7 +11,6 @@ from geoident.model.actions import PointForce
 from geoident.model.case import Stage, Support
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
-from geoident.report.text.interfaces import interface_table
 from tests.forward.structures.test_interfaces import (
     BOND,
     MODULUS,
@@ -23,23 +22,8 @@ from tests.forward.structures.test_interfaces import (
     bonded_strip,
     on_level,
 )
-from tests.support.cases import material, model
+from tests.support.cases import model
 from tests.support.meshes import box
-
-
-def test_nothing_is_said_once_a_side_is_dug():
-    """The table has the stages in which the ground of both sides is there."""
-    staged = model(
-        on_level(box("quad8", (2, 2)), 0.5),
-        materials={"rock": material("rock", 1e9, 0.0)},
-        groups={"rock": "rock", "low": "rock"},
-        supports=(Support("y0", (0, 1)),),
-        interfaces={"joint": Interface("joint", Scalar(1e9), Scalar(3e8))},
-        stages=(Stage("wait"), Stage("dig", excavate=("rock",))),
-    )
-    states = staged.survey(NOTHING, fields=False).interfaces
-    assert np.isnan(states.normal_traction[:, 1]).all()
-    assert [row[:2] for row in interface_table(states).rows] == [["joint", "wait"]]
 
 
 def test_the_part_of_a_bond_that_slips():

@@ -7,8 +7,7 @@ import pytest
 
 from geoident.io.result.structure_cells import interface_faces, write_structures_vtkhdf
 from geoident.io.result.vtu import write_structures_vtu
-from tests.forward.structures.test_interface_states import pulled_apart
-from tests.forward.structures.test_interfaces import slope
+from tests.forward.structures.test_interfaces import NOTHING, pulled_apart, slope
 from tests.support.commands import run_command
 
 xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
@@ -31,7 +30,7 @@ def grid_of(path, state: int):
 @pytest.mark.parametrize("kind", ["quad8", "tri3", "tet10", "hex8", "hex20"])
 def test_faces_cover_the_interface_once_with_what_they_carry(kind, tmp_path):
     """Corners in their order give the area, each point has its numbers; dug faces are not shown."""
-    states = pulled_apart(kind)
+    states = pulled_apart(kind).survey(NOTHING, fields=False).interfaces
     faces = [interface_faces(states, state) for state in range(3)]
     write_structures_vtu(faces[1], tmp_path / "a.vtu")
     write_structures_vtkhdf(faces, tmp_path / "a.vtkhdf")

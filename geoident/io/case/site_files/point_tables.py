@@ -168,7 +168,7 @@ class _Table:
         for cell in header:
             title, at = cell.text, cell.column
             name, unit = name_and_unit(title)
-            if name not in dimensions and name != _OWNER:
+            if name not in dimensions:
                 name = name.lower().replace(" ", "_")
             if name == _OWNER and self.owners and name not in units:
                 units[name] = ""
