@@ -309,7 +309,7 @@ STARTS = {"E": 4e9, "EA": 1e8, "k": 8e8, "bond": 1.1e5, "s": 1.4, "F": 2e5, "cap
           "k_base": 1e8, "base": 2e3}  # fmt: skip
 
 
-def sought(structure, stages, channels, names, kind="quad8", **changes):
+def sought(structure, stages, channels, names, kind="quad8", starts=STARTS, **changes):
     dim = 3 if kind.startswith(("hex", "tet")) else 2
     one = {n: Scalar(1.0, n) for n in names}
     return model(
@@ -320,7 +320,7 @@ def sought(structure, stages, channels, names, kind="quad8", **changes):
         structures={"bar": structure},
         stages=(Stage("built", build=("bar",)), *stages),
         parameters=tuple(
-            Parameter(n, STARTS[n], 0.1 * STARTS[n], 10 * STARTS[n]) for n in names
+            Parameter(n, starts[n], 0.1 * starts[n], 10 * starts[n]) for n in names
         ),
         channels=channels,
         **changes,
