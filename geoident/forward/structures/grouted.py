@@ -226,7 +226,8 @@ def _around_shafts(on_mesh: CaseOnMesh, structure: GroutedBars) -> list[Floats]:
         return [np.array([[radius, 0.0]]) if not pair[:, 0].any() else line for pair in ends]
     if case.analysis is Analysis.PLANE_STRAIN:
         return [line] * len(ends)
-    angle = 2 * np.pi * np.arange(_AROUND)[:, None] / _AROUND
+    # on no plane of symmetry on which its axis may lie, where half of them would be beside the mesh
+    angle = 2 * np.pi * (np.arange(_AROUND)[:, None] + 0.5) / _AROUND
     across = [bar_axes(pair[1] - pair[0])[1:] for pair in ends]
     return [radius * (np.cos(angle) * a + np.sin(angle) * b) for a, b in across]
 
