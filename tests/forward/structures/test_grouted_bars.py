@@ -358,9 +358,9 @@ def test_the_shaft_of_a_pile_goes_with_the_mean_motion_around_it():
     for x in (1.7, 0.0):
         pile = bars(3, kind=Piles, diameter=Scalar(2 * R))
         pile = replace(pile, ends=(((x, 1.7, 3.5), (x, 1.7, 0.5)),))
-        staged = held(box("hex20", (2, 1, 1), size=(4.0,) * 3), pile, ())
+        staged = held(box("hex20", (8, 1, 1), size=(4.0,) * 3), pile, ())
         on_mesh = staged.on_mesh
-        placed = PlacedBars(on_mesh, "bar", pile, np.ones(2, dtype=bool))
+        placed = PlacedBars(on_mesh, "bar", pile, np.ones(8, dtype=bool))
         site = placed.holding(0, np.array([x, 1.7, 2.0]), around=True)
         u = np.zeros(on_mesh.mesh.points.shape)
         u[:, 2] = -(on_mesh.mesh.points[:, 0] ** 2)
