@@ -112,10 +112,12 @@ class HeadForce:
     Args:
         structure: name of it.
         value: of one bar along itself, N: it pulls the bar out of the ground; negative, it pushes.
+        direction: (dim,) unit vector along which it acts instead; None: along the bar.
     """
 
     structure: str
     value: Scalar
+    direction: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

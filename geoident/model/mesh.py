@@ -53,7 +53,8 @@ class Mesh:
         inner: (k, 2) a node of the ground, and that which a beam between interfaces has there.
         stations_by: (m,) for each station of grouted bars a node near it. The last m nodes of
             ``points`` are these stations: their first unknown is the motion of the bar along
-            itself, the others are none.
+            itself, the others are its motions across, or none.
+        stations_bend: (m,) which of them move across their bars.
     """
 
     points: Floats
@@ -66,6 +67,7 @@ class Mesh:
     rotations_of: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     inner: Ints = field(default_factory=lambda: np.empty((0, 2), np.int64))
     stations_by: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    stations_bend: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
 
     @property
     def n_places(self) -> int:
@@ -142,13 +144,20 @@ def and_inner(mesh: Mesh, nodes: Ints) -> Ints:
     return np.union1d(nodes, inner[np.isin(outer, nodes)])
 
 
-def with_stations(mesh: Mesh, stations: Floats) -> Mesh:
-    """The same mesh with unknowns for the motion of bars at some stations (m, dim), m."""
+def with_stations(mesh: Mesh, stations: Floats, bend: Bools) -> Mesh:
+    """The same mesh with unknowns for the motion of bars at some stations (m, dim), m.
+
+    Args:
+        mesh: the mesh.
+        stations: of all bars.
+        bend: (m,) which move across their bars too.
+    """
     from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.3 s, for cases with such bars alone
 
     by = cKDTree(mesh.points[: mesh.n_places]).query(stations)[1]
     points = np.concatenate([mesh.points, stations])
-    return replace(mesh, points=points, stations_by=np.asarray(by, dtype=np.int64))
+    by_nodes = np.asarray(by, dtype=np.int64)
+    return replace(mesh, points=points, stations_by=by_nodes, stations_bend=bend)
 
 
 def motions_of_nodes(mesh: Mesh, u: Floats) -> Floats:

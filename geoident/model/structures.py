@@ -216,6 +216,11 @@ class Bars(_Structure):
         """Whether its bars have a capacity."""
         return self.capacity is not None
 
+    @property
+    def bends(self) -> bool:
+        """Whether its bars bear moments."""
+        return False
+
     def breach(self, values: Values) -> str | None:
         """Bars are not stressed beyond what they bear, either."""
         reason = super().breach(values)
@@ -271,14 +276,15 @@ class GroutedBars(Bars):
         k_grout: force per length of one bar, and per slip of it against the ground, Pa.
         bond: force per length of one bar at which it slips, N/m; None: it never does.
         free: length at the head that touches nothing, m.
-        head: joined, it moves with the ground where it lies, as by a plate; or free.
+        head: joined, it moves with the ground where it lies, as by a plate; free; of piles that
+            bend also clamped: joined, and it does not turn.
         pieces: of its grouted length, each of one slip and one axial force in its middle.
     """
 
     k_grout: Scalar = field(kw_only=True)
     bond: Scalar | None = field(default=None, kw_only=True)
     free: float = field(default=0.0, kw_only=True)
-    head: Literal["joined", "free"] = field(default="joined", kw_only=True)
+    head: Literal["joined", "free", "clamped"] = field(default="joined", kw_only=True)
     pieces: int = field(default=40, kw_only=True)
 
     @property
@@ -289,15 +295,27 @@ class GroutedBars(Bars):
 
 @dataclass(frozen=True)
 class Piles(GroutedBars):
-    """Piles: they are pushed into the ground, along the shaft and at the toe.
+    """Piles: the ground holds them along the shaft, at the toe and, where they bend, across it.
 
     Args:
         k_base: force at the toe of one pile per motion of it into the ground, N/m; None: none.
         base_capacity: force at which it sinks in, N; None: no limit. The toe is never pulled.
+        k_lateral: force across a pile, per length and motion against the ground, Pa; None: nothing
+            holds it across itself, and it does not bend.
+        lateral_resistance: force per length at which the ground yields beside it, N/m; None: never.
+        EI: bending stiffness of one pile, N m2; None: that of a full round section.
     """
 
     k_base: Scalar | None = field(default=None, kw_only=True)
     base_capacity: Scalar | None = field(default=None, kw_only=True)
+    k_lateral: Scalar | None = field(default=None, kw_only=True)
+    lateral_resistance: Scalar | None = field(default=None, kw_only=True)
+    EI: Scalar | None = field(default=None, kw_only=True)
+
+    @property
+    def bends(self) -> bool:
+        """Whether the ground holds them across themselves."""
+        return self.k_lateral is not None
 
     @property
     def numbers(self) -> dict[str, Scalar]:
@@ -307,17 +325,17 @@ class Piles(GroutedBars):
 
     @property
     def yields(self) -> bool:
-        """Whether shaft or pile do; a toe always does, since it lifts off."""
-        return super().yields or self.k_base is not None
+        """Whether shaft, pile or the ground beside it do; a toe always does, since it lifts off."""
+        return super().yields or self.k_base is not None or self.lateral_resistance is not None
 
 
 @dataclass(frozen=True)
-class PileToes(Bars):
-    """What holds the toes of piles: springs that press and do not pull.
+class PileContacts(Bars):
+    """What holds piles across themselves: springs.
 
     Args:
-        stiffness: of one, N/m.
-        strength: of one, N; None: no limit.
+        stiffness: of one pile, by its length, Pa; of a toe N/m.
+        strength: by its length, N/m; of a toe N; None: no limit.
     """
 
     stiffness: Scalar = field(kw_only=True)
@@ -325,8 +343,29 @@ class PileToes(Bars):
 
     @property
     def yields(self) -> bool:
+        """Whether they have a strength."""
+        return self.strength is not None
+
+
+@dataclass(frozen=True)
+class PileToes(PileContacts):
+    """What holds the toes of piles: springs that press and do not pull."""
+
+    @property
+    def yields(self) -> bool:
         """They lift off."""
         return True
+
+
+@dataclass(frozen=True)
+class PileBending(Bars):
+    """The bending of piles.
+
+    Args:
+        EI: of one pile, N m2; None: that of a full round section by E and diameter.
+    """
+
+    EI: Scalar | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,8 @@ def fixed_dofs(on_mesh: CaseOnMesh, state: int = 0) -> Bools:
     fixed[on_mesh.kinematics.on_axis(mesh.points), 0] = True
     stations = mesh.n_nodes - len(mesh.stations_by)
     fixed[mesh.n_places : stations] = _held_rotations(on_mesh)
-    fixed[stations:] = np.arange(mesh.dim) > 0  # a bar moves along itself
+    across = np.arange(mesh.dim) > 0
+    fixed[stations:] = across & ~mesh.stations_bend[:, None]  # a bar moves along itself
     return fixed.ravel()
 
 

@@ -1,6 +1,8 @@
 """Forces and strains of structures: load cells, strain gauges on bars and beams.
 
 A bar (bolt, strut, anchor) bears one axial force, a grouted one another at each of its places. A
+pile that bends has M there, positive with tension on the side of the point `towards`, Q = dM/ds
+with s from head to toe, and the strain N/EA + y M/EI of the fibre on that side or the other. A
 beam bears at a place along it, s the length of
 arc with the inside of the beam to the right,
 
@@ -27,7 +29,12 @@ from geoident.forward.gauges.observation import AnalysisState, Observable
 from geoident.forward.gauges.on_structures import NOT_STANDING, PlaceOnBeam, standing
 from geoident.forward.gauges.placement import Placed
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.structures.grouted import bar_share, place_along
+from geoident.forward.structures.grouted import (
+    across_moments,
+    axes_of,
+    bar_share,
+    place_along,
+)
 from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, ParameterPoint
@@ -69,6 +76,8 @@ class MemberReadings(Observable):
             value = _of_beam(part, self._places[channel.name], channel, forces, state.point)
         else:
             assert isinstance(part.structure, Bars)
+            if channel.quantity in _BENDS:
+                return _of_pile(part, channel, state)
             by = bar_share(part.structure, state.point)  # one bar bears its share
             if channel.kind != "load-cell":
                 by = 1.0 / rigidities(part.structure, state.point)[0]
@@ -88,6 +97,39 @@ def _of_bar(part: StructureMembers, channel: Channel, forces: Floats) -> Floats:
     piece = first + channel.member * bars.pieces + place.piece
     slope = forces[piece + len(part.members)]
     return np.asarray(forces[piece] + (place.part - 0.5) * place.length * slope)
+
+
+_BENDS = ("M", "Q", "inside", "outside")
+
+
+def _of_pile(part: StructureMembers, channel: Channel, state: AnalysisState) -> Floats:
+    """M or Q of one pile at a place, or the strain of a fibre, (1 + n + k,)."""
+    bends, pile = state.structures.bending_of(part), part.structure
+    assert isinstance(pile, GroutedBars)
+    assert bends is not None
+    assert channel.towards is not None
+    place = place_along(pile, channel.member, channel.second)
+    axes = axes_of(pile, channel.member)[1:]
+    side = axes @ (np.array(channel.towards) - place.point)  # of the tension, as M counts
+    # M = EI v'' has tension where v is negative
+    bent = -side / np.linalg.norm(side)
+    at = across_moments(pile, state.end.members[bends.rows])[:, channel.member]
+    first, second = np.tensordot(bent, at[:, place.piece : place.piece + 2], axes=1)
+    share = bar_share(pile, state.point)
+    if channel.quantity == "Q":
+        return scaled((second - first) / place.length, share)
+    moment = (1.0 - place.part) * first + place.part * second
+    if channel.quantity == "M":
+        return scaled(moment, share)
+    if channel.fibre is not None:
+        y = state.point.constant(channel.fibre)
+    else:
+        assert pile.diameter is not None  # `on_structures` refuses a pile without
+        y = state.point.number(pile.diameter).times(0.5)
+    EA, EI = (rigidities(one, state.point)[0] for one in (pile, bends.structure))
+    axial = scaled(_of_bar(part, channel, state.end.members), 1.0 / EA)
+    bend = scaled(moment, y / EI)
+    return axial + bend if channel.quantity == "inside" else axial - bend
 
 
 def _of_beam(

@@ -138,6 +138,7 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
         if channel.kind not in ("tilt", "bar-displacement"):
             hint += ", or remove 'zero' to read what there is since then"
         yield fault("zero-before-structure", message, hint, "zero")
+    fibre = channel.quantity in ("inside", "outside")
     if isinstance(structure, Bars):
         count = len(structure.ends)
         if channel.kind == "pressure-cell":
@@ -147,17 +148,19 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
             message = f"reads a rotation of {of}, whose bars have none of their own"
             hint = "name a beam, or give the two points of 'between'"
             yield fault("wrong-structure", message, hint)
-        elif channel.quantity not in ("N", "", "axis", "slip"):
+        elif not structure.bends and channel.quantity not in ("N", "", "axis", "slip"):
             message = f"reads '{channel.quantity}' of {of}; its bars bear only N"
             yield fault("wrong-structure", message, "remove the key, or name a beam")
         elif channel.member >= count:
             message = f"sits on bar {channel.member + 1} of {of}, which has {count}"
             yield fault("no-such-bar", message, "correct 'bar'; they count from 1", "bar")
+        elif fibre and not (structure.diameter or channel.fibre):
+            message = f"reads a fibre of {of}, whose diameter is not given"
+            yield fault("no-thickness", message, "give 'depth': its distance from the axis")
     elif isinstance(structure, Beam):
         asked = format_point(channel.second)
         place, side_known = place_on_beam(channel, on_mesh)
         on_beam = place.distance <= REACH * place.lengths.max()
-        fibre = channel.quantity in ("inside", "outside")
         bends = fibre or channel.quantity == "M" or channel.kind == "pressure-cell"
         if not on_beam:
             message = (
@@ -207,4 +210,6 @@ def _dimension(channel: Channel, structure: Structure) -> str:
         return same[channel.kind]
     if channel.quantity in SHELL_FORCES:
         return "moment per length" if channel.quantity.startswith("m") else "line load"
-    return "force" if isinstance(structure, Bars) else _DIMENSIONS[channel.quantity]
+    if isinstance(structure, Bars):
+        return "moment" if channel.quantity == "M" else "force"
+    return _DIMENSIONS[channel.quantity]

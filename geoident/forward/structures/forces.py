@@ -9,7 +9,7 @@ import numpy as np
 from geoident.fem.shells import ShellMembers
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.capacity import utilisation
-from geoident.forward.structures.grouted import bar_share
+from geoident.forward.structures.grouted import across_moments, bar_share
 from geoident.forward.structures.limits import limits
 from geoident.forward.structures.members import StructureMembers, Structures
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
@@ -18,7 +18,15 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 from geoident.model.results.result import MemberForces
 from geoident.model.results.shells import ShellForces, along
-from geoident.model.structures import Bars, Beam, GroutedBars, Shell
+from geoident.model.structures import (
+    Bars,
+    Beam,
+    GroutedBars,
+    PileBending,
+    PileContacts,
+    PileToes,
+    Shell,
+)
 
 _DIRECTIONS = np.radians(np.arange(0.0, 180.0, 5.0))
 """Of the sections of a shell, from axis 1; axis 2 is in the middle."""
@@ -52,7 +60,12 @@ class MemberRecorder:
         self._sequence = sequence
         self._values = values
         self._tables: list[Floats] = []
-        self._parts = structures.bars_and_beams
+        self._parts = [
+            part
+            for part in structures.bars_and_beams
+            if isinstance(part.structure, PileToes)
+            or not isinstance(part.structure, PileContacts | PileBending)
+        ]
         self._of_shells: list[list[Floats]] = []
 
     def add(self, number: int, members: Floats) -> None:
@@ -160,6 +173,10 @@ class MemberRecorder:
             table[0] = each[0]
             if isinstance(part.structure, GroutedBars):
                 table[7] = each[1]
+            bends = self._structures.bending_of(part)
+            if bends is not None:
+                assert isinstance(part.structure, GroutedBars)
+                table[1:4] = self._of_pile(part, part.structure, forces[bends.rows] * share)
             return table
         section = part.section_forces(forces)
         table[:4] = section.axial, section.first, section.second, section.shear
@@ -182,6 +199,18 @@ class MemberRecorder:
             around = utilisation(table[4], np.zeros_like(used), **strength)
             table[6] = np.fmax(used, around)  # NaN is the hoop force of a lining in the plane
         return table
+
+    def _of_pile(self, part: StructureMembers, pile: GroutedBars, moments: Floats) -> Floats:
+        """M at both ends of the pieces of piles, and Q: (3, n_members).
+
+        In the plane with signs; in a solid their sizes, whatever their directions.
+        """
+        at = across_moments(pile, moments)
+        lengths = part.members.length.reshape(at.shape[1], -1)
+        sizes = [at[..., :-1], at[..., 1:], np.diff(at, axis=2) / lengths]
+        return np.stack(
+            [(one[0] if len(at) == 1 else np.linalg.norm(one, axis=0)).ravel() for one in sizes]
+        )
 
     def _of_limits(self, part: StructureMembers, forces: Floats) -> Floats:
         """The part of what a beam bears before it yields that N and M use, (n_members,).

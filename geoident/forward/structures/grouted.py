@@ -1,8 +1,9 @@
 """Grouted bars on the mesh: their stations, what holds them, and the parts that they are made of.
 
-A structure of grouted bars is up to three parts of the analysis (`members.StructureMembers`): the
+A structure of grouted bars has several parts in the analysis (`members.StructureMembers`): the
 grouted lengths, which bear its name; free lengths from plates to the grout, which are plain bars
-and are stressed by a jack as these are; and toes of piles, springs that only press.
+and are stressed by a jack as these are; of piles toes, springs that only press, and, where they
+bend, what holds them across themselves, and their bending.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from geoident.fem.grouted_bars import GroutedRows, stations
+from geoident.fem.grouted_bars import GroutedRows, bar_axes, stations
 from geoident.fem.location import Site
 from geoident.fem.structures import Members
 from geoident.forward.stages import CaseOnMesh
@@ -20,25 +21,34 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import Mesh, with_stations
-from geoident.model.structures import Bars, GroutedBars, Piles, PileToes
+from geoident.model.structures import (
+    Bars,
+    GroutedBars,
+    PileBending,
+    PileContacts,
+    Piles,
+    PileToes,
+)
 
 _Ends = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
-BarLines = tuple[tuple[_Ends, float, int], ...]
-"""What says where the stations of all grouted bars of a case are: ends, free length, pieces."""
+BarLines = tuple[tuple[_Ends, float, int, bool], ...]
+"""What says where the stations of all grouted bars of a case are: ends, free length, pieces; and
+whether they bend."""
 
 
 def bar_lines(case: Case) -> BarLines:
     """Where the grouted bars of a case are, for each such structure."""
     bars = (one for one in case.structures.values() if isinstance(one, GroutedBars))
-    return tuple((one.ends, one.free, one.pieces) for one in bars)
+    return tuple((one.ends, one.free, one.pieces, one.bends) for one in bars)
 
 
 def with_bars(mesh: Mesh, lines: BarLines) -> Mesh:
     """The mesh with unknowns for the stations of grouted bars."""
     if not lines:
         return mesh
-    return with_stations(mesh, np.concatenate([_stations(*line).reshape(-1, mesh.dim)
-                                               for line in lines]))  # fmt: skip
+    each = [_stations(*line[:3]).reshape(-1, mesh.dim) for line in lines]
+    bends = np.repeat([line[3] for line in lines], [len(own) for own in each])
+    return with_stations(mesh, np.concatenate(each), bends)
 
 
 def _stations(ends: _Ends, free: float, pieces: int) -> Floats:
@@ -48,6 +58,12 @@ def _stations(ends: _Ends, free: float, pieces: int) -> Floats:
 def points_of(structure: GroutedBars) -> Floats:
     """Stations (n_bars, pieces + 1, dim) of a structure, from head to toe, m."""
     return _stations(structure.ends, structure.free, structure.pieces)
+
+
+def axes_of(structure: GroutedBars, bar: int) -> Floats:
+    """Unit vectors (dim, dim) from head to toe of a bar, and across it."""
+    head, toe = np.array(structure.ends[bar], dtype=np.float64)
+    return bar_axes(toe - head)
 
 
 @dataclass(frozen=True)
@@ -96,7 +112,7 @@ def held_points(
     """What the ground holds of a bar, by its first end and by its second: what it is, and where."""
     points = stations(np.array([ends], dtype=np.float64), structure.free, structure.pieces)[0]
     middles = (points[:-1] + points[1:]) / 2
-    head = [("the head", ends[0])] if structure.head == "joined" else []
+    head = [("the head", ends[0])] if structure.head != "free" else []
     toe = [("the toe", ends[1])] if _has_toe(structure) else []
     return head, [("the grout at", tuple(point)) for point in middles.tolist()] + toe
 
@@ -105,19 +121,8 @@ def _has_toe(structure: GroutedBars) -> bool:
     return isinstance(structure, Piles) and structure.k_base is not None
 
 
-def grouted_rows(on_mesh: CaseOnMesh, name: str, structure: GroutedBars) -> GroutedRows:
-    """The rows of the bars of a structure."""
-    points = points_of(structure)
-    extent = np.ones(len(points))
-    if on_mesh.case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
-        extent = 2 * np.pi * np.array([head[0] for head, _ in structure.ends])
-    return GroutedRows(on_mesh.mesh, first_station(on_mesh.case, name), points, extent)
-
-
-def parts_of(
-    on_mesh: CaseOnMesh, name: str, structure: GroutedBars, present: Bools
-) -> Iterator[tuple[str, Bars, Members]]:
-    """The parts of grouted bars: a name, what the part is, its members.
+class PlacedBars:
+    """Grouted bars on the mesh: what holds them, and their rows.
 
     Args:
         on_mesh: the case on its mesh.
@@ -125,39 +130,81 @@ def parts_of(
         structure: in ground that holds all its points (`structures.checks`).
         present: (n_elements,) what is there as long as it stands.
     """
-    circles = _around_shafts(on_mesh, structure)
 
-    def holding(points: Floats, *, around: bool = False) -> list[list[Site]]:
-        """What holds points (n, dim), or (n, k, dim) of several bars."""
-        every = points.reshape(len(structure.ends), -1, points.shape[-1])
-        held = []
-        for circle, own in zip(circles, every, strict=True):
-            for point in own:
-                ring = point + circle if around else point[None]
-                sites = [on_mesh.locator.best(tuple(x), present) for x in ring.tolist()]
-                if not any(sites):  # beside the mesh
-                    sites = [on_mesh.locator.best(tuple(point.tolist()), present)]
-                held.append([site for site in sites if site is not None])
-        return held
+    def __init__(
+        self, on_mesh: CaseOnMesh, name: str, structure: GroutedBars, present: Bools
+    ) -> None:
+        self._on_mesh, self._present = on_mesh, present
+        self._circles = _around_shafts(on_mesh, structure)
+        points = points_of(structure)
+        self.at_heads = np.array([head for head, _ in structure.ends], dtype=np.float64)
+        bars = range(len(points))
+        joined = structure.head != "free"
+        self.heads = [self.holding(n, self.at_heads[n]) for n in bars] if joined else None
+        extent = np.ones(len(points))
+        if on_mesh.case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
+            extent = 2 * np.pi * self.at_heads[:, 0]
+        first, heads = first_station(on_mesh.case, name), None if structure.free else self.heads
+        self.rows = GroutedRows(on_mesh.mesh, first, points, extent, heads)
 
-    rows, points = grouted_rows(on_mesh, name, structure), points_of(structure)
-    at_head = np.array([head for head, _ in structure.ends], dtype=np.float64)
-    heads = holding(at_head) if structure.head == "joined" else None
-    middles = holding((points[:, :-1] + points[:, 1:]) / 2, around=True)
-    yield name, _shafts(structure), rows.grouted(middles, None if structure.free else heads)
+    def holding(self, bar: int, point: Floats, *, around: bool = False) -> list[Site]:
+        """What holds a point (dim,) of a bar, m; for the mean motion around its shaft, several."""
+        ring = point + self._circles[bar] if around else point[None]
+        locator = self._on_mesh.locator
+        sites = [locator.best(tuple(x), self._present) for x in ring.tolist()]
+        if not any(sites):  # beside the mesh
+            sites = [locator.best(tuple(point.tolist()), self._present)]
+        return [site for site in sites if site is not None]
+
+
+def parts_of(
+    on_mesh: CaseOnMesh, name: str, structure: GroutedBars, present: Bools
+) -> Iterator[tuple[str, Bars, Members]]:
+    """The parts of grouted bars: a name, what the part is, its members; see `PlacedBars`."""
+    placed, points = PlacedBars(on_mesh, name, structure, present), points_of(structure)
+    rows, heads = placed.rows, placed.heads
+    middles = [
+        placed.holding(bar, point, around=True)
+        for bar, own in enumerate((points[:, :-1] + points[:, 1:]) / 2)
+        for point in own
+    ]
+    yield name, _shafts(structure), rows.grouted(middles)
     if structure.free and heads is not None:
-        yield f"{name} (free length)", _free_lengths(structure, points), rows.free_lengths(
-            heads, at_head
-        )  # fmt: skip
-    if isinstance(structure, Piles) and structure.k_base is not None:
+        free = rows.free_lengths(heads, placed.at_heads)
+        yield f"{name} (free length)", _free_lengths(structure, points), free
+    if not isinstance(structure, Piles):
+        return
+    ends, spacing, number = structure.ends, structure.spacing, structure.number
+    if structure.k_base is not None:
         toes = PileToes(
-            structure.ends,
-            structure.spacing,
-            number=structure.number,
-            stiffness=structure.k_base,
+            ends, spacing, number=number, stiffness=structure.k_base,
             strength=structure.base_capacity,
+        )  # fmt: skip
+        sites = [placed.holding(bar, own[-1], around=True) for bar, own in enumerate(points)]
+        yield f"{name} (toe)", toes, rows.toes(sites)
+    if structure.k_lateral is not None:
+        contacts = PileContacts(
+            ends, spacing, number=number, stiffness=structure.k_lateral,
+            strength=structure.lateral_resistance,
+        )  # fmt: skip
+        yield f"{name} (contact)", contacts, rows.contacts(middles)
+        bends = PileBending(
+            ends, spacing, structure.E, structure.diameter, number=number, EI=structure.EI
         )
-        yield f"{name} (toe)", toes, rows.toes(holding(points[:, -1], around=True))
+        bending = rows.bending(clamped=structure.head == "clamped")
+        yield f"{name} (bending)", bends, bending
+
+
+def across_moments(structure: GroutedBars, moments: Floats) -> Floats:
+    """M at the stations of piles, by axes across them, (k, n_bars, pieces + 1, ...).
+
+    Args:
+        structure: the piles.
+        moments: q (n_rows, ...) of their bending: M at the heads of pieces. At toes it is zero.
+    """
+    shape = (-1, len(structure.ends), structure.pieces, *moments.shape[1:])
+    at_heads = moments.reshape(shape)
+    return np.concatenate([at_heads, np.zeros_like(at_heads[:, :, :1])], axis=2)
 
 
 _AROUND = 8
@@ -179,8 +226,9 @@ def _around_shafts(on_mesh: CaseOnMesh, structure: GroutedBars) -> list[Floats]:
         return [np.array([[radius, 0.0]]) if not pair[:, 0].any() else line for pair in ends]
     if case.analysis is Analysis.PLANE_STRAIN:
         return [line] * len(ends)
-    angle = 2 * np.pi * np.arange(_AROUND)[:, None] / _AROUND
-    across = [np.linalg.svd(pair[1:] - pair[:1])[2][1:] for pair in ends]
+    # on no plane of symmetry on which its axis may lie, where half of them would be beside the mesh
+    angle = 2 * np.pi * (np.arange(_AROUND)[:, None] + 0.5) / _AROUND
+    across = [bar_axes(pair[1] - pair[0])[1:] for pair in ends]
     return [radius * (np.cos(angle) * a + np.sin(angle) * b) for a, b in across]
 
 

@@ -18,7 +18,8 @@ The limit of a rectangular section, ideally plastic with the strengths f_c and f
 as `capacity` has it. Chords between `_CHORDS` + 1 points of it are the planes, which are exact at
 these points and elsewhere at most M_p / 64 on the safe side. A bar has the one stress N, a grouted
 one s = (N, q) with E = diag(EA, k_grout), |N| <= capacity and |q| <= bond; the toe of a pile
-presses, -base_capacity <= N <= 0.
+presses, -base_capacity <= N <= 0, and the ground beside it bears |p| <= lateral_resistance in all
+directions, in a solid a polygon of `_SIDES` sides of the same size on average.
 
 A point of an interface has the tractions s = (t_n, t_s), two t_s in a solid, and E = diag(k_n, k_s,
 k_s). Coulomb's limit |t_s| + t_n tan phi <= c is two planes, in a solid a polygon
@@ -43,10 +44,21 @@ from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint, stacked
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Bars, Beam, GroutedBars, Interaction, PileToes, Structure
+from geoident.model.structures import (
+    Bars,
+    Beam,
+    GroutedBars,
+    Interaction,
+    PileContacts,
+    PileToes,
+    Structure,
+)
 
 _CHORDS = 8
 """Chords of the parabola of a section from pure tension to pure compression."""
+
+_SIDES = 16
+"""Of the polygon in place of a circle."""
 
 _END = np.sqrt(3.0)
 """M at an end less M in the middle, per third stress."""
@@ -63,7 +75,7 @@ def limits(structure: Structure | Interface, point: ParameterPoint, n_strain: in
     if isinstance(structure, Interface):
         planes = _of_interface(structure, point, solid=n_strain == _SOLID)
     elif isinstance(structure, Bars):
-        planes = _of_bars(structure, point)
+        planes = _of_bars(structure, point, solid=n_strain == _SOLID)
     else:
         planes = _of_section(structure, point)
 
@@ -112,7 +124,9 @@ class StructureLaws:
         axial, bending = rigidities(self._structures[name], self._point)
         bears = [axial, bending, bending]
         if isinstance(self._structures[name], Bars):
-            bears = bears[: 2 if isinstance(self._structures[name], GroutedBars) else 1]
+            bears = bears[
+                : 2 if isinstance(self._structures[name], GroutedBars | PileContacts) else 1
+            ]
         columns = np.zeros((self._n_strain, self._n_strain, self._point.n_columns))
         for k in range(self._n_strain):
             columns[k, k] = bears[k].columns if k < len(bears) else 0.0
@@ -160,12 +174,7 @@ def _of_interface(given: Interface, point: ParameterPoint, *, solid: bool) -> Yi
     angle, dilation = point.number(given.friction), point.number(given.dilation)
     cohesion = zero if given.cohesion is None else point.number(given.cohesion)
     reduced, steep = part * cohesion, part * angle.sine() / angle.cosine()
-    if solid:
-        turns = 2 * np.pi * np.arange(given.planes) / given.planes
-        longer = 1 / polygon_shrinkage(given.planes, "best")
-        ways = longer * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    else:
-        ways = np.array([[1.0], [-1.0]])
+    ways = _ways(given.planes) if solid else [[1.0], [-1.0]]
 
     def directions(steep: Dual) -> list[Dual]:
         return [stacked([steep, *(one.times(x) for x in way)]) for way in ways]
@@ -179,7 +188,14 @@ def _of_interface(given: Interface, point: ParameterPoint, *, solid: bool) -> Yi
     )
 
 
-def _of_bars(bars: Bars, point: ParameterPoint) -> YieldPlanes:
+def _ways(sides: int) -> list[list[float]]:
+    """Normals of a polygon in place of the unit circle, of the same size on average."""
+    turns = 2 * np.pi * np.arange(sides) / sides
+    longer = 1 / polygon_shrinkage(sides, "best")
+    return [[longer * np.cos(turn), longer * np.sin(turn)] for turn in turns]
+
+
+def _of_bars(bars: Bars, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
     """|N| <= capacity and |q| <= bond, of the forces that are carried per metre."""
     share = bar_share(bars, point)
     normals: list[list[float]] = []
@@ -191,6 +207,10 @@ def _of_bars(bars: Bars, point: ParameterPoint) -> YieldPlanes:
             normals.append([-1.0])
             distances.append(point.number(bars.strength) / share)
             names.append("sinking in")
+    elif isinstance(bars, PileContacts) and bars.strength is not None:
+        ways = _ways(_SIDES) if solid else [[1.0], [-1.0]]
+        normals, names = ways, [f"ground beside {n}" for n in range(1, 1 + len(ways))]
+        distances = [point.number(bars.strength) / share] * len(ways)
     grouted = isinstance(bars, GroutedBars)
     if bars.capacity is not None:
         zero = [0.0] * grouted

@@ -44,7 +44,7 @@ from geoident.fem.structures import (
 )
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.forward.structures.end_moments import EndMoments, end_moments
-from geoident.forward.structures.grouted import bar_share, grouted_rows, parts_of
+from geoident.forward.structures.grouted import PlacedBars, bar_share, parts_of
 from geoident.forward.structures.interfaces import InterfacePart, interface_parts
 from geoident.forward.structures.placing import (
     bears_on,
@@ -59,7 +59,18 @@ from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar, Values
-from geoident.model.structures import Bars, Beam, GroutedBars, PileToes, Shell, Structure
+from geoident.model.structures import (
+    Bars,
+    Beam,
+    GroutedBars,
+    PileBending,
+    PileContacts,
+    Shell,
+    Structure,
+)
+
+_NEVER_STRESSED = GroutedBars, PileContacts, PileBending
+"""Parts of grouted bars that no jack stresses: it stresses their free lengths."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +112,7 @@ class StructureMembers:
 
     def stressed_in(self, state: ConstructionState) -> bool:
         """Whether its force is given in a state; of grouted bars that of the free lengths is."""
-        if isinstance(self.structure, GroutedBars | PileToes):
+        if isinstance(self.structure, _NEVER_STRESSED):
             return False
         return self.given_as in state.stressed
 
@@ -158,6 +169,11 @@ class Structures:
         """Those that are made of straight pieces."""
         others = Shell, Interface
         return tuple(p for p in self.parts if not isinstance(p.structure, others))
+
+    def bending_of(self, part: StructureMembers) -> StructureMembers | None:
+        """The bending of piles, where they bend."""
+        own = (one for one in self.parts if isinstance(one.structure, PileBending))
+        return next((one for one in own if one.whole == part.name), None)
 
     @property
     def shells(self) -> tuple[StructureMembers, ...]:
@@ -262,12 +278,17 @@ class Structures:
 
     def _on_heads(self, load: HeadForce, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) on first stations, whose motion counts into the ground."""
-        bars = self.part(load.structure).structure
+        bars = self._on_mesh.case.structures[load.structure]
+        present = present_throughout(self._sequence, load.structure)
         assert isinstance(bars, GroutedBars)
-        rows = grouted_rows(self._on_mesh, load.structure, bars)
+        assert present is not None
+        rows = PlacedBars(self._on_mesh, load.structure, bars, present).rows
+        ways = -rows.axes[:, 0] if load.direction is None else np.array(load.direction)
+        by_axis = np.einsum("nij,nj->ni", rows.axes, np.broadcast_to(ways, rows.axes[:, 0].shape))
         forces = np.zeros((self._mesh.points.size, point.n_columns))
         force = point.number(load.value) / bar_share(bars, point)
-        forces[rows.nodes[:, 0] * self._dim] = -np.outer(rows.extent, force.columns)
+        dofs = rows.nodes[:, :1] * self._dim + np.arange(self._dim)
+        forces[dofs] = (rows.extent[:, None] * by_axis)[..., None] * force.columns
         return forces
 
     def _weight_of(self, part: StructureMembers, point: ParameterPoint) -> Floats:
@@ -345,7 +366,7 @@ class Structures:
         result = np.zeros((self.n_rows, point.n_columns))
         for part in self.parts:
             name, bars = part.given_as, part.structure
-            if name not in forces or isinstance(bars, GroutedBars | PileToes):
+            if name not in forces or isinstance(bars, _NEVER_STRESSED):
                 continue
             if isinstance(bars, Bars):
                 force = point.number(forces[name]).times(bars.sense)
@@ -367,8 +388,8 @@ def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple
     """EA and EI per metre out of plane (in a solid: EA of a bar), with derivatives.
 
     About an axis EA of bars is that of all around it, or per metre of circumference. Grouted bars
-    have EA and k_grout, the toes of piles one spring. Those of a
-    shell are four, see `fem.shells`; of an interface k_n and k_s, Pa/m.
+    have EA and k_grout, what holds piles across themselves or at their toes one spring, their
+    bending EI. Those of a shell are four, see `fem.shells`; of an interface k_n and k_s, Pa/m.
     """
     if isinstance(structure, Interface):
         return point.number(structure.k_n), point.number(structure.k_s)
@@ -390,13 +411,18 @@ def rigidities(structure: Structure | Interface, point: ParameterPoint) -> tuple
         return modulus * t, (modulus * t * t * t).times(1 / 12)
     assert isinstance(structure, Bars)
     share = bar_share(structure, point)
-    if isinstance(structure, PileToes):
-        return point.number(structure.stiffness) / share, none
+    if isinstance(structure, PileContacts):
+        each = point.number(structure.stiffness) / share
+        return each, each
+    if isinstance(structure, PileBending) and structure.EI is not None:
+        return point.number(structure.EI) / share, none
     if structure.EA is not None:
         axial = point.number(structure.EA)
     elif structure.E is not None and structure.diameter is not None:
         diameter = point.number(structure.diameter)
         axial = (point.number(structure.E) * diameter * diameter).times(np.pi / 4)
+        if isinstance(structure, PileBending):
+            return (axial * diameter * diameter).times(1 / 16) / share, none
     elif structure.E is not None and structure.area is not None:
         axial = point.number(structure.E) * point.number(structure.area)
     else:

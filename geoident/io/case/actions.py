@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
+from geoident.io.case.frames import refuse_no_direction
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
     Coefficients,
     Coordinates,
+    DirectionVector,
     Force,
     Forces,
     Length,
@@ -117,7 +119,7 @@ class LoadSection(Section):
             "line_force",
             "seismic",
             "pull",
-            "push",
+            "push direction?",
             hint="Give each load a name and a mapping of its own.",
         ),
     )
@@ -149,10 +151,20 @@ class LoadSection(Section):
         description="Force on each head of grouted bolts or piles, out of the ground.",
         examples=["80 kN"],
     )
-    push: Force | None = Field(None, description="The same into the ground.", examples=["600 kN"])
+    push: Force | None = Field(
+        None,
+        description="The same into the ground, or along a `direction`.",
+        examples=["600 kN"],
+    )
+    direction: DirectionVector | None = Field(
+        None,
+        description="Along which heads of piles that bend are pushed, in place of along the pile.",
+        examples=[["1", "0"]],
+    )
 
     def check(self, faults: SectionFaults) -> None:
-        """The load stands in a place of its kind."""
+        """The load stands in a place of its kind, and its direction has a length."""
+        refuse_no_direction("direction", self.direction, faults)
         kind = next(kind for kind in self.one_of[0].keys if getattr(self, kind) is not None)
         places = [key for key in ("on", "at") if getattr(self, key) is not None]
         hint = ""
@@ -189,6 +201,10 @@ class LoadSection(Section):
         if self.pull is not None:
             return HeadForce(group, self.pull.scalar)
         if self.push is not None:
+            if self.direction is not None:
+                way = np.array(context.at("direction").vector(self.direction))
+                unit = way / (np.linalg.norm(way) or 1.0)
+                return HeadForce(group, self.push.scalar, tuple(unit.tolist()))
             return HeadForce(group, replace(self.push.scalar, factor=-self.push.scalar.factor))
         key, given, wanted, unit = "force", self.force, "line_force", "kN/m"
         if given is None:

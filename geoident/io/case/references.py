@@ -249,6 +249,10 @@ def _check_heads(section: CaseSection, faults: Faults) -> None:
                 message += "them loads"
                 hint = "Write 'head: free' in the structure, or load the ground there."
                 faults.add(place, "wrong-structure", message, hint)
+            elif load.direction is not None and getattr(bars, "k_lateral", None) is None:
+                message = f"'{load.on}' bear no force across themselves"
+                hint = "Give the piles 'k_lateral', or remove the direction: a push along them."
+                faults.add((*path, name, "direction"), "wrong-structure", message, hint)
 
 
 def _check_interfaces(section: CaseSection, faults: Faults) -> None:

@@ -26,6 +26,7 @@ from geoident.io.schema.values import (
     FixedSize,
     FixedStrength,
     FixedStress,
+    FlexuralRigidity,
     Force,
     Line,
     Modulus,
@@ -542,8 +543,8 @@ def unstressed(section: BoltSection) -> tuple[str, str] | None:
 class PileSection(_BarSection):
     """Piles: bars that the ground holds along their shafts and presses on at their toes.
 
-    They bear axial forces only, no bending and no force across them; the first of the ends is the
-    head. The toe is never pulled.
+    The first of the ends is the head. The toe is never pulled. With `k_lateral` the ground holds
+    them across themselves, too, and they bend (plane strain and solids); without it nothing does.
     """
 
     what, builds = "pile", Piles
@@ -571,17 +572,52 @@ class PileSection(_BarSection):
         description="Force at which the toe sinks in; it never does if missing.",
         examples=["800 kN"],
     )
-    head: Literal["joined", "free"] | None = Field(None, description=_HEAD)
+    k_lateral: Modulus | None = Field(
+        None,
+        description="Stiffness of the ground beside it: force per length of one pile and per "
+        "motion across it against the ground.",
+        examples=["40 MPa"],
+    )
+    lateral_resistance: WallStiffness | None = Field(
+        None,
+        description="Force per length of one pile at which the ground beside it yields; it never "
+        "does if missing.",
+        examples=["180 kN/m"],
+    )
+    EI: FlexuralRigidity | None = Field(
+        None,
+        description="Bending stiffness of one pile, with `k_lateral`; that of a full round section "
+        "by E and diameter if missing.",
+    )
+    head: Literal["joined", "free", "clamped"] | None = Field(
+        None,
+        description=f"{_HEAD} `clamped`, joined and turned by nothing, as in a stiff slab; only of "
+        "piles that bend.",
+    )
     pieces: Pieces | None = Field(None, description=_PIECES)
 
     def check(self, faults: SectionFaults) -> None:
-        """What a toe bears needs a toe."""
+        """What a toe bears needs a toe, what bends a stiffness."""
         super().check(faults)
+        if self.k_lateral is None:
+            bent = [key for key in ("lateral_resistance", "EI") if getattr(self, key) is not None]
+            for key in bent + ["head"] * (self.head == "clamped"):
+                what = "head: clamped" if key == "head" else key
+                message = f"'{what}' without 'k_lateral', the stiffness of the ground beside a pile"
+                faults.add((key,), "missing-key", message, "Add 'k_lateral: 40 MPa'.")
+        elif self.EI is None and (self.E is None or self.diameter is None):
+            message = "'EI' is missing: the stiffness of a pile that 'k_lateral' bends"
+            faults.add((), "missing-key", message, "Add 'EI: 250 MNm2', or give E and diameter.")
         if self.base_capacity is not None and self.k_base is None:
             message = "'base_capacity' without 'k_base', the stiffness of the toe"
             faults.add(("base_capacity",), "missing-key", message, "Add 'k_base: 50 MN/m'.")
 
     def _built(self, context: Context) -> Bars:
+        if self.k_lateral is not None and context.analysis is Analysis.AXISYMMETRIC:
+            message = "bending of piles in axisymmetric analysis; it is available in plane strain "
+            message += "and solids"
+            hint = "Remove it: the axis of a pile at x = 0 stays straight."
+            context.at("k_lateral").refuse("wrong-analysis", message, hint, key=True)
         bond = None if self.skin_friction is None else self.skin_friction.scalar
         return self.to_model(Piles, context, k_grout=self.k_shaft.scalar, bond=bond)
 

@@ -18,6 +18,7 @@ _USUAL = {
     "pressure": "kPa",
     "force": "kN",
     "line load": "kN/m",
+    "moment": "kNm",
     "moment per length": "kNm/m",
     "angle": "mm/m",
     "strain": "microstrain",

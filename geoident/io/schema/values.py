@@ -64,6 +64,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "line load": "100 kN/m",
     "area": "600 mm2",
     "bending stiffness": "30 MNm2/m",
+    "flexural rigidity": "250 MNm2",
     "moment per length": "150 kNm/m",
     "angle": "30 deg",
     "temperature": "10 degC",
@@ -623,6 +624,7 @@ WallSubgrade = Annotated[
     ),
 ]
 WallMoment = Annotated[CaseNumber, QuantityType("moment per length", tied=True, above=0.0)]
+FlexuralRigidity = Annotated[CaseNumber, QuantityType("flexural rigidity", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
 Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
 Viscosity = Annotated[CaseNumber, QuantityType("viscosity", tied=True, above=0.0)]

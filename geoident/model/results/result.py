@@ -720,8 +720,9 @@ class MemberForces:
         ends: (n_members, 2, dim) its two ends, m.
         axial: (n_members, n_stages) N, tension positive: N per metre of a lining, N of one bar.
         moment: (n_members, 2, n_stages) M at the two ends, N m per metre, positive with tension on
-            the open side (from first to second end: on the right); NaN for bars.
-        shear: (n_members, n_stages) Q = dM/ds, N per metre; NaN for bars.
+            the open side (from first to second end: on the right); of one pile that bends N m, in a
+            solid its size; NaN for other bars.
+        shear: (n_members, n_stages) Q = dM/ds, N per metre, of one pile N; NaN for other bars.
         per_metre: (n_members,) it is a lining or wall, about an axis per metre of circumference.
         hoop: (n_members, n_stages) N_t around the axis, N per metre; NaN where there is none.
         prestress: (n_members, n_stages) the axial force of one bar, N, that a jack gives at this

@@ -66,8 +66,10 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
         pictures.append(
             Picture(
                 f"grouted-{count}",
-                f"Axial force along {name}",
-                "N from the head to the toe of the bar that bears most, tension positive. "
+                f"Forces along {name}",
+                "N from the head to the toe of the bar that bears most, tension positive; of piles "
+                "that bend also M, in a section positive with tension on the right of this way, in "
+                "a solid its size. "
                 f"{_some_stages(_of(forces, name), _MOST_STAGES)}",
                 partial(_grouted_figure, forces, name),
             )
@@ -331,24 +333,31 @@ def _grouted(forces: MemberForces) -> Bools:
 
 
 def _grouted_figure(forces: MemberForces, name: str) -> Figure:
-    """N along one bar, a line a stage."""
+    """N along one bar, and M where it bends, a line a stage."""
     members = np.flatnonzero(np.array(forces.structures) == name)
     ends = forces.ends[members]
     begins = np.flatnonzero((ends[1:, 0] != ends[:-1, 1]).any(axis=1)) + 1
     each = np.split(members, begins)
-    most = [float(np.nanmax(np.abs(forces.axial[one]), initial=0.0)) for one in each]
+    bends = bool(np.isfinite(forces.moment[members]).any())
+    decides = forces.moment[:, 0] if bends else forces.axial
+    most = [float(np.nanmax(np.abs(decides[one]), initial=0.0)) for one in each]
     bar = each[int(np.argmax(most))]
     length = np.linalg.norm(forces.ends[bar, 1] - forces.ends[bar, 0], axis=1)
-    middle = np.cumsum(length) - length / 2
-    figure = Figure(figsize=(WIDTH * 0.6, 2.8))
-    axes = figure.subplots()
-    for k, stage in enumerate(_spread(_of(forces, name), _MOST_STAGES)):
-        label = short(forces.stages[stage], 24)
-        axes.plot(middle, forces.axial[bar, stage] / _KILO, lw=1.3, color=colour(k), label=label)
-    axes.axhline(0.0, color=FAINT, lw=0.6)
-    axes.set_xlabel("from the beginning of the grout (m)")
-    axes.set_ylabel("N (kN)")
-    axes.grid(visible=True, axis="y")
+    end = np.cumsum(length)
+    drawn = [("N (kN)", end - length / 2, forces.axial[bar])]
+    if bends:
+        drawn.append(("M (kNm)", end - length, forces.moment[bar, 0]))
+    figure = Figure(figsize=(WIDTH * (1.0 if bends else 0.6), 2.8))
+    for axes, (label, along, values) in zip(
+        np.ravel(figure.subplots(1, len(drawn))), drawn, strict=True
+    ):
+        for k, stage in enumerate(_spread(_of(forces, name), _MOST_STAGES)):
+            stage_name = short(forces.stages[stage], 24)
+            axes.plot(along, values[:, stage] / _KILO, lw=1.3, color=colour(k), label=stage_name)
+        axes.axhline(0.0, color=FAINT, lw=0.6)
+        axes.set_xlabel("from the beginning of the grout (m)")
+        axes.set_ylabel(label)
+        axes.grid(visible=True, axis="y")
     axes.legend(fontsize=SMALL)
     return figure
 

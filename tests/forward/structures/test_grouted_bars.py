@@ -7,8 +7,10 @@ from math import cosh, sinh, sqrt, tanh
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_bvp
 
 from geoident.errors import CollapseError, InputError
+from geoident.forward.structures.grouted import PlacedBars
 from geoident.model.actions import HeadForce, Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.gauges import Channel, Reads
@@ -204,6 +206,93 @@ def test_a_bolt_holds_a_joint_together():
     assert rotates == pytest.approx(expected, rel=2e-3)
 
 
+def test_an_inclined_bolt_holds_a_joint_that_shears():
+    """N = K s sin b of a slip s, b from the normal of the joint: T = k_s s + N sin b."""
+    angle, half, shear, k_s = np.radians(40.0), 1.0, 1e5, 1e6
+    along = np.array([-np.sin(angle), -np.cos(angle)])
+    middle = np.array([1.0, 1.6])
+    bolt = GroutedBars(
+        ((tuple(middle - half * along), tuple(middle + half * along)),), Scalar(1.0),
+        EA=Scalar(EA), k_grout=Scalar(K), head="free", pieces=80,
+    )  # fmt: skip
+    staged = model(
+        on_level(box("quad8", (2, 4), size=(2.0, 3.2)), 1.6),
+        materials={"rock": RIGID},
+        groups={"rock": "rock", "low": "rock"},
+        supports=(Support("y0", (0, 1)), Support("y1", (1,))),
+        interfaces={"joint": Interface("joint", Scalar(1e9), Scalar(k_s))},
+        structures={"bar": bolt},
+        stages=(
+            Stage("built", build=("bar",)),
+            Stage("shear", loads={"p": Traction("y1", (Scalar(shear), ZERO))}),
+        ),
+        channels=(gauge("N", "load-cell", bolt, half),),
+    )
+    stiffness = EA * LAMBDA / 2 * tanh(LAMBDA * half) * np.sin(angle)
+    slip = 2.0 * shear / (2.0 * k_s + stiffness * np.sin(angle))
+    assert staged.computed(NOTHING)[0, -1] == pytest.approx(stiffness * slip, rel=2e-3)
+
+
+def test_a_tunnel_with_bolts_all_round_in_elastic_ground(verification):
+    """The two equations of ground and bolts along the radius, by scipy's collocation.
+
+    (E_oed) (u'' + u'/r - u/r^2) + n q / (2 pi r t) = 0, EA w'' = q = k (w - u), n bolts in a slice
+    of t; plates at the wall of radius a, from which a pressure p is released.
+    """
+    a, deep, far, t, n, p = 3.0, 4.0, 40.0, 0.25, 24, 2e6
+    E_ground, nu, k = 2e9, 0.25, 4e8
+    lame, G = E_ground * nu / ((1 + nu) * (1 - 2 * nu)), E_ground / (2 * (1 + nu))
+    oed, end = lame + 2 * G, a + deep
+
+    def slopes(r, y):
+        u, du, w, dw = y
+        q = k * (w - u)
+        return np.array([du, -du / r + u / r**2 - n * q / (2 * np.pi * r * t * oed), dw, q / EA])
+
+    def held(at_wall, at_toe):
+        u, du, w, dw = at_wall
+        plate = n * EA * dw / (2 * np.pi * a * t)
+        ratio = (-1 / end**2 - 1 / far**2) / (1 / end - end / far**2)
+        return np.array([
+            (oed * du + lame * u / a + plate) / p - 1.0, w - u, at_toe[3],
+            at_toe[1] - ratio * at_toe[0],
+        ])  # fmt: skip
+
+    r = np.linspace(a, end, 81)
+    solution = solve_bvp(slopes, held, r, np.zeros((4, len(r))), tol=1e-8, max_nodes=20000)
+    assert solution.success
+    bolt = GroutedBars(
+        (((a, t / 2), (end, t / 2)),), number=Scalar(float(n)), EA=Scalar(EA), k_grout=Scalar(k)
+    )
+    radii = np.concatenate([np.linspace(a, end, 60), np.geomspace(end, far, 40)[1:]])
+    grid = np.stack(np.meshgrid(radii, [0.0, t], indexing="ij"), -1).reshape(-1, 2)
+    places = (0.5, 1.5, 2.5, 3.5)
+    staged = model(
+        from_grid("quad4", grid, (len(radii) - 1, 1)),
+        analysis=Analysis.AXISYMMETRIC,
+        materials={"rock": material("rock", E_ground, nu)},
+        groups={"all": "rock"},
+        supports=(Support("x1", (0,)), Support("y0", (1,)), Support("y1", (1,))),
+        structures={"bar": bolt},
+        stages=(
+            Stage("built", build=("bar",)),
+            Stage("open", loads={"p": Traction("x0", (Scalar(-p), ZERO))}),
+        ),
+        channels=(
+            *(gauge(f"N{x}", "load-cell", bolt, x) for x in places),
+            gauge("head", "bar-displacement", bolt),
+            gauge("slip", "bar-displacement", bolt, quantity="slip"),
+        ),
+    )
+    *forces, head, slip = staged.computed(NOTHING)[:, -1]
+    exact = EA * solution.sol(a + np.array(places))[3]
+    np.testing.assert_allclose(forces, exact, rtol=5e-3)
+    wall = -solution.sol(a)[0]
+    assert -head == pytest.approx(wall, rel=2e-3)  # a plate moves with the wall
+    assert abs(slip) < 1e-12
+    verification("bolted-tunnel", "N", [f"{x:g}" for x in places], exact=exact, found=forces)
+
+
 def test_bars_that_never_slip_go_with_the_ground():
     """Very stiff grout in ground that stretches by itself: N = EA eps, less near the ends."""
     bolt = bars(k_grout=Scalar(1e12), head="joined", pieces=100)
@@ -263,6 +352,22 @@ def test_the_most_that_a_pile_bears():
     assert error.value.fraction == pytest.approx(1 / 1.001, rel=1e-5)
 
 
+def test_the_shaft_of_a_pile_goes_with_the_mean_motion_around_it():
+    """Of u_z = x^2 that is x^2 + R^2 / 2 of an upright pile, also of half of one at an edge."""
+    R = 0.5
+    for x in (1.7, 0.0):
+        pile = bars(3, kind=Piles, diameter=Scalar(2 * R))
+        pile = replace(pile, ends=(((x, 1.7, 3.5), (x, 1.7, 0.5)),))
+        staged = held(box("hex20", (8, 1, 1), size=(4.0,) * 3), pile, ())
+        on_mesh = staged.on_mesh
+        placed = PlacedBars(on_mesh, "bar", pile, np.ones(8, dtype=bool))
+        site = placed.holding(0, np.array([x, 1.7, 2.0]), around=True)
+        u = np.zeros(on_mesh.mesh.points.shape)
+        u[:, 2] = -(on_mesh.mesh.points[:, 0] ** 2)
+        mean = placed.rows.ground([site], np.array([0])) @ u.ravel()
+        assert mean[0] == pytest.approx(x**2 + R**2 / 2, rel=1e-6)
+
+
 G, NU, RADIUS, DEEP = 20e6, 0.3, 0.4, 20.0
 
 
@@ -309,7 +414,7 @@ STARTS = {"E": 4e9, "EA": 1e8, "k": 8e8, "bond": 1.1e5, "s": 1.4, "F": 2e5, "cap
           "k_base": 1e8, "base": 2e3}  # fmt: skip
 
 
-def sought(structure, stages, channels, names, kind="quad8", **changes):
+def sought(structure, stages, channels, names, kind="quad8", starts=STARTS, **changes):
     dim = 3 if kind.startswith(("hex", "tet")) else 2
     one = {n: Scalar(1.0, n) for n in names}
     return model(
@@ -320,7 +425,7 @@ def sought(structure, stages, channels, names, kind="quad8", **changes):
         structures={"bar": structure},
         stages=(Stage("built", build=("bar",)), *stages),
         parameters=tuple(
-            Parameter(n, STARTS[n], 0.1 * STARTS[n], 10 * STARTS[n]) for n in names
+            Parameter(n, starts[n], 0.1 * starts[n], 10 * starts[n]) for n in names
         ),
         channels=channels,
         **changes,

@@ -316,3 +316,26 @@ def test_ends_of_bolts_from_a_file(project, built, tmp_path):
     bolt = BOLT.replace("[[[3, 0 m], [7, 1 m]]]", "bolts.csv")
     found = project.read(built(bolt=bolt)).case.structures["bolts"]
     assert found.ends == (((3.0, 0.0), (7.0, 1.0)), ((3.0, 2.0), (7.0, 2.0)))
+
+
+PILES = "{kind: pile, EA: 1 GN, EI: 90 MNm2, spacing: 2 m, k_shaft: 60 MPa, k_lateral: 40 MPa, "
+PILES += "head: free, ends: [[[5, 1 m], [5, -2 m]], [[7, 1 m], [7, -2 m]]]}"
+PUSH = "build: [shell, bolts], loads: {H: {on: bolts, push: 20 kN, direction: [3, 4]}}"
+
+
+def test_piles_that_bend_are_pushed_aside_and_their_bar_is_found_by_the_point(project, built):
+    gauge = "\n  M: {kind: load-cell, structure: bolts, quantity: M, point: [7, 0 m], "
+    gauge += "towards: [0, 0 m], accuracy: 1 kNm}"
+    text = built(bolt=PILES, does=PUSH).replace("\ngauges:", "\ngauges:" + gauge)
+    case = project.read(text).case
+    assert case.structures["bolts"].bends
+    assert case.structures["bolts"].numbers["EI"] == Scalar(90e6)
+    assert case.stages[1].loads["H"].direction == pytest.approx((0.6, 0.8))
+    (channel,) = (c for c in case.channels if c.name == "M")
+    assert (channel.member, channel.dimension, channel.towards) == (1, "moment", (0.0, 0.0))
+
+
+def test_piles_on_an_axis_do_not_bend(project, built):
+    text = built(bolt=PILES.replace("spacing: 2 m", "number: 4"))
+    faults = project.faults(text.replace("plane-strain", "axisymmetric"))
+    assert any("bending of piles in axisymmetric analysis" in f.message for f in faults)

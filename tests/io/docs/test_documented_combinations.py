@@ -47,6 +47,7 @@ WORDS = {
     "pressure": "2 GPa", "length": "2 m", "angle": "30 deg", "number": "0.2", "force": "300 kN",
     "density": "2000 kg/m3", "expansion": "1e-5 1/K", "unit weight": "20 kN/m3",
     "area": "600 mm2", "line load": "2 GN/m", "bending stiffness": "3 MNm2/m",
+    "flexural rigidity": "3 MNm2",
     "moment per length": "150 kNm/m", "velocity": "1 mm/month",
     "pressure rate": "2 kPa/month", "angle rate": "1 mrad/month",
     "strain rate": "2 microstrain/month", "strain": "5 microstrain", "temperature": "10 K",
@@ -71,6 +72,7 @@ PARAMETERS = {
     "expansion": ("1e-5 1/K", "[1e-6, 2e-5 1/K]"),
     "unit weight": ("20 kN/m3", "[10, 30 kN/m3]"), "area": ("600 mm2", "[100, 900 mm2]"),
     "line load": ("2 GN/m", "[1, 3 GN/m]"), "bending stiffness": ("3 MNm2/m", "[1, 4 MNm2/m]"),
+    "flexural rigidity": ("3 MNm2", "[1, 4 MNm2]"),
     "moment per length": ("150 kNm/m", "[50, 400 kNm/m]"),
     "pressure rate": ("0 kPa/day", "[-1, 1 kPa/day]"),
     "angle rate": ("0 mrad/day", "[-1, 1 mrad/day]"),
@@ -195,9 +197,16 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
         ("Load", kind): {"on": "top"}
         for kind in ("pressure", "traction", "water", "force", "line_force")
     },
-    **{("Load", kind): {"on": "tied"} for kind in ("pull", "push")},
+    ("Load", "pull"): {"on": "tied"},
+    ("Load", "push"): {"on": "piles"},
     **{("Bolt", key): {"k_grout": "2 GPa"} for key in ("bond", "free", "head", "pieces")},
     ("Pile", "base_capacity"): {"k_base": "2 GN/m"},
+    **{
+        ("Pile", key): {"k_lateral": "40 MPa", "EI": "250 MNm2"}
+        for key in ("lateral_resistance", "EI", "k_lateral", "head")
+    },
+    ("Load", "direction"): {"push": "20 kN"},
+    ("Bar displacement", "direction"): {"structure": "piles", "point": lambda dim: at(dim, 4, 0)},
     ("Beam", "tensile_strength"): {"compressive_strength": "20 MPa"},
     ("Shell", "tensile_strength"): {"compressive_strength": "20 MPa"},
     ("Beam yield", "interaction"): {"M": "150 kNm/m"},
@@ -370,6 +379,8 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
     dim = 3 if analysis == "solid" else 2
     bolts = {"kind": "bolt", "ends": [[at(dim, 3, 0), at(dim, 7, 0)]], "EA": "90 MN"}
     tied = {**bolts, "k_grout": "2 GPa", "head": "free"}
+    piles = {**bolts, "kind": "pile", "k_shaft": "60 MPa", "k_lateral": "40 MPa"}
+    piles |= {"EI": "250 MNm2", "head": "free"}
     wall = {"kind": "beam", "on": "wall", "E": "30 GPa", "thickness": "0.3 m"}
     parameters = {
         f"p_{kind.replace(' ', '_')}": {"start": start, "bounds": yaml.safe_load(bounds)}
@@ -396,6 +407,7 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
             "plane-strain": {
                 "bolts": {**bolts, "spacing": "2 m"},
                 "tied": {**tied, "spacing": "2 m"},
+                "piles": {**piles, "spacing": "2 m"},
                 "wall": wall,
             },
             "axisymmetric": {
@@ -406,6 +418,7 @@ def host(analysis: str, place: str, sections: dict[str, Any]) -> dict[str, Any]:
             "solid": {
                 "bolts": bolts,
                 "tied": tied,
+                "piles": piles,
                 "wall": {**wall, "kind": "shell", "nu": "0.2", "axis": ["1", "0", "0"]},
             },
         }[analysis],

@@ -236,7 +236,7 @@ LengthAccuracy = TextOrMapping[
     Annotated[CaseNumber, StandardDeviationOf("length", above=0.0)], ErrorsSection
 ]
 AnyAccuracy = CaseNumber | ErrorsSection
-FORCES = ("force", "line load", "moment per length")
+FORCES = ("force", "line load", "moment", "moment per length")
 """Dimensions of forces of structures; the accuracy of a load cell may have any of them."""
 
 EstimatedKinds = TextOrMapping[Literal["estimate"], dict[str, Literal["estimate"]]]

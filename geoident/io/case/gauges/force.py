@@ -174,8 +174,9 @@ class ThermometerSection(ValueGauge):
 class LoadCellSection(ValueGauge):
     """Force of a structure: of one bolt, strut or anchor, or of a beam or a shell at a place.
 
-    Bolts and anchors count tension positive, struts compression (`sign` says otherwise); N of a
-    beam is positive in tension, M with tension on the inside, Q = dM/ds with s along the beam and
+    Bolts and anchors count tension positive, struts compression (`sign` says otherwise). Piles that
+    bend have M, in kNm, with tension on the side of `towards`, and Q = dM/ds towards the toe. N of
+    a beam is positive in tension, M with tension on the inside, Q = dM/ds with s along the beam and
     its inside to the right. Forces of a beam are per metre: N and Q in kN/m, M in kNm/m. Those of
     a shell likewise: n_11, n_22, n_12 in kN/m, tension positive, m_11, m_22, m_12 in kNm/m,
     positive with tension on the inside.
@@ -186,7 +187,9 @@ class LoadCellSection(ValueGauge):
     kind: Literal["load-cell"]
     structure: Name = Field(description="The structure whose force is read.")
     bar: Annotated[int, Count()] | None = Field(
-        None, description="Which of its bars, counted from 1; may be missing if it has one."
+        None,
+        description="Which of its bars, counted from 1; may be missing if it has one, or where a "
+        "`point` on grouted bars tells.",
     )
     point: Coordinates | None = Field(
         None,
@@ -195,8 +198,8 @@ class LoadCellSection(ValueGauge):
     )
     quantity: Literal["N", "M", "Q", "n_11", "n_22", "n_12", "m_11", "m_22", "m_12"] = Field(
         "N",
-        description="Axial force, bending moment or shear force of a beam; of a shell a normal "
-        "force, shear force in its plane or moment along its axes 1 and 2.",
+        description="Axial force, bending moment or shear force of a beam or a pile; of a shell "
+        "a normal force, shear force in its plane or moment along its axes 1 and 2.",
     )
     sign: Literal["tension", "compression"] | None = Field(
         None, description="Which axial force has positive readings."
@@ -209,15 +212,16 @@ class LoadCellSection(ValueGauge):
         if isinstance(self.accuracy, CaseNumber) and self.accuracy.text != ESTIMATE:
             return self.accuracy.dimension
         if self.point is None or self.bar is not None:
-            return "force"
+            return "moment" if self.quantity == "M" else "force"
         return "moment per length" if self.quantity[0] in "Mm" else "line load"
 
     def check(self, faults: SectionFaults) -> None:
         """A force is read; only an axial one has a sign."""
         super().check(faults)
         if isinstance(self.accuracy, CaseNumber) and self.dimension not in FORCES:
-            message = f"'{self.accuracy.text}' is not a force, line load or moment per length"
-            hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
+            message = f"'{self.accuracy.text}' is not a force or moment, or one per length"
+            hint = "Forces of one bar in kN, M of a pile in kNm; N and Q of a beam in kN/m, M in "
+            hint += "kNm/m."
             faults.add(("accuracy",), "unit", message, hint)
         if self.sign is not None and self.quantity not in ("N", "n_11", "n_22"):
             message = f"'sign' is that of the axial force; {self.quantity} is read"

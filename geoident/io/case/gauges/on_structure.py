@@ -11,7 +11,7 @@ import numpy as np
 from geoident.io.case.gauges.gauge import GaugeBase, Motion, subtract, unit_vector
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import CaseNumber
-from geoident.model.arrays import Vector
+from geoident.model.arrays import Floats, Vector
 from geoident.model.gauges import SHELL_FORCES, Channel
 from geoident.model.structures import (
     Bars,
@@ -134,10 +134,17 @@ def _is_of_shell(
     return False
 
 
+_BENT = ("M", "Q", "inside", "outside")
+"""Quantities of what bends."""
+
+
 def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) -> Channel | None:
     """A channel on one of some bars; None, with a fault, where it is not known on which."""
     count, bar = len(bars.ends), getattr(section, "bar", None)
     name = channel.structure
+    if isinstance(bars, GroutedBars) and bar is None and getattr(section, "point", None):
+        bar = 1 + int(np.argmin([_off(channel.second, ends) for ends in bars.ends]))
+        channel = replace(channel, member=bar - 1)
     if channel.kind == "pressure-cell":
         message = f"'{name}' are bars, on which the ground does not press"
         place.at("on").refuse("wrong-structure", message, "Name a beam, or give 'normal'.")
@@ -149,9 +156,19 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
         message = f"'{name}' are bars, whose force is the same along each"
         hint = "Remove 'point', and say with 'bar' which of them."
         place.at("point").refuse("wrong-structure", message, hint, key=True)
-    elif channel.quantity in ("M", "Q"):
-        message = f"'{name}' are bars, which bear no {channel.quantity}; expected N"
-        place.at("quantity").refuse("wrong-structure", message, "Correct it, or name a beam.")
+    elif channel.quantity in _BENT and not bars.bends:
+        what = channel.quantity if channel.kind == "load-cell" else "moments"
+        key, hint = "quantity", "Correct it, or name a beam."
+        if channel.kind == "strain":
+            key, hint = "fibre", "Remove it, or name a beam."
+        if isinstance(bars, Piles):
+            hint = "Give the piles 'k_lateral', or correct it."
+        message = f"'{name}' are bars, which bear no {what}; expected N"
+        place.at(key).refuse("wrong-structure", message, hint)
+    elif channel.quantity in _BENT and channel.towards is None:
+        message = f"{channel.quantity} of a pile has no sign without 'towards'"
+        hint = "Add 'towards': a point on the side whose tension counts positive."
+        place.refuse("missing-key", message, hint, key=True)
     elif bar is None and count > 1:
         message = f"'{name}' has {count} bars; which of them is missing"
         place.refuse("missing-key", message, "Add 'bar: 1', counted from 1.", key=True)
@@ -174,6 +191,18 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
     return None
 
 
+def _on_line(point: Vector, start: Floats, along: Floats) -> bool:
+    away = np.subtract(point, start)
+    return bool(np.linalg.norm(away - (away @ along) * along) <= _OFF_BAR * np.linalg.norm(away))
+
+
+def _off(point: Vector, ends: tuple[Vector, Vector]) -> float:
+    """Distance of a point from a bar, m."""
+    head, along = np.array(ends[0]), np.subtract(ends[1], ends[0])
+    part = np.clip(np.subtract(point, head) @ along / (along @ along), 0.0, 1.0)
+    return float(np.linalg.norm(head + part * along - point))
+
+
 _OFF_BAR = 1e-3
 """Distance from a bar, in parts of its length, that is no longer on it."""
 
@@ -187,7 +216,7 @@ def _on_grouted(
     at, given = bars.free, getattr(section, "point", None)
     if given is not None:
         at = float((channel.second - head) @ along)
-        off = float(np.linalg.norm(head + np.clip(at, 0.0, length) * along - channel.second))
+        off = _off(channel.second, bars.ends[channel.member])
         if off > _OFF_BAR * length:
             message = f"the point lies {off:.3g} m off bar {channel.member + 1} of the structure "
             message += f"'{channel.structure}'"
@@ -195,12 +224,25 @@ def _on_grouted(
             place.at("point").refuse("off-bar", message, hint, key=True)
             return None
     pushed = getattr(section, "sign", None) == "compression"
+    if channel.towards is not None and _on_line(channel.towards, head, along):
+        message = "the point lies on the line of the pile: it tells no side"
+        place.at("towards").refuse("off-bar", message, "Give one beside it.", key=True)
+        return None
     way = getattr(section, "positive", None) if channel.kind == "bar-displacement" else None
     inwards = isinstance(bars, Piles) if way is None else way == "in"
+    moves = along if inwards else -along
+    if channel.kind == "bar-displacement" and any(channel.direction):
+        moves = np.array(channel.direction)
+        if not bars.bends:
+            message = f"'{channel.structure}' move along themselves only"
+            hint = "Remove it; 'positive' says which motion counts."
+            hint = "Remove it, or give the piles 'k_lateral'." if isinstance(bars, Piles) else hint
+            place.at("direction").refuse("wrong-structure", message, hint, key=True)
+            return None
     return replace(
         channel,
         first=None,
         second=tuple((head + at * along).tolist()),
-        direction=tuple((along if inwards else -along).tolist()),
+        direction=tuple(moves.tolist()),
         compression=pushed and channel.kind == "load-cell",
     )

@@ -45,9 +45,9 @@ class StrainSection(ValueGauge):
     * `between` two points: the mean strain from one to the other;
     * `along` a line with `every` or `at`: mean strains over the length `base` around each station,
       as a fibre optic cable reads them: channels GAUGE.2.5, with the station in metres along it;
-    * `structure` with `bar`, or with `point` and `fibre`: of a bar, or of a fibre of a beam; of a
-      shell also with the `direction`; of a grouted bar at a `point` of it, or where its grout
-      begins.
+    * `structure` with `bar`, or with `point` and `fibre`: of a bar, or of a fibre of a beam or of a
+      pile that bends (`inside`: on the side of `towards`); of a shell also with the `direction`; of
+      a grouted bar at a `point` of it, or where its grout begins.
 
     Of the ground it is the change since `zero`; of a structure the value since it was built.
     """
@@ -93,7 +93,9 @@ class StrainSection(ValueGauge):
     )
     structure: Name | None = Field(None, description="The structure whose strain is read.")
     bar: Annotated[int, Count()] | None = Field(
-        None, description="Which of its bars, counted from 1; may be missing if it has one."
+        None,
+        description="Which of its bars, counted from 1; may be missing if it has one, or where a "
+        "`point` on grouted bars tells.",
     )
     fibre: Literal["inside", "outside", "axis"] | None = Field(
         None, description="Which fibre of a beam or shell."

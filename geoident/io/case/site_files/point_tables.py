@@ -108,12 +108,12 @@ class _Table:
         if not self.axes:
             names = dict.fromkeys(name for _, row in rows for name in row)
             return {name: [row.get(name) for _, row in rows] for name in names}
-        points = [[row[axis] for axis in self.axes] for _, row in rows]
+        points: list[list[Node]] = [[row[axis] for axis in self.axes] for _, row in rows]
         if self.owners:
             half = len(self.axes) // 2
             return [[point[:half], point[half:]] for point in points]
         if not self.measured:
-            written: dict[str, Node] = {**self.given, "points": points}
+            written: dict[str, Node] = {**self.given, "points": [*points]}
             for name in self.columns:
                 if name in rows[0][1]:
                     written[_MOTIONS.get(name, "values")] = [row[name] for _, row in rows]

@@ -235,6 +235,8 @@ def _on_heads(load: HeadForce, case: Case, values: Values) -> tuple[Floats, Floa
     assert isinstance(bars, Bars)
     head, toe = np.array(bars.ends, dtype=np.float64).swapaxes(0, 1)
     along = (head - toe) / np.linalg.norm(head - toe, axis=1)[:, None]
+    if load.direction is not None:
+        along = np.broadcast_to(load.direction, along.shape)
     return head, along * np.sign(load.value.value(values))
 
 

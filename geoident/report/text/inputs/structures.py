@@ -15,12 +15,13 @@ _KINDS = {
 _ALL_ROUND = ("ring", "ribs", "bolting", "support-line")
 _STIFFNESS = (
     "E", "nu", "thickness", "diameter", "length", "area", "EA", "EI", "stiffness", "head_stiffness",
-    "density", "weight", "k_grout", "k_shaft", "k_base",
+    "density", "weight", "k_grout", "k_shaft", "k_base", "k_lateral",
 )  # fmt: skip
 _LIMITS = "cohesion", "friction", "R_inter", "dilation", "tensile_strength"
 _DETAILS = (
     "spacing", "rows", "number", "grouted", "prestress", "strength", "capacity", "hardening_time",
-    "hardening_distance", "bond", "skin_friction", "base_capacity", "free", "head",
+    "hardening_distance", "bond", "skin_friction", "base_capacity", "lateral_resistance",
+    "free", "head",
 )  # fmt: skip
 
 
