@@ -26,7 +26,8 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection, NoReturn
-from geoident.fem.yielding.hardening_soil import HardeningSoil, Solution
+from geoident.fem.yielding.hardening_equations import Solution
+from geoident.fem.yielding.hardening_soil import HardeningSoil
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
@@ -39,11 +40,8 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
 from geoident.model.dual import ParameterPoint
 
-PARTS = 10
+PARTS = 5
 """Parts of a stage, of equal loads."""
-
-POINT_PARTS = 2
-"""Parts of the strain of each of them at a strain point."""
 
 _LEAST_PART = 1.0 / 640.0
 """Part of a stage below which one that does not converge is not halved."""
@@ -321,7 +319,6 @@ class _PartOfStage:
                 before,
                 state,
                 columns,
-                POINT_PARTS,
                 by_constants=False,
                 near=near.solutions[n] if near else (),
             )
@@ -416,7 +413,6 @@ class _PartOfStage:
                 before.stress[:, soil.points],
                 states[:, soil.points],
                 strain,
-                POINT_PARTS,
                 known=known,
             )
             stress[:, soil.points] = end.stress
