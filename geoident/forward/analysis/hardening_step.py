@@ -11,7 +11,7 @@ other ground that yield are further points, returned to their limits at the end 
 
 In a part of a step in time pressures of water are further unknowns (theory 18.6). Their equations
 are linear: what the water does comes in the same parts, and pushes the ground from then on. What
-comes at once and what first drains after it, however long that takes, comes in ten parts; later
+comes at once and what first drains after it, however long that takes, comes in five parts; later
 parts of steps are one each.
 
 Derivatives go from part to part with stress and state. With g_h = dsigma/dp_h at kept du,
@@ -31,7 +31,8 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection, NoReturn
-from geoident.fem.yielding.hardening_soil import HardeningSoil, Solution
+from geoident.fem.yielding.hardening_equations import Solution
+from geoident.fem.yielding.hardening_soil import HardeningSoil
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
@@ -44,12 +45,9 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
 from geoident.model.dual import ParameterPoint
 
-PARTS = 10
+PARTS = 5
 """Parts of a stage, of equal loads; of one that lasts, of what comes at once, and of its first step
 in time."""
-
-POINT_PARTS = 2
-"""Parts of the strain of each of them at a strain point."""
 
 _LEAST_PART = 1.0 / 640.0
 """Part of a stage below which one that does not converge is not halved."""
@@ -353,7 +351,6 @@ class _PartOfStage:
                 before,
                 state,
                 columns,
-                POINT_PARTS,
                 by_constants=False,
                 near=near.solutions[n] if near else (),
             )
@@ -454,7 +451,6 @@ class _PartOfStage:
                 before.stress[:, soil.points],
                 states[:, soil.points],
                 strain,
-                POINT_PARTS,
                 known=known,
             )
             stress[:, soil.points] = end.stress

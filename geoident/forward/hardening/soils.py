@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.hardening_soil import HardeningSoil, cap_constants
+from geoident.fem.yielding.hardening_law import cap_constants
+from geoident.fem.yielding.hardening_soil import HardeningSoil
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, constants

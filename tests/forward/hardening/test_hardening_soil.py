@@ -32,7 +32,7 @@ def test_drained_triaxial_test_is_the_hyperbola_and_unloads_by_the_given_modulus
     yy, xx, _ = read(path)
     verification("hardening-triaxial", "", 100.0 * strains, exact=q, found=(xx - yy)[:2])
     np.testing.assert_allclose(xx, -cell, rtol=1e-8)
-    np.testing.assert_allclose((xx - yy)[:2], q, rtol=3e-4)
+    np.testing.assert_allclose((xx - yy)[:2], q, rtol=5e-4)
     assert (yy[2] - yy[1]) / 1e-3 == pytest.approx(60e6 * 3.0**0.65, rel=1e-6)
     assert yy[3] / xx[3] == pytest.approx(3.537, abs=5e-4)
 
@@ -46,7 +46,7 @@ def test_first_loading_in_the_oedometer_has_its_modulus_and_ratio(tmp_path, veri
     )
     yy, xx, _ = read(path)
     verification("hardening-oedometer", "", 100.0 * strains, exact=stress, found=-yy)
-    np.testing.assert_allclose(-yy, stress, rtol=0.01)
+    np.testing.assert_allclose(-yy, stress, rtol=0.003)
     np.testing.assert_allclose(xx[1:] / yy[1:], 0.441, rtol=0.01)
 
 
@@ -209,7 +209,7 @@ parameters:
   G0: {start: 100 MPa, bounds: [50 MPa, 300 MPa]}
   gamma: {start: 2e-4, bounds: [1e-5, 1e-3]}
   E_w: {start: 400 MPa, bounds: [100 MPa, 1 GPa]}
-  p: {start: 60 kPa, bounds: [0 kPa, 500 kPa]}
+  p: {start: 70 kPa, bounds: [0 kPa, 500 kPa]}
   K0: {start: 0.6, bounds: [0.3, 1]}
 materials:
   sand:
@@ -267,4 +267,4 @@ def test_derivatives_by_all_constants_go_exactly_through_the_stages(tmp_path):
     end = readings(start, derivatives=True)
     assert (np.abs(end[:, 1:]).max(axis=0) > 0.0).all()
     jacobian = end[:, 1:]
-    assert_slopes(readings, start, jacobian, model.names, step=1e-3, rtol=1e-7)
+    assert_slopes(readings, start, jacobian, model.names, step=3e-4, rtol=1e-7)
