@@ -211,9 +211,8 @@ class HardeningSoil:
                 end = np.concatenate([x[:3].T[..., None], slopes[:, :3]], axis=2)
                 # the axes are in the order of tension, the principal stresses of pressure
                 stress = end_stress(
-                    axes, trial[:, some], stress[:, some], -end[:, ::-1], -before[:, ::-1],
-                    by[:, 2::-1, TRIAL][:, :, ::-1],
-                )  # fmt: skip
+                    axes, trial[:, some], -end[:, ::-1], by[:, 2::-1, TRIAL][:, :, ::-1]
+                )
                 sheared = x[MULTIPLIERS][SHEAR].sum(axis=0)
                 state[GAMMA, some, 0] += sheared / self._equations.modulus(inputs[LEVEL, some])
                 state[CAP, some, 0] = x[PC]

@@ -40,7 +40,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
 from geoident.model.dual import ParameterPoint
 
-PARTS = 5
+PARTS = 10
 """Parts of a stage, of equal loads."""
 
 _LEAST_PART = 1.0 / 640.0
