@@ -36,8 +36,7 @@ from geoident.fem.yielding.hardening_law import (
     strength,
     stress_level,
 )
-from geoident.fem.yielding.middle_axes import end_stress
-from geoident.fem.yielding.principal_axes import spectrum
+from geoident.fem.yielding.principal_axes import PAIRS, Spectrum, spectrum
 from geoident.fem.yielding.small_strains import STRINGS, SmallStrains
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, stacked
@@ -45,6 +44,11 @@ from geoident.model.dual import Dual, stacked
 GAMMA, CAP = 0, 1
 """Places of gamma_p and p_c in the state of a point, before those of strings (`SmallStrains`). A
 point whose p_c is zero is in none yet."""
+
+_ONE, _OTHER = np.array(PAIRS).T
+
+_EQUAL = 1e-9
+"""Difference of principal stresses, by the largest, below which they are taken as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,10 +214,9 @@ class HardeningSoil:
                 slopes, x = by @ pushed[..., 1:], solution.x[:, some]  # (q, 5, c)
                 end = np.concatenate([x[:3].T[..., None], slopes[:, :3]], axis=2)
                 # the axes are in the order of tension, the principal stresses of pressure
-                stress = end_stress(
-                    axes, trial[:, some], stress[:, some], -end[:, ::-1], -before[:, ::-1],
-                    by[:, 2::-1, TRIAL][:, :, ::-1],
-                )  # fmt: skip
+                stress = _end_stress(
+                    axes, trial[:, some], -end[:, ::-1], by[:, 2::-1, TRIAL][:, :, ::-1]
+                )
                 sheared = x[MULTIPLIERS][SHEAR].sum(axis=0)
                 state[GAMMA, some, 0] += sheared / self._equations.modulus(inputs[LEVEL, some])
                 state[CAP, some, 0] = x[PC]
@@ -221,6 +224,27 @@ class HardeningSoil:
                 trial[:, some] = stress
             stress = trial
         return Integrated(stress, state, np.asarray(solution.active.any(axis=0)), solutions)
+
+
+def _end_stress(axes: Spectrum, trial: Floats, ends: Floats, slopes: Floats) -> Floats:
+    """Stresses (s, q, 1 + c) at the end of a step, with their derivatives, in the trial axes.
+
+    Stresses across the axes change by (e_i - e_j) / (T_i - T_j) of those of the trial stress.
+
+    Args:
+        axes: of the trial stresses.
+        trial: (s, q, 1 + c) stresses.
+        ends: (q, 3, 1 + c) principal values at the end, in the order of the axes.
+        slopes: (q, 3, 3) of the ends by the principal values of the trial stress.
+    """
+    along = np.einsum("qis,sqc->qic", axes.resolve, trial)
+    gap, left = (of[:, _ONE, 0] - of[:, _OTHER, 0] for of in (along, ends))
+    near = np.abs(gap) <= _EQUAL * np.abs(along[:, :3, 0]).max(axis=1, keepdims=True)
+    limit = slopes[:, _ONE, _ONE] - slopes[:, _ONE, _OTHER]
+    ratio = np.where(near, limit, left / np.where(near, 1.0, gap))
+    along[:, :3], along[:, 3:, 0] = ends, 0.0
+    along[:, 3:, 1:] *= ratio[..., None]
+    return np.asarray(np.einsum("qsi,qic->sqc", axes.assemble, along))
 
 
 def _expected(growth: Dual) -> Dual:

@@ -11,7 +11,7 @@ other ground that yield are further points, returned to their limits at the end 
 
 In a part of a step in time pressures of water are further unknowns (theory 18.6). Their equations
 are linear: what the water does comes in the same parts, and pushes the ground from then on. What
-comes at once and what first drains after it, however long that takes, comes in five parts; later
+comes at once and what first drains after it, however long that takes, comes in ten parts; later
 parts of steps are one each.
 
 Derivatives go from part to part with stress and state. With g_h = dsigma/dp_h at kept du,
@@ -45,7 +45,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
 from geoident.model.dual import ParameterPoint
 
-PARTS = 5
+PARTS = 10
 """Parts of a stage, of equal loads; of one that lasts, of what comes at once, and of its first step
 in time."""
 
