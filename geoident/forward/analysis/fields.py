@@ -84,7 +84,7 @@ class FieldRecorder:
         if end.temperatures is not None:
             self._temperature.append(end.temperatures[:, 0].copy())
         if end.pores is not None:
-            self._excess[end.number] = end.pores[:, 0]
+            self._excess[end.number] = end.pores[:, 0].copy()  # a step goes on in it
         if not np.isfinite(shown.displacement).all():
             self._last[end.number] = self._last_found(end)
             shown.yielded[:] = False

@@ -552,6 +552,8 @@ def with_tests(places: Places, faults: Faults) -> Places:
         if key not in BESIDE_TESTS and not without_readings:
             message = "the case is of 'tests', whose ground and stages are given with them"
             hint = "Remove it. Site and tests are two cases, which a project fits together."
+            if key == "readings":
+                hint = "Write the values, also simulated ones, into the columns of the tests."
             faults.add((key,), "no-ground", message, hint, key=True)
     sections: dict[int, type[Section]] = {}
     tests: dict[str, AnyTest] = {}
@@ -571,6 +573,17 @@ def with_tests(places: Places, faults: Faults) -> Places:
             faults.add(("tests", name, "drainage"), "no-water", message, hint)
     least = min((test.initial for test in tests.values()), default=0.0)
     first = next(iter(tests), "")
+    for name in sorted({test.material for test in tests.values() if test.initial > least}):
+        of = materials.get(name)
+        strength = of.get("yield") if isinstance(of, dict) else None
+        if isinstance(strength, dict) and "OCR" in strength:
+            low = f"{least / 1e3:g} kPa"
+            message = (
+                f"'{name}' has an OCR, and tests that begin under other stresses than {low}: of "
+                "which of them it is a multiple is not clear"
+            )
+            hint = f"Give 'POP' in its place: the highest vertical stress of the past less {low}."
+            faults.add(("materials", name, "yield", "OCR"), "two-states", message, hint, key=True)
     for name, test in tests.items():
         if _initial_state(test, least) != _initial_state(tests[first], least):
             message = f"'{name}' does not begin in the state in which '{first}' does"

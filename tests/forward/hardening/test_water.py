@@ -1,11 +1,13 @@
 """Hardening soil whose water takes time: undrained, consolidating, in the end drained."""
 
+import h5py
 import numpy as np
 import pytest
 from support.derivatives import assert_slopes
 from support.in_stages import model_at, read, write_msh
 from support.meshes import box, regroup
 
+from geoident.api import load_case, simulate
 from geoident.errors import CollapseError
 from geoident.forward.analysis.analysis import RunOptions
 
@@ -128,6 +130,20 @@ def test_closed_ground_gives_way_as_much_as_its_water(tmp_path):
     assert 30e3 < p < 70e3
     carried = ("LOAD", f"{float(1e5 - p)!r} Pa"), (", lasts: 0 d", "")
     assert s == pytest.approx(read(column(tmp_path, *carried, cells=1))[0, 0], rel=1e-3)
+
+
+def test_fields_keep_the_pressure_of_every_state(tmp_path):
+    """Steps that go on in the same array do not change what was recorded."""
+    more = ("wait, lasts: 200 d", "more, loads: {q: {on: y1, pressure: 120 kPa}}, lasts: 0 d")
+    path = column(tmp_path, ("LOAD", "100 kPa"), more, ("  - {name: end}\n", ""), cells=1)
+    found = simulate(load_case(str(path)), fields=str(tmp_path / "f.vtkhdf")).readings
+    with h5py.File(tmp_path / "f.vtkhdf") as file:
+        y = file["VTKHDF/Points"][:, 1]
+        excess = file["VTKHDF/PointData/excess_pore_pressure"][:].reshape(-1, len(y))
+    assert not excess[0].any()
+    by_piezometer = [one.value for one in found if one.channel == "p"]
+    np.testing.assert_allclose(excess[1:, np.argmin(y)], by_piezometer, rtol=1e-9)
+    assert excess[1, np.argmin(y)] < 0.9 * excess[2, np.argmin(y)]
 
 
 @pytest.mark.slow

@@ -145,7 +145,7 @@ class PressureCellSection(ValueGauge):
 class PiezometerSection(ValueGauge):
     """Pressure of the water in the pores at a point, compression positive, zero above its table.
 
-    It reads what the case says of the water, so it tells about its level and nothing else.
+    It reads that of `water` at rest, and in ground that consolidates what is in excess of it, too.
     """
 
     measures = ("pressure",)
