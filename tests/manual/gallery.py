@@ -36,10 +36,10 @@ HEAD = """\
 
 The cases that come with geoident: those in the folder `cases` of the repository, and those that
 `geoident init` writes. All readings are synthetic. They were computed on a finer mesh than that of
-the case (of higher order where the case has linear elements), with noise of the stated accuracy. So
-no case is fitted with the model that made its readings. In some cases the ground behind the
-readings is also of another kind; the text says so. The true parameters are in `truth.yaml` of a
-case, and in the last column here.
+the case (of higher order where the case has linear elements), tests of soil by another law, with
+noise of the stated accuracy. So no case is fitted with the model that made its readings. In some
+cases the ground behind the readings is also of another kind; the text says so. The true
+parameters are in `truth.yaml` of a case, and in the last column here.
 
 Signs, axes and units: [conventions](conventions.md). The commands: [commands](commands.md). The
 notebook `cases/notebook.py` shows the Python interface.

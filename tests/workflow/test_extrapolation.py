@@ -106,10 +106,12 @@ def _tensors(stress):
     return np.stack([np.stack(r, -1) for r in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], -2)
 
 
-def test_ground_that_may_yield_is_no_elastic_ground(pit):
-    strong = "materials.rock.yield={type: mohr-coulomb, cohesion: 50 MPa, friction: 30 deg}"
-    levels, _, _ = levels_of(strong)
-    assert levels is None
+@pytest.mark.parametrize("law", ["mohr-coulomb", "hardening-soil, E50: 500 MPa, m: 0.5"])
+def test_ground_that_may_yield_is_no_elastic_ground(pit, law):
+    _, fields, _ = levels_of()
+    strong = f"materials.rock.yield={{type: {law}, cohesion: 50 MPa, friction: 30 deg}}"
+    model = build_model(load_inputs("case.yaml", overrides=[strong]))
+    assert stress_levels(model, model.case, fields) is None
 
 
 def test_what_is_installed_has_not_been_tested(pit):

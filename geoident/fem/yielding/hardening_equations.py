@@ -52,8 +52,8 @@ _OF_GAMMA, _OF_LEVEL = 4, 5
 """The law is differentiated by principal stresses, p_c, gamma_p, L and constants, in this order."""
 
 _CONVERGED = 1e-12
-_MOST_STEPS = 15
-_LEAST_SHARE = 1.0 / 256.0
+_MOST_STEPS = 10
+_LEAST_SHARE = 1.0 / 16.0
 """Of the way to a trial stress, below which it is not halved."""
 
 

@@ -213,6 +213,8 @@ def with_profile(
     at: PathReadings,
     evaluate: Evaluate,
     i: int | None = None,
+    *,
+    of_used: Evaluate | None = None,
 ) -> tuple[Assessment, Nonlinearity | None]:
     """The assessment with the posterior itself along a parameter where the model is not linear.
 
@@ -223,6 +225,8 @@ def with_profile(
         at: the model there.
         evaluate: the model elsewhere.
         i: the parameter; None for that of `path_parameter`.
+        of_used: the same as `evaluate`, but of predictions nothing: it may cost less. Other
+            parameters, of which only their own intervals are wanted, have paths of it.
 
     Returns:
         The assessment, as it is where there is no such parameter or all is linear; how readings
@@ -247,8 +251,13 @@ def with_profile(
     if curved is not None:
         others |= _little_known(assessment, problem, values) & ~_led(assessment, i)
     others[i] = False
+    at_used = replace(at, all=at.used, all_jacobian=at.used_jacobian)
     for j in np.flatnonzero(others).tolist():
-        profile = _Profile(assessment, problem, values, at, evaluate, j)
+        profile = (
+            _Profile(assessment, problem, values, at, evaluate, j)
+            if of_used is None
+            else _Profile(assessment, problem, values, at_used, of_used, j)
+        )
         if points := profile.points():
             own = with_posterior(assessment, problem, values, profile.posterior(points))
             known = with_numbers_of(known, own, j, problem)

@@ -506,10 +506,22 @@ def follow_model(
             return None
         return _path_readings(surveyed, with_computed(readings, case, model, surveyed, p))
 
+    def evaluate_used(p: Floats) -> PathReadings | None:
+        """The same without the stages that no used reading needs."""
+        try:
+            if model.admissible(p) is not None:
+                return None
+            v, jacobian = problem.response.evaluate(p)
+        except ModelError:
+            return None
+        return PathReadings(v, jacobian, v, jacobian)
+
     weighted = replace(problem, sd=effective_sd(problem, readings.computed[readings.used]))
     at_estimate = _path_readings(survey, readings)
     if path_parameter(assessment, weighted) is not None:
-        return with_profile(assessment, weighted, values, at_estimate, evaluate)
+        return with_profile(
+            assessment, weighted, values, at_estimate, evaluate, of_used=evaluate_used
+        )
     ends = None
     if converged:
         with substituting(problem.response, ENOUGH):
@@ -517,7 +529,9 @@ def follow_model(
     if ends is None or not ends.doubtful:
         return assessment, None
     i = ends.parameter
-    known, curved = with_profile(assessment, weighted, values, at_estimate, evaluate, i)
+    known, curved = with_profile(
+        assessment, weighted, values, at_estimate, evaluate, i, of_used=evaluate_used
+    )
     if curved is None:  # it has no solution beside the estimate
         name = problem.parameters[i].name
         known = replace(known, findings=(*known.findings, nonlinear_finding(ends, name)))

@@ -129,7 +129,7 @@ def _centres(fields: FieldSeries) -> Floats:
 
 
 def _elastic_ground(case: Case, sequence: ConstructionSequence, n_elements: int) -> Bools:
-    """(n_states, n_elements) ground that was there before construction and cannot yield.
+    """(n_states, n_elements) ground that was there before construction, neither yields nor hardens.
 
     What is installed (a lining, a fill) is no ground that earlier stages have tested.
     """
@@ -139,8 +139,9 @@ def _elastic_ground(case: Case, sequence: ConstructionSequence, n_elements: int)
     elastic = np.zeros((len(sequence.states), n_elements), dtype=np.bool_)
     for n, state in enumerate(sequence.states):
         for group in ground:
-            material = state.materials.get(group)
-            if material is not None and not case.materials[material].yields:
+            name = state.materials.get(group)
+            material = None if name is None else case.materials[name]
+            if material is not None and not material.yields and material.soil is None:
                 elastic[n, sequence.elements(group)] = True
     return elastic
 
