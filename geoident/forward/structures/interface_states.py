@@ -65,7 +65,7 @@ class InterfaceRecorder:
                     _along(traction),
                     jump[0],
                     _along(jump),
-                    *self._limits(part, traction),
+                    *self._limits(part, traction, part.joint.is_limited(state)),
                 ]
             )
             nothing = ~part.joint.points.parted | (not part.stands(state))
@@ -73,10 +73,12 @@ class InterfaceRecorder:
             tables.append(table)
         self._tables.append(np.concatenate(tables, axis=1))
 
-    def _limits(self, part: StructureMembers, traction: Floats) -> tuple[Bools, Bools]:
+    def _limits(
+        self, part: StructureMembers, traction: Floats, limited: bool
+    ) -> tuple[Bools, Bools]:
         """(n,) where tractions (dim, n) are at the limit of shear, and at that of tension."""
         count = traction.shape[1]
-        if not part.structure.yields or not np.isfinite(traction).all():
+        if not (limited and part.structure.yields and np.isfinite(traction).all()):
             return np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         planes = limits(part.structure, self._point, n_strain=4 if len(traction) == 2 else 6)
         normals = planes.normals.value[:, : len(traction)]

@@ -54,6 +54,10 @@ class InterfacePart:
         own, other = (group in state.materials for group in self.groups)
         return own and (other or not self.beams.isdisjoint(state.structures))
 
+    def is_limited(self, state: ConstructionState) -> bool:
+        """Whether its limits hold: where a wall comes to stand nothing parts the ground before."""
+        return not self.beams or not self.beams.isdisjoint(state.structures)
+
 
 def interface_parts(on_mesh: CaseOnMesh) -> list[InterfacePart]:
     """All parts of interfaces that ever stand."""
@@ -110,14 +114,14 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
 
     if not case.interfaces:
         return []
-    divided = any(one.beams for faces in on_mesh.joints.values() for one in faces)
-    if case.consolidates and divided:
-        message = (
-            "a beam or shell on an interface beside ground that consolidates is not computed yet"
-        )
-        refuse(
-            ("interfaces",), message, "Model the wall by elements with an interface on each side."
-        )
+    for name, interface in case.interfaces.items():
+        divided = any(one.beams for one in on_mesh.joints.get(interface.along, ()))
+        if case.consolidates and divided:
+            message = f"a beam or shell stands on the interface '{name}', and water takes time to "
+            message += "leave the ground, which is not computed together yet"
+            hint = "Remove the interface, so that the wall is tied to the ground, or model the "
+            hint += "wall by elements with an interface on each side."
+            refuse(("interfaces", name), message, hint)
     beside = {
         int(group)
         for faces in on_mesh.joints.values()

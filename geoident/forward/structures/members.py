@@ -375,7 +375,8 @@ class Structures:
 
     def yielding(self, state: ConstructionState) -> list[StructureMembers]:
         """Structures that work with their stiffness at a state, and yield."""
-        return [part for _, part in self._stiff(state) if part.structure.yields]
+        parts = [part for _, part in self._stiff(state) if part.structure.yields]
+        return [part for part in parts if part.joint is None or part.joint.is_limited(state)]
 
     def _stiff(self, state: ConstructionState) -> Iterator[tuple[int, StructureMembers]]:
         """Parts that stand and whose force is not given."""

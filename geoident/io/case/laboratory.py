@@ -25,6 +25,7 @@ from geoident.io.schema.values import (
     FixedSize,
     FixedStress,
     Name,
+    OrFile,
     QuantityType,
     SharesUnit,
     Stress,
@@ -249,7 +250,9 @@ class TriaxialSection(TestSection):
         "undrained specimen, which is full of it; `hydraulic` of its material is not needed.",
     )
     cell_pressure: Pressure = Field(description="Effective, after consolidation.")
-    readings: TriaxialRows = Field(description="Rows, or the name of a CSV file that has them.")
+    readings: Annotated[TriaxialRows, OrFile()] = Field(
+        description="Rows, or the name of a CSV file that has them."
+    )
     accuracy: TriaxialAccuracy = Field(description="Accuracy by column.")
 
     @property
@@ -313,7 +316,9 @@ class OedometerSection(TestSection):
     seating_stress: Pressure = Field(
         description="Vertical stress from which strains count: that of the first reading."
     )
-    readings: OedometerRows = Field(description="Rows, or the name of a CSV file that has them.")
+    readings: Annotated[OedometerRows, OrFile()] = Field(
+        description="Rows, or the name of a CSV file that has them."
+    )
     accuracy: OedometerAccuracy = Field(description="Accuracy by column.")
 
     @property
@@ -360,7 +365,9 @@ class DirectShearSection(TestSection):
     mesh, analysis = "shear-box", "plane-strain"
     kind: Literal["direct-shear"]
     normal_stress: Pressure = Field(description="Effective, on the horizontal plane.")
-    readings: DirectShearRows = Field(description="Rows, or the name of a CSV file that has them.")
+    readings: Annotated[DirectShearRows, OrFile()] = Field(
+        description="Rows, or the name of a CSV file that has them."
+    )
     accuracy: DirectShearAccuracy = Field(description="Accuracy by column.")
 
     @property
@@ -414,7 +421,9 @@ class PlateLoadSection(TestSection):
         examples=["10 kPa"],
     )
     K0: Coefficient = Field(description="Horizontal by vertical stress in the ground.")
-    readings: PlateLoadRows = Field(description="Rows, or the name of a CSV file that has them.")
+    readings: Annotated[PlateLoadRows, OrFile()] = Field(
+        description="Rows, or the name of a CSV file that has them."
+    )
     accuracy: PlateLoadAccuracy = Field(description="Accuracy by column.")
 
     def surroundings(self, least: float) -> Keys:
@@ -471,7 +480,7 @@ class PressuremeterSection(TestSection):
         description="In situ, effective, compression positive.", examples=["$sigma_h"]
     )
     vertical_stress: Stress = Field(description="In situ, effective, compression positive.")
-    readings: PressuremeterRows = Field(
+    readings: Annotated[PressuremeterRows, OrFile()] = Field(
         description="Rows, or the name of a CSV file that has them."
     )
     accuracy: PressuremeterAccuracy = Field(description="Accuracy by column.")

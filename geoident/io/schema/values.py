@@ -530,7 +530,7 @@ def _meant(entries: list[Any]) -> list[str]:
 
 
 class OrFile:
-    """Annotation of a list that a case may also name by a CSV file, which is read before."""
+    """Annotation of a list or of rows that may also be the name of a CSV file, read before."""
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

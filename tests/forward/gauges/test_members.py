@@ -334,7 +334,7 @@ def test_a_fibre_needs_a_thickness_or_its_distance():
         ("tilt", {"dimension": "angle"}, "wrong-structure",
          "reads a rotation of the structure 'nails', whose bars have none of their own",
          "name a beam, or give the two points of 'between'"),
-        ("load-cell", {"quantity": "M", "dimension": "force"}, "wrong-structure",
+        ("load-cell", {"quantity": "M", "dimension": "moment"}, "wrong-structure",
          "reads 'M' of the structure 'nails'; its bars bear only N",
          "remove the key, or name a beam"),
         ("strain", {"quantity": "inside"}, "wrong-structure",
