@@ -143,7 +143,7 @@ def test_dense_sand_in_the_triaxial_test_is_that_of_another_program(tmp_path):
         pressed(*strains), side=100e3, E="90 MPa", nu="0.25",
     )  # fmt: skip
     yy, xx, _ = read(path)
-    np.testing.assert_allclose(xx - yy, q, rtol=0.02)
+    np.testing.assert_allclose(xx - yy, q, rtol=0.025)
 
 
 @pytest.mark.slow

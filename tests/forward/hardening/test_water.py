@@ -260,7 +260,8 @@ def test_derivatives_by_all_constants_are_exact(tmp_path):
     response = model.response(pairs)
     _, jacobian = response.evaluate(p)
     assert (np.abs(jacobian * p).max(axis=0) > 1.0).all()
-    assert_slopes(response.readings, p, jacobian, model.names, step=1e-3)
+    # points reach limits within longer steps; shorter ones see how exact the equilibria are
+    assert_slopes(response.readings, p, jacobian, model.names, step=2e-5, rtol=1e-6)
 
 
 @pytest.mark.slow
