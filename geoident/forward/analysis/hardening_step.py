@@ -224,8 +224,6 @@ class HardeningSteps:
             return CollapseError(msg, hint, stage=task.state.name, fraction=np.nan)
         moved = total[: self._points.n_dofs, 0].copy()
         reached = LastEquilibrium(moved, task.carried.stress[..., 0].copy(), yields)
-        if flows:  # of a part of a step nothing is told
-            done, reached = np.nan, None
         return CollapseError(
             msg, hint, stage=task.state.name, fraction=done, reached=reached, proven=False
         )

@@ -15,6 +15,7 @@ from geoident.forward.safety.search import Search, safety_factors
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.parameter import Scalar
+from tests.forward.yielding.test_limit_loads import strip_of
 
 A, B, C = 1.0, 2.0, 10e6
 LIMIT = 2 * C * np.log(B / A)
@@ -122,8 +123,6 @@ def test_rough_circular_footing(verification):
 
     At its edge strains have no bound: that does not end the search before the ground collapses.
     """
-    from tests.forward.yielding.test_limit_loads import strip_of  # noqa: PLC0415
-
     steps, exact = np.linspace(0.0, 1.0, 17), 1.5
     x, y = np.concatenate([steps, 1.0 + 2.0 * steps[1:] ** 1.5]), -2.0 * steps[::-1] ** 1.5
     grid = np.stack(np.meshgrid(x, np.append(y, 0.3), indexing="ij"), -1).reshape(-1, 2)
