@@ -44,6 +44,9 @@ _ASIDE = 1e-10 * np.array([1.0, 0.6180339887498949])
 _SAME_LEVEL = 1e-9
 """Difference of levels, in parts of the mesh, that is none."""
 
+_APART = 2.0
+"""Distance of strips in the order of places: the end of one is not within the start of the next."""
+
 _CHUNK = 4_000_000
 """Pairs of a place and a piece that are looked at together."""
 
@@ -279,8 +282,8 @@ class _PlanIndex:
         self._size = np.where(size > 0, size, 1.0) * (1 + 1e-9)
         self._strips = max(1, int(np.sqrt(len(plan)) / 4)) if plan.shape[1] == 2 else 1
         strip, along = self._coordinates(plan)
-        self.order = np.argsort(strip + along, kind="stable")
-        self._sorted = (strip + along)[self.order]
+        self.order = np.argsort(_APART * strip + along, kind="stable")
+        self._sorted = (_APART * strip + along)[self.order]
 
     def _coordinates(self, plan: Floats) -> tuple[Ints, Floats]:
         """The strip, and how far along it, from 0 to 1, of places (m, dim - 1)."""
@@ -301,8 +304,9 @@ class _PlanIndex:
         first_strip, start = self._coordinates(low[pieces])
         last_strip, end = self._coordinates(high[pieces])
         which, strip = _runs(first_strip, last_strip + 1)
-        first = np.searchsorted(self._sorted, strip + start[which] - 1e-9)
-        last = np.searchsorted(self._sorted, strip + end[which] + 1e-9, side="right")
+        start, end = start[which] - 1e-9, end[which] + 1e-9
+        first = np.searchsorted(self._sorted, _APART * strip + start)
+        last = np.searchsorted(self._sorted, _APART * strip + end, side="right")
         bounds = np.cumsum(last - first) // _CHUNK
         for chunk in np.split(np.arange(len(which)), np.flatnonzero(np.diff(bounds)) + 1):
             run, place = _runs(first[chunk], last[chunk])

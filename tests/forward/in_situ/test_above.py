@@ -107,6 +107,19 @@ def test_water_that_falls_along_a_slope_presses_by_its_level_there():
     assert (exact > 0.0).all()
 
 
+@pytest.mark.parametrize("across", [0, 1])
+def test_a_slice_of_one_element_has_its_own_height_above_each_place(across):
+    """Faces as wide as the model, which reach places at both of its edges."""
+    n, size = [7, 7, 3], [7.0, 7.0, 3.0]
+    n[across] = 1
+    mesh = box("hex8", n, size=size)
+    x = [np.linspace(0.4, side - 0.4, 20) for side in size]
+    places = np.stack(np.meshgrid(*x), axis=-1).reshape(-1, 3)
+    found, _ = above(mesh, places, groups={"all": "rock"})
+    lengths = found.lengths[:, found.materials.index("rock")].toarray()
+    np.testing.assert_allclose(lengths.ravel(), 3.0 - places[:, 2], rtol=1e-9)
+
+
 def test_places_on_the_border_of_an_element_see_what_is_above_that_element():
     """The line between two columns: of the left element that of the left ground, else the right."""
     mesh = box("quad4", (2, 3), size=(2.0, 3.0))
