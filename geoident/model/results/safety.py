@@ -9,70 +9,27 @@ import numpy as np
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.columns import VIEWS, column
-from geoident.model.results.yielded import Mechanism
 
 FELT = 0.1
 """Part of the largest influence of a parameter from which on another one counts."""
 
 
 @dataclass(frozen=True)
-class SafetyFactor:
-    """By what the strength of the ground may be divided at the end of a stage.
-
-    Args:
-        stage: name of the stage.
-        lower: largest factor with which an equilibrium was found.
-        upper: smallest factor with which none was found; infinite where there was one with all.
-        proven: whether there is none at ``upper``: the ground collapses. Else none was found.
-        associated: whether the flow of all that yields is associated.
-        kept: what yields and keeps its strength: materials of planes without c and phi, structures.
-        unyielding: materials, structures and interfaces that never yield.
-        mechanism: how the ground moves at ``upper``; None where nothing is known.
-        place: where it shears most, a clause; empty where nothing is known.
-        factors: (k,) with which an equilibrium was found, ascending, from that at which the search
-            began.
-        moved: (k,) largest displacement since then, m.
-        solved: equilibria that were looked for.
-    """
-
-    stage: str
-    lower: float
-    upper: float
-    proven: bool
-    associated: bool
-    kept: tuple[str, ...]
-    unyielding: tuple[str, ...]
-    mechanism: Mechanism | None
-    place: str
-    factors: Floats
-    moved: Floats
-    solved: int
-
-    @property
-    def value(self) -> float:
-        """The factor: the middle of its bracket, or the largest that was tried."""
-        return float(np.sqrt(self.lower * self.upper)) if self.bounded else self.lower
-
-    @property
-    def bounded(self) -> bool:
-        """Whether the ground fails with some factor that was tried."""
-        return bool(np.isfinite(self.upper))
-
-
-@dataclass(frozen=True)
 class StageSafety:
-    """What is known of the factor of safety of a stage; NaN and nothing where there is no fit.
+    """By what the strength of the ground may be divided at the end of a stage, and its band.
+
+    Without a fit there is no band: NaN and nothing.
 
     Args:
         stage: name of the stage.
-        value: the factor at the best values: the middle of its bracket, or the largest tried.
+        value: the factor at given values: the middle of its bracket, or the largest tried.
         lower: largest factor with which an equilibrium was found.
         upper: smallest factor with which none was found; infinite where there was one with all.
         proven: whether there is none at ``upper``: the ground collapses. Else none was found.
         associated: whether the flow of all that yields is associated.
         kept: what yields and keeps its strength, separated by commas.
         unyielding: materials, structures and interfaces that never yield, likewise.
-        place: where it moves as it fails, a clause; empty where nothing is known.
+        place: where it shears most as it fails, a clause; empty where nothing is known.
         tried: (k,) factors with which an equilibrium was found, ascending.
         moved: (k,) largest displacement since the first of them, m.
         lower95: lower end of the 95 % interval by the fit.
@@ -129,25 +86,6 @@ class StageSafety:
         default_factory=lambda: np.zeros((0, 0)),
         metadata=column("safety_draw", "parameter", name="draw", hidden=VIEWS),
     )
-
-    @classmethod
-    def of(cls, best: SafetyFactor, n: int) -> StageSafety:
-        """What is known without a fit, of a case with n parameters."""
-        return cls(
-            best.stage,
-            best.value,
-            best.lower,
-            best.upper,
-            best.proven,
-            best.associated,
-            ", ".join(best.kept),
-            ", ".join(best.unyielding),
-            best.place,
-            best.factors,
-            best.moved,
-            influence=np.full(n, np.nan),
-            draws=np.zeros((0, n)),
-        )
 
     @property
     def fails(self) -> bool:
