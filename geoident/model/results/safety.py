@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.columns import VIEWS, column
+from geoident.model.results.columns import VIEWS, Record, column
 
 FELT = 0.1
 """Part of the largest influence of a parameter from which on another one counts."""
 
 
-@dataclass(frozen=True)
-class StageSafety:
+class StageSafety(Record):
     """By what the strength of the ground may be divided at the end of a stage, and its band.
 
     Without a fit there is no band: NaN and nothing.
@@ -51,7 +50,7 @@ class StageSafety:
     """
 
     stage: str
-    value: float = field(metadata=column(name="factor"))
+    value: float = column(name="factor")
     lower: float
     upper: float
     proven: bool
@@ -59,32 +58,35 @@ class StageSafety:
     kept: str
     unyielding: str
     place: str
-    tried: Floats = field(metadata=column("trial", hidden=VIEWS))
-    moved: Floats = field(metadata=column("trial", dimension="length", hidden=VIEWS))
+    tried: Floats = column("trial", hidden=VIEWS)
+    moved: Floats = column("trial", dimension="length", hidden=VIEWS)
     lower95: float = np.nan
     median: float = np.nan
     upper95: float = np.nan
     below_one: float = np.nan
     below_one_sd: float = np.nan
-    counted: int = field(default=0, metadata=column(name="draws_below_one"))
+    counted: int = column(default=0, name="draws_below_one")
     surface: str = ""
-    left: float = field(default=np.nan, metadata=column(name="surface_error"))
+    left: float = column(default=np.nan, name="surface_error")
     undetermined: str = ""
-    influence: Floats = field(
-        default_factory=lambda: np.zeros(0),
-        metadata=column("parameter", sheet="influence_{parameter}"),
+    influence: Floats = column(
+        "parameter", default_factory=lambda: np.zeros(0), sheet="influence_{parameter}"
     )
-    factors: Floats = field(
-        default_factory=lambda: np.zeros(0),
-        metadata=column("safety_draw", name="factor_at_draw", hidden=VIEWS),
+    factors: Floats = column(
+        "safety_draw", default_factory=lambda: np.zeros(0), name="factor_at_draw", hidden=VIEWS
     )
-    bounded: Ints = field(
+    bounded: Ints = column(
+        "safety_draw",
         default_factory=lambda: np.zeros(0, dtype=np.int64),
-        metadata=column("safety_draw", name="bounded_at_draw", hidden=VIEWS),
+        name="bounded_at_draw",
+        hidden=VIEWS,
     )
-    draws: Floats = field(
+    draws: Floats = column(
+        "safety_draw",
+        "parameter",
         default_factory=lambda: np.zeros((0, 0)),
-        metadata=column("safety_draw", "parameter", name="draw", hidden=VIEWS),
+        name="draw",
+        hidden=VIEWS,
     )
 
     @property

@@ -9,7 +9,6 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Channel, Reading
 from geoident.model.results.bands import Prediction
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.result import GaugeTable, Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
@@ -324,8 +323,7 @@ def _reading_row(result: Result, i: int, j: int, *, predicted: bool) -> list[str
     ]
 
 
-@dataclass(frozen=True)
-class ListedReading:
+class ListedReading(Record):
     """A reading of the files; SI, NaN where there is none.
 
     Args:
@@ -344,15 +342,15 @@ class ListedReading:
 
     gauge: str
     stage: str
-    time: str | None = field(metadata=column())
-    value: float = field(metadata=column(dimension=ROW))
-    computed: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
-    unit: str = field(metadata=column(dimension=ROW))
+    time: str | None = column()
+    value: float = column(dimension=ROW)
+    computed: float = column(dimension=ROW)
+    sd: float = column(dimension=ROW)
+    unit: str = column(dimension=ROW)
     used: bool
     reason: str
     note: str
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def each_reading(gauges: GaugeTable) -> list[ListedReading]:
@@ -375,8 +373,7 @@ def each_reading(gauges: GaugeTable) -> list[ListedReading]:
     return readings
 
 
-@dataclass(frozen=True)
-class PredictedReading:
+class PredictedReading(Record):
     """A predicted reading; SI, NaN where there is none.
 
     Args:
@@ -394,14 +391,14 @@ class PredictedReading:
 
     gauge: str
     stage: str
-    mean: float = field(metadata=column(dimension=ROW, known="determined", sheet="predicted"))
-    sd: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW))
-    upper95: float = field(metadata=column(dimension=ROW))
-    measured: float = field(metadata=column(dimension=ROW))
-    unit: str = field(metadata=column(dimension=ROW))
-    determined: bool = field(metadata=column(hidden=("csv",)))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    mean: float = column(dimension=ROW, known="determined", sheet="predicted")
+    sd: float = column(dimension=ROW)
+    lower95: float = column(dimension=ROW)
+    upper95: float = column(dimension=ROW)
+    measured: float = column(dimension=ROW)
+    unit: str = column(dimension=ROW)
+    determined: bool = column(hidden=("csv",))
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def predicted_readings(result: Result) -> list[PredictedReading]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from geoident.io.text.dates import date_text
 from geoident.model.in_service import DAY
 from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.in_service import ChangeRow, ParameterChangeRow
 from geoident.model.results.result import Result
 from geoident.report.text.gauges import moment_text, predicted_texts, reading_text
@@ -361,8 +360,7 @@ def seasonal_object(result: Result) -> dict[str, object] | None:
     }
 
 
-@dataclass(frozen=True)
-class JudgedReading:
+class JudgedReading(Record):
     """A reading that was held against what was expected; SI.
 
     Args:
@@ -379,15 +377,15 @@ class JudgedReading:
     """
 
     gauge: str
-    time: str | None = field(metadata=column())
-    value: float = field(metadata=column(dimension=ROW))
-    predicted: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW))
-    upper95: float = field(metadata=column(dimension=ROW))
+    time: str | None = column()
+    value: float = column(dimension=ROW)
+    predicted: float = column(dimension=ROW)
+    sd: float = column(dimension=ROW)
+    lower95: float = column(dimension=ROW)
+    upper95: float = column(dimension=ROW)
     innovation: float
-    unit: str = field(metadata=column(dimension=ROW))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW)
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def judged_readings(result: Result) -> list[JudgedReading]:
@@ -412,8 +410,7 @@ def judged_readings(result: Result) -> list[JudgedReading]:
     return readings
 
 
-@dataclass(frozen=True)
-class ListedChange:
+class ListedChange(Record):
     """A change with its dates (ISO 8601); else as `ChangeRow`."""
 
     change: int
@@ -423,17 +420,16 @@ class ListedChange:
     earliest: str
     latest: str
     shown: str
-    size: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
+    size: float = column(dimension=ROW)
+    sd: float = column(dimension=ROW)
     odds: float
     surprise: float
     lasts: bool
-    unit: str = field(metadata=column(dimension=ROW))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW)
+    dimension: str = column(hidden=("csv", "json"))
 
 
-@dataclass(frozen=True)
-class ListedParameterChange:
+class ListedParameterChange(Record):
     """A change of a parameter with its dates (ISO 8601); else as `ParameterChangeRow`."""
 
     change: int
@@ -443,15 +439,15 @@ class ListedParameterChange:
     earliest: str
     latest: str
     shown: str
-    before: float = field(metadata=column(dimension=ROW))
-    after: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW))
-    upper95: float = field(metadata=column(dimension=ROW))
+    before: float = column(dimension=ROW)
+    after: float = column(dimension=ROW)
+    lower95: float = column(dimension=ROW)
+    upper95: float = column(dimension=ROW)
     odds: float
     surprise: float
     lasts: bool
-    unit: str = field(metadata=column(dimension=ROW))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW)
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def listed_parameter_changes(result: Result) -> list[ListedParameterChange]:
