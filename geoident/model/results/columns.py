@@ -92,6 +92,7 @@ class Column:
         array: name in data sets of xarray, where it is not the title.
         label: heading on the screen and on the page; empty where it stands in other columns there.
         shown: unit for people of a fixed dimension.
+        dated: seconds since 1970, of which people and programs get the date.
         hidden: views without it: ``json``, ``csv``, ``xarray``, ``diff``.
         dataset: a single text that is a dataset, not an attribute.
         known: name of the truth values of the record that say which numbers people may be given.
@@ -119,6 +120,7 @@ class Column:
     array: str = ""
     label: str = ""
     shown: str = ""
+    dated: bool = False
     hidden: tuple[str, ...] = ()
     dataset: bool = False
     known: str = ""

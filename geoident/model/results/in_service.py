@@ -9,6 +9,8 @@ from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.columns import ROW, Record, column, derived
 from geoident.units import in_unit, shown_unit
 
+_DATE = {"unit": "s since 1970-01-01", "dated": True}
+
 
 class SeasonalFit(Record):
     """Coefficients and errors of all gauges, one entry of every column each.
@@ -118,13 +120,13 @@ class ChangeRow(Record):
     """A change that new readings show: of one gauge, or of several at once.
 
     Args:
+        change: number of the change, from 1: of several gauges there is a row for each.
         kind: ``step``, ``drift``, or ``reading`` for a single one that is far off.
         gauge: name of the gauge of this row.
-        change: number of the change, from 1: of several gauges there is a row for each.
-        shown: from when on it was seen, s since 1970.
         since: when it most likely began, s since 1970.
         earliest: beginning of the 95 % interval of that.
         latest: end of it.
+        shown: from when on it was seen.
         size: of the step, SI; of a drift by year.
         sd: its standard deviation.
         odds: probability that it is a step and no drift, or a drift and no step.
@@ -134,13 +136,13 @@ class ChangeRow(Record):
         dimension: key of `geoident.units.DIMENSIONS`.
     """
 
+    change: int
     kind: str
     gauge: str
-    change: int
-    shown: float = column(unit="s since 1970-01-01")
-    since: float = column(unit="s since 1970-01-01")
-    earliest: float = column(unit="s since 1970-01-01")
-    latest: float = column(unit="s since 1970-01-01")
+    since: float = column(like=_DATE)
+    earliest: float = column(like=_DATE)
+    latest: float = column(like=_DATE)
+    shown: float = column(like=_DATE)
     size: float = column(dimension=ROW, unit="SI unit of the gauge")
     sd: float = column(dimension=ROW, unit="SI unit of the gauge")
     odds: float
@@ -171,10 +173,10 @@ class ParameterChangeRow(Record):
             is a row for each, the most probable one first.
         parameter: its name.
         gauges: names of those that show it.
-        shown: from when on it was seen, s since 1970.
         since: when it most likely began, s since 1970.
         earliest: beginning of the 95 % interval of that.
         latest: end of it.
+        shown: from when on it was seen.
         before: value of the fit, SI.
         after: value since then, SI.
         lower95: lower end of the 95 % interval of that, before being given.
@@ -189,10 +191,10 @@ class ParameterChangeRow(Record):
     change: int
     parameter: str
     gauges: str
-    shown: float = column(unit="s since 1970-01-01")
-    since: float = column(unit="s since 1970-01-01")
-    earliest: float = column(unit="s since 1970-01-01")
-    latest: float = column(unit="s since 1970-01-01")
+    since: float = column(like=_DATE)
+    earliest: float = column(like=_DATE)
+    latest: float = column(like=_DATE)
+    shown: float = column(like=_DATE)
     before: float = column(dimension=ROW, unit="SI unit of the parameter")
     after: float = column(dimension=ROW, unit="SI unit of the parameter")
     lower95: float = column(dimension=ROW, unit="SI unit of the parameter")

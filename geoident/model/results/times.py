@@ -25,10 +25,10 @@ class StageTimes(Record):
         since: (n_stages,) time since its stage began, s; NaN for stages that do not last.
     """
 
-    whole: tuple[str, ...] = column("stage")
-    date: Floats = column("stage", unit="s since 1970-01-01")
-    elapsed: Floats = column("stage", dimension="time")
-    since: Floats = column("stage", dimension="time")
+    whole: tuple[str, ...] = column("stage", title="moment_of", array="whole", sheet="moment of")
+    date: Floats = column("stage", unit="s since 1970-01-01", dated=True)
+    elapsed: Floats = column("stage", dimension="time", shown="d", sheet="since the beginning")
+    since: Floats = column("stage", dimension="time", shown="d", sheet="since its stage began")
 
     @classmethod
     def of(cls, case: Case) -> StageTimes | None:

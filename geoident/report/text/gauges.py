@@ -9,7 +9,6 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from geoident.model.gauges import Channel, Reading
 from geoident.model.results.bands import Prediction
 from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.result import GaugeTable, Result
-from geoident.report.text.layout import TextTable, decimals, number, with_interval
+from geoident.report.text.layout import TextTable, decimals, moment_text, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
 from geoident.report.text.residuals import (
     as_predicted,
@@ -32,9 +31,6 @@ from geoident.report.text.rows import by_stage
 from geoident.units import in_unit, shown_unit
 
 _FINER = 1e5
-_FARTHEST = 2.5e11
-"""Seconds from 1970 to the year 9892: what is farther is damage, and NaN is no time."""
-
 """Times an accuracy is larger than the last digit of a simulated reading."""
 
 
@@ -414,15 +410,3 @@ def predicted_readings(result: Result) -> list[PredictedReading]:
         )
         for i, j in by_stage(np.isfinite(prediction.mean))
     ]  # fmt: skip
-
-
-def moment_text(seconds: float) -> str | None:
-    """Date and time (ISO 8601) of seconds since 1970; None for NaN and what is no date.
-
-    >>> moment_text(86400.0)
-    '1970-01-02T00:00:00'
-    """
-    if not abs(seconds) < _FARTHEST:
-        return None
-    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
-    return moment.replace(tzinfo=None).isoformat(timespec="seconds")

@@ -13,8 +13,8 @@ from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.in_service import ChangeRow, ParameterChangeRow
 from geoident.model.results.result import Result
-from geoident.report.text.gauges import moment_text, predicted_texts, reading_text
-from geoident.report.text.layout import TextTable, decimals, section, sentence
+from geoident.report.text.gauges import predicted_texts, reading_text
+from geoident.report.text.layout import TextTable, decimals, moment_text, section, sentence
 from geoident.report.text.rows import CsvTable, beside, objects, sheet
 from geoident.units import in_unit, shown_unit, size_in
 
@@ -408,77 +408,6 @@ def judged_readings(result: Result) -> list[JudgedReading]:
             )
         )  # fmt: skip
     return readings
-
-
-class ListedChange(Record):
-    """A change with its dates (ISO 8601); else as `ChangeRow`."""
-
-    change: int
-    kind: str
-    gauge: str
-    since: str
-    earliest: str
-    latest: str
-    shown: str
-    size: float = column(dimension=ROW)
-    sd: float = column(dimension=ROW)
-    odds: float
-    surprise: float
-    lasts: bool
-    unit: str = column(dimension=ROW)
-    dimension: str = column(hidden=("csv", "json"))
-
-
-class ListedParameterChange(Record):
-    """A change of a parameter with its dates (ISO 8601); else as `ParameterChangeRow`."""
-
-    change: int
-    parameter: str
-    gauges: str
-    since: str
-    earliest: str
-    latest: str
-    shown: str
-    before: float = column(dimension=ROW)
-    after: float = column(dimension=ROW)
-    lower95: float = column(dimension=ROW)
-    upper95: float = column(dimension=ROW)
-    odds: float
-    surprise: float
-    lasts: bool
-    unit: str = column(dimension=ROW)
-    dimension: str = column(hidden=("csv", "json"))
-
-
-def listed_parameter_changes(result: Result) -> list[ListedParameterChange]:
-    """Every parameter that has changed, or that may have as well."""
-    changes = []
-    for row in result.parameter_changes:
-        times = (row.since, row.earliest, row.latest, row.shown)
-        since, earliest, latest, shown = (moment_text(t) or "" for t in times)
-        changes.append(
-            ListedParameterChange(
-                row.change, row.parameter, row.gauges, since, earliest, latest, shown, row.before,
-                row.after, row.lower95, row.upper95, row.odds, row.surprise, row.lasts, row.unit,
-                row.dimension,
-            )
-        )  # fmt: skip
-    return changes
-
-
-def listed_changes(result: Result) -> list[ListedChange]:
-    """Every change and every wrong reading."""
-    changes = []
-    for row in result.changes:
-        times = (row.since, row.earliest, row.latest, row.shown)
-        since, earliest, latest, shown = (moment_text(t) or "" for t in times)
-        changes.append(
-            ListedChange(
-                row.change, row.kind, row.gauge, since, earliest, latest, shown, row.size, row.sd,
-                row.odds, row.surprise, row.lasts, row.unit, row.dimension,
-            )
-        )  # fmt: skip
-    return changes
 
 
 def outside_table(result: Result) -> TextTable:
