@@ -294,8 +294,5 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
             message += "could be divided"
             message += ": given planes have no cohesion and friction" if planes else ""
             hint = "Give 'yield: {type: mohr-coulomb, cohesion: ..., friction: ...}' in a material."
-            fault = case.source.fault(
-                ("materials",), code="no-strength", message=message, hint=hint
-            )
-            raise InputError([fault])
+            raise InputError([case.source.fault(("materials",), "no-strength", message, hint)])
     return states
