@@ -99,4 +99,4 @@ def _stress_faults(case: Case, path: KeyPath, model: InSitu) -> Iterator[Fault]:
 
 
 def _fault(case: Case, path: KeyPath, message: str, hint: str) -> Fault:
-    return case.source.fault(path, code="not-axisymmetric", message=message, hint=hint)
+    return case.source.fault(path, "not-axisymmetric", message, hint)

@@ -386,8 +386,7 @@ def _stress_without_ground(on_mesh: CaseOnMesh) -> list[Fault]:
         return []
     message = "no ground is there before the first stage that could have an in-situ stress"
     hint = "Remove 'in_situ': what is placed has none; or give a group a material under 'groups'."
-    fault = case.source.fault(("in_situ",), code="absent-group", message=message, hint=hint)
-    return [fault]
+    return [case.source.fault(("in_situ",), "absent-group", message, hint)]
 
 
 def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
@@ -402,7 +401,7 @@ def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
             "Give one group a material from the beginning, or place one by 'install' in the first "
             "stage (fill on a rigid base: 'supports' hold its foot)."
         )
-    return on_mesh.case.source.fault(place, code="no-ground", message=message, hint=hint)
+    return on_mesh.case.source.fault(place, "no-ground", message, hint)
 
 
 def _loose_text(loose: LooseBody, sequence: ConstructionSequence) -> str:

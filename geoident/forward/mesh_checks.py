@@ -107,7 +107,7 @@ def _overlap_fault(on_mesh: CaseOnMesh, pair: tuple[int, ...], doubled: Overlaps
     )
     place = used_groups(on_mesh.case)[groups[pair[-1]]]
     return on_mesh.case.source.fault(
-        place, code="overlapping-ground", message=f"in the mesh {mesh.file} {message}", hint=hint
+        place, "overlapping-ground", f"in the mesh {mesh.file} {message}", hint
     )
 
 

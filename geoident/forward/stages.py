@@ -386,7 +386,7 @@ class CaseOnMesh:
         """
         message = f"the mesh {self.mesh.file} has no {what}"
         hint = f"its {among}: {listed(groups)}"
-        return self.case.source.fault(path, code="missing-group", message=message, hint=hint)
+        return self.case.source.fault(path, "missing-group", message, hint)
 
 
 def used_groups(case: Case) -> dict[str, KeyPath]:
@@ -535,11 +535,7 @@ def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         message = f"{len(elements)} elements of {mesh.file} are {state}{where}; first: "
         message += ", ".join(str(element_number(mesh, e)) for e in elements[:_SHOWN])
         absent = "; a group that is never present is written 'NAME: absent'"
-        faults.append(
-            case.source.fault(
-                ("groups",), code="group-coverage", message=message, hint=hint + absent
-            )
-        )
+        faults.append(case.source.fault(("groups",), "group-coverage", message, hint + absent))
     return faults
 
 

@@ -82,7 +82,7 @@ class Source:
                 return Location(self.file, *self.positions[path[:end]])
         return Location(self.file)
 
-    def fault(self, path: KeyPath, *, code: str, message: str, hint: str = "") -> Fault:
+    def fault(self, path: KeyPath, code: str, message: str, hint: str = "") -> Fault:
         """A fault at a key of the case.
 
         Args:

@@ -17,7 +17,7 @@ import numpy as np
 from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Scalar
-from geoident.model.results.columns import column, derived
+from geoident.model.results.columns import Record, column, derived
 
 MovingPoint = tuple[tuple[float, ...], tuple[float, ...]]
 """A point (dim,), m, and the vector (dim,) whose product with its displacement adds to a reading.
@@ -49,8 +49,7 @@ def named_channels(names: Sequence[str], *, most: int = 6) -> str:
     return f"{len(names)} channels ({', '.join(names[:most])} and {len(names) - most} more)"
 
 
-@dataclass(frozen=True)
-class ErrorParts:
+class ErrorParts(Record):
     """What the errors of a channel's readings are made of: standard deviations, SI.
 
     Args:
@@ -75,24 +74,18 @@ class ErrorParts:
             the gauge's accuracy.
     """
 
-    reading: float = field(
-        metadata=column(name="error_sd", part=("error_part", "reading"), dimension="gauge")
+    reading: float = column(name="error_sd", part=("error_part", "reading"), dimension="gauge")
+    zero: float = column(
+        default=0.0, name="error_sd", part=("error_part", "zero"), dimension="gauge"
     )
-    zero: float = field(
-        default=0.0,
-        metadata=column(name="error_sd", part=("error_part", "zero"), dimension="gauge"),
+    head: float = column(
+        default=0.0, name="error_sd", part=("error_part", "head"), dimension="gauge"
     )
-    head: float = field(
-        default=0.0,
-        metadata=column(name="error_sd", part=("error_part", "head"), dimension="gauge"),
+    epoch: float = column(
+        default=0.0, name="error_sd", part=("error_part", "epoch"), dimension="gauge"
     )
-    epoch: float = field(
-        default=0.0,
-        metadata=column(name="error_sd", part=("error_part", "epoch"), dimension="gauge"),
-    )
-    along: float = field(
-        default=0.0,
-        metadata=column(name="error_sd", part=("error_part", "along"), dimension="gauge"),
+    along: float = column(
+        default=0.0, name="error_sd", part=("error_part", "along"), dimension="gauge"
     )
     survey: str = ""
     zero_surveyed: float = 0.0
@@ -355,8 +348,7 @@ class StageReadings:
     between: int = 0
 
 
-@dataclass(frozen=True)
-class ReadingTable:
+class ReadingTable(Record):
     """All readings of a case, one entry of every column each, in the order of the files.
 
     Values are in the SI unit of the dimension of their channel. n is the number of parameters.
@@ -378,22 +370,20 @@ class ReadingTable:
         note: k remarks of the field sheets, empty for none; or nothing if there are none at all.
     """
 
-    channel: tuple[str, ...] = field(metadata=column("reading"))
-    gauge: tuple[str, ...] = field(metadata=column("reading"))
-    stage: tuple[str, ...] = field(metadata=column("reading"))
-    time: Floats = field(metadata=column("reading", unit="s since 1970-01-01"))
-    value: Floats = field(metadata=column("reading"))
-    sd: Floats = field(metadata=column("reading"))
-    used: Bools = field(metadata=column("reading"))
-    bad: Bools = field(metadata=column("reading"))
-    reason: tuple[str, ...] = field(metadata=column("reading"))
-    computed: Floats = field(metadata=column("reading"))
-    sensitivity: Floats | None = field(
-        default=None, metadata=column("reading", "parameter", optional=True)
-    )
-    own_sd: Floats | None = field(default=None, metadata=column("reading", optional=True))
-    epochs: Ints | None = field(default=None, metadata=column("reading", optional=True))
-    note: tuple[str, ...] = field(default=(), metadata=column("reading", optional=True))
+    channel: tuple[str, ...] = column("reading")
+    gauge: tuple[str, ...] = column("reading")
+    stage: tuple[str, ...] = column("reading")
+    time: Floats = column("reading", unit="s since 1970-01-01")
+    value: Floats = column("reading")
+    sd: Floats = column("reading")
+    used: Bools = column("reading")
+    bad: Bools = column("reading")
+    reason: tuple[str, ...] = column("reading")
+    computed: Floats = column("reading")
+    sensitivity: Floats | None = column("reading", "parameter", default=None, optional=True)
+    own_sd: Floats | None = column("reading", default=None, optional=True)
+    epochs: Ints | None = column("reading", default=None, optional=True)
+    note: tuple[str, ...] = column("reading", default=(), optional=True)
 
     def __len__(self) -> int:
         return len(self.channel)

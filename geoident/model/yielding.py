@@ -19,7 +19,7 @@ from geoident.model.dual import Dual
 from geoident.model.empirical.rock_mass import LARGEST_GSI, strength_constants
 from geoident.model.ground import Frame, Growth, angles_of
 from geoident.model.parameter import Scalar, Values, scalars_of
-from geoident.model.results.columns import column, derived
+from geoident.model.results.columns import Record, column, derived
 
 Fit = Literal["inscribed", "circumscribed", "best"]
 """How a polyhedron lies to the exact surface: inside, around, or of the same size on average."""
@@ -435,8 +435,7 @@ OF_STRUCTURE = "structure "
 """Beginning of the names of the planes of structures, whose k is a force and not a stress."""
 
 
-@dataclass(frozen=True)
-class Activity:
+class Activity(Record):
     """Which yield planes are reached where, at one parameter vector.
 
     Planes are those of all materials that yield, r in all; stages do not count the virgin state.
@@ -452,19 +451,18 @@ class Activity:
         slopes: (r, n) dk/dp: on which parameters the distance depends.
     """
 
-    planes: tuple[str, ...] = field(metadata=column("plane", name="plane"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    points: Ints = field(metadata=column("plane", "stage"))
-    biactive: Ints = field(metadata=column("plane", "stage"))
-    distances: Floats = field(metadata=column("plane", name="distance", dimension="pressure"))
-    reached: Floats = field(metadata=column("plane", dimension="pressure"))
-    slopes: Floats = field(
-        metadata=column("plane", "parameter", name="slope", unit="Pa per SI unit of the parameter")
+    planes: tuple[str, ...] = column("plane", name="plane")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    points: Ints = column("plane", "stage")
+    biactive: Ints = column("plane", "stage")
+    distances: Floats = column("plane", name="distance", dimension="pressure")
+    reached: Floats = column("plane", dimension="pressure")
+    slopes: Floats = column(
+        "plane", "parameter", name="slope", unit="Pa per SI unit of the parameter"
     )
 
 
-@dataclass(frozen=True)
-class Certificate:
+class Certificate(Record):
     """What an identification of yield limits can say for itself.
 
     Args:
@@ -484,11 +482,11 @@ class Certificate:
 
     kind: str
     gradient: float
-    activity: Activity = field(metadata=column())
+    activity: Activity = column()
     lower_bounds: dict[str, float] = field(default_factory=dict)
     bound: float = float("nan")
     gap: float = float("nan")
-    remarks: tuple[str, ...] = field(default=(), metadata=column("remark", name="remark"))
+    remarks: tuple[str, ...] = column("remark", default=(), name="remark")
     open_above: tuple[str, ...] = ()
 
     @classmethod

@@ -88,10 +88,10 @@ def prepare_backtest(job: Job) -> Setup:
         count = "one stage" if read else "no stage"
         fault = case.source.fault(
             ("readings",),
-            code="too-few-stages",
-            message=f"usable readings of {count}: a backtest fits the readings of some stages and "
+            "too-few-stages",
+            f"usable readings of {count}: a backtest fits the readings of some stages and "
             "compares its predictions with those of later ones",
-            hint="Give readings of two stages at least.",
+            "Give readings of two stages at least.",
         )
         raise InputError([fault])
     return replace(setup, readings=readings)
@@ -197,7 +197,7 @@ def _result(
     if not trials and not out_of_time:
         reasons = "; ".join(f"up to {one.stage}: {one.why}" for one in skipped)
         message = f"no fit could be made: {reasons}"
-        raise InputError([case.source.fault(("readings",), code="no-fit", message=message)])
+        raise InputError([case.source.fault(("readings",), "no-fit", message)])
     p = np.array([start[parameter.name] for parameter in case.parameters], dtype=np.float64)
     nothing = np.full((len(case.channels), len(case.stages)), np.nan)
     without = Result(

@@ -21,7 +21,7 @@ from geoident.identify.assessment.scalar_band import fitted_surface, scalar_band
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.safety import SafetyFactor, StageSafety, depends_on
+from geoident.model.results.safety import StageSafety, depends_on
 from geoident.workflow.executing.executor import in_order
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.control import Control
@@ -61,7 +61,7 @@ class FactorAtDraw:
 
     Args:
         value: the factor; NaN where the model has no answer.
-        bounded: no failure was found up to the largest factor that was tried.
+        bounded: whether the ground fails with some factor that was tried.
     """
 
     value: float
@@ -77,10 +77,10 @@ def factor_at(model: StagedModel, task: FactorTask) -> FactorAtDraw:
     """
     search = Search(tolerance=_AT_DRAWS, guess=task.guess, in_situ_too=True)
     try:
-        (found,) = safety_factors(model, task.p, [task.state], search)
+        ((found, _),) = safety_factors(model, task.p, [task.state], search)
     except ModelError:
         return FactorAtDraw(np.nan, bounded=False)
-    return FactorAtDraw(found.value, found.bounded)
+    return FactorAtDraw(found.value, found.fails)
 
 
 @dataclass(frozen=True)
@@ -103,22 +103,20 @@ class SafetyDraws:
     count: int
     seed: int
 
-    def band(self, p: Floats, state: int, best: SafetyFactor) -> StageSafety:
+    def band(self, p: Floats, state: int, best: StageSafety) -> StageSafety:
         """What the posterior makes of the factor of a state.
 
         Args:
             p: (n,) the best values, SI.
             state: its number.
-            best: its factor there.
+            best: its factor there, without a band.
 
         Raises:
             Interrupted: a stop was asked for.
             ModelError: it cannot be computed at most draws.
         """
-        rng, scaling = (
-            np.random.default_rng([self.seed, state]),
-            Scaling(self.model.case.parameters),
-        )
+        rng = np.random.default_rng([self.seed, state])
+        scaling = Scaling(self.model.case.parameters)
         assessment, count, names = self.assessment, self.count, self.model.names
         steps, many = (_drawn(assessment, size, rng) for size in (count, _MANY))
         axes = _axes(many)
@@ -140,7 +138,7 @@ class SafetyDraws:
         unknown = ~(np.array(assessment.determined) | np.array(assessment.from_prior))
         felt = depends_on(names, influence)
         return replace(
-            StageSafety.of(best, len(p)),
+            best,
             lower95=float(lower),
             median=float(median),
             upper95=float(upper),

@@ -147,6 +147,4 @@ def planned_readings(case: Case, computed: Floats) -> Ints:
 def _nothing_to_read(case: Case) -> InputError:
     message = "no gauge can be read in the stages of the fit"
     hint = "add gauges, zero them earlier, or extend 'fit.stages'"
-    return InputError(
-        [case.source.fault(("gauges",), code="no-planned-readings", message=message, hint=hint)]
-    )
+    return InputError([case.source.fault(("gauges",), "no-planned-readings", message, hint)])

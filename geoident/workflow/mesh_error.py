@@ -66,7 +66,7 @@ def check_mesh_error(
     model = build_model(inputs, solver=solver)
     if not isinstance(model, StagedModel):
         fault = inputs.case.source.fault(
-            ("mesh",), code="no-mesh", message="the case has no mesh: a closed form has no error"
+            ("mesh",), "no-mesh", "the case has no mesh: a closed form has no error"
         )
         raise InputError([fault])
     values = start_values(model.case, model)

@@ -148,8 +148,8 @@ def plan_gauges(asked: PlanRequest) -> PlanTask:
     if isinstance(case.elsewhere, SeasonalModel) or not (case.parameters or case.fields):
         message = "there are no parameters, so no reading tells of another one"
         hint = "Write what is unknown under 'parameters'."
-        raise InputError([case.source.fault(("parameters",), code="no-parameters",
-                                            message=message, hint=hint)])  # fmt: skip
+        raise InputError([case.source.fault(("parameters",), "no-parameters",
+                                            message, hint)])  # fmt: skip
     stages = [stage.name for stage in case.stages]
     taken = list(dict.fromkeys(channel.gauge for channel in case.channels))
     candidates = read_candidates(asked.candidates, taken, stages)

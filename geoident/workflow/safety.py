@@ -18,7 +18,7 @@ from geoident.io.text.wording import nearest
 from geoident.model.arrays import Floats
 from geoident.model.moments import stage_and_time
 from geoident.model.results.result import Result
-from geoident.model.results.safety import SafetyFactor, StageSafety, alike
+from geoident.model.results.safety import StageSafety, alike
 from geoident.workflow.estimating.diagnosis import bare_parameter_table
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, job_at_hand, write
@@ -183,11 +183,17 @@ def _result(task: _Task, control: Control) -> Result:
         order = [fit.parameters.names.index(name) for name in model.names]
         parameters = fit.parameters.picked(np.array(order, dtype=np.int64))
     p = parameters.values
-    factors = _factors(model, p, states, control)
-    rows, status = [StageSafety.of(one, len(p)) for one in factors], "done"
+
+    def tell(words: str) -> None:
+        control.stop.check()
+        control.monitor.part(words, 0.0)
+
+    found = list(safety_factors(model, p, states, Search(tell=tell)))
+    _, mechanism = min(found, key=lambda one: one[0].value)
+    rows, status = [row for row, _ in found], "done"
     if fit is not None:
         draws = _draws(task, fit, model, p, control)
-        rows = [draws.band(p, *one) for one in zip(states, factors, strict=True)]
+        rows = [draws.band(p, *one) for one in zip(states, rows, strict=True)]
         if any(row.undetermined for row in rows):
             status = "not-determined"
         if fit.status == "poor-fit":
@@ -210,7 +216,7 @@ def _result(task: _Task, control: Control) -> Result:
         ),
         counts=model.counts,
         fields=model.fields_up_to_collapse(p),
-        mechanism=min(factors, key=lambda one: one.value).mechanism,
+        mechanism=mechanism,
         safety=alike(rows),
     )
     if fit is None:
@@ -288,18 +294,5 @@ def _states(model: StagedModel, wanted: Sequence[str]) -> list[int]:
             message += "could be divided"
             message += ": given planes have no cohesion and friction" if planes else ""
             hint = "Give 'yield: {type: mohr-coulomb, cohesion: ..., friction: ...}' in a material."
-            fault = case.source.fault(
-                ("materials",), code="no-strength", message=message, hint=hint
-            )
-            raise InputError([fault])
+            raise InputError([case.source.fault(("materials",), "no-strength", message, hint)])
     return states
-
-
-def _factors(
-    model: StagedModel, p: Floats, states: Sequence[int], control: Control
-) -> tuple[SafetyFactor, ...]:
-    def tell(words: str) -> None:
-        control.stop.check()
-        control.monitor.part(words, 0.0)
-
-    return tuple(safety_factors(model, p, states, Search(tell=tell)))

@@ -324,7 +324,7 @@ def _drawn(model: ObservedModel, p: Floats, generator: np.random.Generator) -> F
     if not modes:
         message = "no constant of the case varies from place to place: there is nothing to draw"
         hint = "Write 'E: {field: {mean: ..., sd: 30 %, length: 20 m}}' in a material."
-        raise InputError([model.case.source.fault((), code="no-field", message=message, hint=hint)])
+        raise InputError([model.case.source.fault((), "no-field", message, hint)])
     drawn = p.copy()
     drawn[modes] = generator.standard_normal(len(modes))
     return drawn

@@ -251,7 +251,7 @@ def _own_faults(on_mesh: CaseOnMesh, path: KeyPath, support: Support) -> Iterato
         message = f"'{support.group}' is not one closed line, so no area is within it"
         hint = "Name the whole wall, or give 'centre: [x, y]' where symmetry cuts it."
         place = (*path, "contraction")
-        yield source.fault(place, code="open-wall", message=message, hint=hint)
+        yield source.fault(place, "open-wall", message, hint)
     if support.measured is not None:
         nodes = support_nodes(mesh, support)
         _, far = interpolated(support.measured, mesh.points[nodes])
@@ -260,7 +260,7 @@ def _own_faults(on_mesh: CaseOnMesh, path: KeyPath, support: Support) -> Iterato
             message = f"the points do not cover '{support.group}': {np.count_nonzero(far)} of its "
             message += f"{len(nodes)} nodes lie beyond them, such as that at {where}"
             hint = "Give points as far as the group reaches, or a group that ends with the points."
-            yield source.fault((*path, "measured"), code="not-covered", message=message, hint=hint)
+            yield source.fault((*path, "measured"), "not-covered", message, hint)
 
 
 def _contradictions(on_mesh: CaseOnMesh) -> Iterator[Fault]:
@@ -298,4 +298,4 @@ def _two_motions(case: Case, mesh: Mesh, path: KeyPath, names: tuple[str, str], 
     message += "it different motions"
     hint = f"Take shared nodes out of one of them, hold one of them not along {axis}, or give both "
     hint += "the same motion."
-    return case.source.fault(path, code="two-motions", message=message, hint=hint)
+    return case.source.fault(path, "two-motions", message, hint)

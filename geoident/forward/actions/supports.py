@@ -131,9 +131,7 @@ def support_faults(on_mesh: CaseOnMesh) -> list[Fault]:
                 nearest = format_point(mesh.points[int(np.argmin(away))])
                 message = f"no node of {mesh.file} is at {format_point(np.array(support.at))}"
                 hint = f"The nearest node is at {nearest}; write its coordinates."
-                faults.append(
-                    source.fault((*path, "at"), code="no-node-there", message=message, hint=hint)
-                )
+                faults.append(source.fault((*path, "at"), "no-node-there", message, hint))
         elif support.group not in {**usual, **mesh.groups}:
             what = f"group '{support.group}'"
             faults.append(on_mesh.missing_group(path, what, "groups of faces and nodes", usual))
@@ -172,7 +170,7 @@ def load_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         elif np.any(load_faces(mesh, on_mesh.table, load.group) < 0):
             message = f"some faces of '{load.group}' border no element"
             hint = f"its groups of faces: {listed(mesh.facet_groups)}"
-            faults.append(case.source.fault(on, code="missing-group", message=message, hint=hint))
+            faults.append(case.source.fault(on, "missing-group", message, hint))
     return faults
 
 
@@ -214,27 +212,27 @@ def _force_fault(case: Case, load: PointForce, path: KeyPath, stage: str) -> Fau
         where, path = f"the point {load.place} of the force lies", (*path, "at")
     return case.source.fault(
         path,
-        code="no-ground-there",
-        message=f"at stage '{stage}' {where} in no ground that is present",
-        hint="correct the place, or 'remove' the force before its ground is gone",
+        "no-ground-there",
+        f"at stage '{stage}' {where} in no ground that is present",
+        "correct the place, or 'remove' the force before its ground is gone",
     )
 
 
 def _head_fault(case: Case, load: HeadForce, path: KeyPath, stage: str) -> Fault:
     return case.source.fault(
         (*path, "on"),
-        code="no-such-structure",
-        message=f"at stage '{stage}' the load acts on the heads of '{load.structure}', which does "
+        "no-such-structure",
+        f"at stage '{stage}' the load acts on the heads of '{load.structure}', which does "
         "not stand then",
-        hint=f"add 'build: [{load.structure}]', or 'remove' the load before it is dismantled",
+        f"add 'build: [{load.structure}]', or 'remove' the load before it is dismantled",
     )
 
 
 def _face_fault(case: Case, load: FaceLoad, path: KeyPath, stage: str) -> Fault:
     return case.source.fault(
         path,
-        code="no-free-face",
-        message=f"at stage '{stage}' faces of '{load.group}' are not at the surface "
+        "no-free-face",
+        f"at stage '{stage}' faces of '{load.group}' are not at the surface "
         "of the ground: elements stand on both sides, or on none",
-        hint="let the load begin when the face is open, and 'remove' it before it is gone",
+        "let the load begin when the face is open, and 'remove' it before it is gone",
     )

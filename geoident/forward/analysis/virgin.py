@@ -159,7 +159,7 @@ def _weight_fault(case: Case, disagreement: _Disagreement, groups: list[str]) ->
             f" {_weight(disagreement.grows)}"
         )
         hint = f"Add 'gravity: 9.81 m/s2' ({weights}), {ACCEPT}."
-        return case.source.fault(disagreement.path, code="no-gravity", message=message, hint=hint)
+        return case.source.fault(disagreement.path, "no-gravity", message, hint)
     own = disagreement.density * disagreement.gravity
     weighs = _weight(own - (disagreement.water or 0.0))
     product = f"{density} x {disagreement.gravity:.4g} m/s2"
@@ -181,7 +181,7 @@ def _weight_fault(case: Case, disagreement: _Disagreement, groups: list[str]) ->
         f"Correct '{disagreement.path[-1]}' ({weighs}) or the density ({right:.4g} kg/m3), or let "
         f"'model: geostatic' take the weight from the densities, {ACCEPT}."
     )
-    return case.source.fault(disagreement.path, code="unit-weight", message=message, hint=hint)
+    return case.source.fault(disagreement.path, "unit-weight", message, hint)
 
 
 def _balance_faults(analysis: StagedAnalysis, values: Values) -> list[Fault]:
@@ -205,7 +205,7 @@ def _balance_faults(analysis: StagedAnalysis, values: Values) -> list[Fault]:
     )
     hint = _meeting_hint(imbalance.across) if imbalance.across else hint
     path = ("in_situ",)
-    return [analysis.case.source.fault(path, code="out-of-balance", message=message, hint=hint)]
+    return [analysis.case.source.fault(path, "out-of-balance", message, hint)]
 
 
 def _meeting_hint(groups: Sequence[str]) -> str:
@@ -388,7 +388,7 @@ def surface_gaps(analysis: StagedAnalysis, values: Values) -> list[Fault]:
         else:
             continue
         key = (*path, "surface")
-        faults.append(case.source.fault(key, code="surface", message=message, hint=hint))
+        faults.append(case.source.fault(key, "surface", message, hint))
     return faults
 
 

@@ -61,10 +61,10 @@ def _orders(on_mesh: CaseOnMesh) -> Iterator[Fault]:
         if kinds:
             yield case.source.fault(
                 ("materials", name, "hydraulic"),
-                code="first-order",
-                message=f"'{name}' consolidates, and the mesh {mesh.file} has elements of first "
+                "first-order",
+                f"'{name}' consolidates, and the mesh {mesh.file} has elements of first "
                 f"order there ({', '.join(kinds)}), in which pressures of water oscillate",
-                hint=f"Write 'mesh: {{file: {mesh.file}, order: 2}}'.",
+                f"Write 'mesh: {{file: {mesh.file}, order: 2}}'.",
             )
 
 
@@ -82,10 +82,10 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
         if not np.intersect1d(corners, np.concatenate([at_once, *drained])).size:
             yield case.source.fault(
                 _stage_key(case, n),
-                code="undrained",
-                message=f"'{case.stages[n - 1].whole}' lasts, and no water leaves its ground: "
+                "undrained",
+                f"'{case.stages[n - 1].whole}' lasts, and no water leaves its ground: "
                 "no face is drained, and no ground has drains",
-                hint="Write 'drained: {GROUP OF FACES: {}}' in the case or in the stage, give a "
+                "Write 'drained: {GROUP OF FACES: {}}' in the case or in the stage, give a "
                 "material 'drains', or write 'lasts: 0 d' for a stage in which no time passes.",
             )
 
@@ -99,9 +99,9 @@ def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
         if not np.intersect1d(group_nodes(mesh, name), filled).size:
             yield case.source.fault(
                 path,
-                code="no-water-there",
-                message=f"'{name}' is drained, and touches no ground with 'hydraulic' at any stage",
-                hint="Correct the name of the group, or give the material there 'hydraulic'.",
+                "no-water-there",
+                f"'{name}' is drained, and touches no ground with 'hydraulic' at any stage",
+                "Correct the name of the group, or give the material there 'hydraulic'.",
             )
 
 

@@ -58,11 +58,10 @@ def beside_fault(
     nearest = mesh.points[corners[_nearest(mesh.points[corners], place)]]
     return on_mesh.case.source.fault(
         channel.key,
-        code="gauge-outside",
-        message=f"point {format_point(point)} of gauge '{channel.name}' lies {away:.2g} m outside "
+        "gauge-outside",
+        f"point {format_point(point)} of gauge '{channel.name}' lies {away:.2g} m outside "
         "the mesh, in the air",
-        hint=f"correct it, or take a point of the ground: the nearest node is "
-        f"{format_point(nearest)}",
+        f"correct it, or take a point of the ground: the nearest node is {format_point(nearest)}",
     )
 
 

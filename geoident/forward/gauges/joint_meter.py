@@ -164,20 +164,20 @@ def _stands(on_mesh: CaseOnMesh, place: PlaceOnInterface) -> Bools:
 def _beside_beam(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
     return on_mesh.case.source.fault(
         (*channel.key, "interface"),
-        code="beside-beam",
-        message=f"gauge '{channel.name}' reads across the interface '{channel.interface}', which a "
+        "beside-beam",
+        f"gauge '{channel.name}' reads across the interface '{channel.interface}', which a "
         "beam or shell divides: across which of its two sides is not said",
-        hint="Take an extensometer from a point of it to one of the ground.",
+        "Take an extensometer from a point of it to one of the ground.",
     )
 
 
 def _off(on_mesh: CaseOnMesh, channel: Channel, place: PlaceOnInterface) -> Fault:
     return on_mesh.case.source.fault(
         (*channel.key, "point"),
-        code="off-interface",
-        message=f"gauge '{channel.name}' lies {place.distance:.4g} m off the interface "
+        "off-interface",
+        f"gauge '{channel.name}' lies {place.distance:.4g} m off the interface "
         f"'{channel.interface}', at {format_point(np.array(channel.second))}",
-        hint=f"the nearest point of it is {format_point(place.point)}",
+        f"the nearest point of it is {format_point(place.point)}",
     )
 
 
@@ -186,8 +186,8 @@ def _never(on_mesh: CaseOnMesh, channel: Channel, stands: Bools) -> Fault:
     names = [s.name for s, there in zip(on_mesh.sequence.states, stands, strict=True) if there]
     return on_mesh.case.source.fault(
         (*channel.key, "zero"),
-        code="zero-before-interface",
-        message=f"gauge '{channel.name}' reads zero at stage '{channel.zero}', at which the ground "
+        "zero-before-interface",
+        f"gauge '{channel.name}' reads zero at stage '{channel.zero}', at which the ground "
         f"is not on both sides of the interface '{channel.interface}'",
-        hint=f"zero it at one of: {', '.join(names)}",
+        f"zero it at one of: {', '.join(names)}",
     )

@@ -123,7 +123,7 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
 
     def fault(code: str, message: str, hint: str, *key: str) -> Fault:
         place = (*channel.key, *key)
-        return on_mesh.case.source.fault(place, code=code, message=f"{named} {message}", hint=hint)
+        return on_mesh.case.source.fault(place, code, f"{named} {message}", hint)
 
     if not names:
         hint = f"add 'build: [{channel.structure}]'"

@@ -136,18 +136,18 @@ def point_fault(
     if not sites and channel.structure:
         return on_mesh.case.source.fault(
             (*channel.key, "point"),
-            code="no-ground-behind",
-            message=f"gauge '{channel.name}' finds no ground at {place} that presses on the "
+            "no-ground-behind",
+            f"gauge '{channel.name}' finds no ground at {place} that presses on the "
             f"outside of '{channel.structure}' as long as that stands",
-            hint="'towards' is a point on its inside, where ground is excavated",
+            "'towards' is a point on its inside, where ground is excavated",
         )
     if not sites:
         low, high = on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
         return on_mesh.case.source.fault(
             channel.key,
-            code="gauge-outside",
-            message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
-            hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}"
+            "gauge-outside",
+            f"point {place} of gauge '{channel.name}' lies outside the mesh",
+            f"the mesh reaches from {format_point(low)} to {format_point(high)}"
             + (f"; {unit_hint}" if (unit_hint := suspected_unit(low, high)) else ""),
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
@@ -174,10 +174,9 @@ def point_fault(
     source, written = on_mesh.case.source, ("gauges", channel.gauge, "zero")
     return source.fault(
         written if channel.is_zeroed and written in source.positions else channel.key,
-        code="gauge-in-absent-ground",
-        message=f"point {place} of gauge '{channel.name}' lies in '{', '.join(groups)}', which "
-        + when,
-        hint=hint,
+        "gauge-in-absent-ground",
+        f"point {place} of gauge '{channel.name}' lies in '{', '.join(groups)}', which " + when,
+        hint,
     )
 
 

@@ -125,10 +125,10 @@ def _dry_fault(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
     where = f"only in {', '.join(map(repr, named))}" if named else "nowhere"
     return on_mesh.case.source.fault(
         channel.key,
-        code="no-water-there",
-        message=f"gauge '{channel.name}' reads the pressure of the water in the pores at "
+        "no-water-there",
+        f"gauge '{channel.name}' reads the pressure of the water in the pores at "
         f"{format_point(channel.second)}, but the case has such water {where}",
-        hint="give 'water' with the level of its table, or correct its 'groups' or the point"
+        "give 'water' with the level of its table, or correct its 'groups' or the point"
         if on_mesh.case.service is None
         else "give 'service.uplift' with this group in its 'pores', or correct the point",
     )

@@ -250,9 +250,7 @@ def shell_faults(channel: Channel, place: PlaceOnShell, on_mesh: CaseOnMesh) -> 
 
     def fault(code: str, message: str, hint: str, *key: str) -> Fault:
         message = f"gauge '{channel.name}' {message}"
-        return on_mesh.case.source.fault(
-            (*channel.key, *key), code=code, message=message, hint=hint
-        )
+        return on_mesh.case.source.fault((*channel.key, *key), code, message, hint)
 
     if place.away > REACH:
         message = f"sits at {asked}, which is not on {of}; its nearest place is "

@@ -69,10 +69,10 @@ def _nothing_to_read(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
     hint = "Add 'initial_temperature' to the case, and how its materials conduct heat."
     return on_mesh.case.source.fault(
         channel.key,
-        code="no-temperature",
-        message=f"gauge '{channel.name}' reads a temperature, and "
+        "no-temperature",
+        f"gauge '{channel.name}' reads a temperature, and "
         + (
             "no gauge of a structure in service does yet" if served else "the case conducts no heat"
         ),
-        hint="Remove it: temperatures in service are given by 'loads'." if served else hint,
+        "Remove it: temperatures in service are given by 'loads'." if served else hint,
     )

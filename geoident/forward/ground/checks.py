@@ -53,7 +53,7 @@ def _fault(case: Case, material: Material) -> Fault | None:
         if case.analysis is Analysis.AXISYMMETRIC and E[:3, 3].max() > negligible:
             message = f"strata of '{material.name}' that dip are not the same all around the axis"
             hint = "Use 'dip: 0 deg', or analysis: solid."
-            return case.source.fault(path, code="antiplane", message=message, hint=hint)
+            return case.source.fault(path, "antiplane", message, hint)
     return None
 
 
@@ -94,4 +94,4 @@ def _strains(case: Case) -> list[int]:
 def _out_of_plane(case: Case, path: KeyPath, message: str, remedy: str) -> Fault:
     message += ", so the ground would also move out of the plane"
     hint = f"Use analysis: solid, or {remedy}."
-    return case.source.fault(path, code="antiplane", message=message, hint=hint)
+    return case.source.fault(path, "antiplane", message, hint)

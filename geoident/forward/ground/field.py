@@ -160,8 +160,6 @@ def field_faults(case: Case, not_in: Callable[[str, tuple[float, ...]], str | No
             hint = "Correct its coordinates, or remove it: it gives no information on "
             hint += f"{field.material!r}."
             faults.append(
-                case.source.fault(
-                    (*field.path, *test.path), code="point-outside", message=message, hint=hint
-                )
+                case.source.fault((*field.path, *test.path), "point-outside", message, hint)
             )
     return faults

@@ -42,10 +42,9 @@ def heat_group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             faults.append(
                 on_mesh.case.source.fault(
                     (*said.path, "film"),
-                    code="no-area",
-                    message=f"heat is exchanged through an area, and '{said.name}' is a group of "
-                    f"{what}",
-                    hint="Name a group of faces, or remove 'film': the nodes have the temperature.",
+                    "no-area",
+                    f"heat is exchanged through an area, and '{said.name}' is a group of {what}",
+                    "Name a group of faces, or remove 'film': the nodes have the temperature.",
                 )
             )
     return faults
@@ -95,7 +94,7 @@ def _nowhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
         if said.face.film is not None and said.name in mesh.facet_groups:
             message = f"'{said.name}' is no free face while it would exchange heat"
             hint = "An exchange with air or water needs faces with ground on one side only."
-        yield on_mesh.case.source.fault(said.path, code="no-area", message=message, hint=hint)
+        yield on_mesh.case.source.fault(said.path, "no-area", message, hint)
 
 
 def _touches(on_mesh: CaseOnMesh, said: _Said, state: int) -> bool:

@@ -59,7 +59,7 @@ def service_faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
             hint = "Name faces that border the structure on one side only."
             if path[1] == "uplift":
                 hint += " Under a dam on its rock: 'pores' with the groups of the rock."
-            yield source.fault(path, code="no-free-face", message=message, hint=hint)
+            yield source.fault(path, "no-free-face", message, hint)
             sound = False
     for n, uplift in enumerate(service.uplift):
         there = [on_mesh.sequence.groups[g] for g in state.materials]
@@ -68,7 +68,7 @@ def service_faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 path = ("service", "uplift", n, "pores", k)
                 message = f"there is no group '{group}' at the stage '{state.name}'"
                 hint = f"Those that are there: {', '.join(there)}."
-                yield source.fault(path, code="no-ground-there", message=message, hint=hint)
+                yield source.fault(path, "no-ground-there", message, hint)
     if service.level is not None and sound:
         low, high = wetted_heights(on_mesh, service)
         yield from _level_faults(case, service, low, high)
@@ -78,29 +78,29 @@ def service_faults(on_mesh: CaseOnMesh) -> Iterator[Fault]:
             if material.heat_capacity is not None and material.specific_heat is not None:
                 message = f"'{name}' has 'heat_capacity' and 'specific_heat', which say the same"
                 path = ("materials", name, "specific_heat")
-                yield source.fault(path, code="twice", message=message, hint="Keep one of them.")
+                yield source.fault(path, "twice", message, "Keep one of them.")
             elif material.specific_heat is not None and material.density == Scalar(0.0):
                 message = f"heat per mass of '{name}' needs its density"
                 hint = "Add 'density', or write heat_capacity: 2.2 MJ/m3K."
                 path = ("materials", name, "specific_heat")
-                yield source.fault(path, code="missing-key", message=message, hint=hint)
+                yield source.fault(path, "missing-key", message, hint)
             if not material.conducts:
                 message = f"temperatures act, and how '{name}' conducts heat is not known"
                 hint = "Add conductivity: 2.5 W/mK and heat_capacity: 2.2 MJ/m3K."
                 path = ("materials", name)
-                yield source.fault(path, code="missing-key", message=message, hint=hint)
+                yield source.fault(path, "missing-key", message, hint)
         if state.temperature:
             message = f"temperatures of stages still act at '{state.name}', which is in service"
             hint = "End them in the last stage: temperature: {GROUP: 0 K}."
             if any(t != Scalar(0.0) for t in state.temperature.values()):
-                yield source.fault(("stages",), code="temperature", message=message, hint=hint)
+                yield source.fault(("stages",), "temperature", message, hint)
     for channel in case.channels:
         for key in ("offset", "drift", "drift_per_stage"):
             if getattr(channel, key) is not None:
                 message = "in service each gauge has a constant of its own, and so a zero"
                 hint = "Remove it; 'service.linear' lets every gauge have a motion that goes on."
                 path = ("gauges", channel.gauge, key)
-                yield source.fault(path, code="own-constant", message=message, hint=hint)
+                yield source.fault(path, "own-constant", message, hint)
 
 
 def _level_faults(
@@ -120,13 +120,13 @@ def _level_faults(
             f"the level of {np.datetime64(int(times[at]), 's').item():%Y-%m-%d} is "
             f"{values[at]:.6g} m, above the top of the wetted faces ({faces}) at {high:.6g} m"
         )
-        yield case.source.fault(("loads", "level"), code="above-crest", message=message, hint=hint)
+        yield case.source.fault(("loads", "level"), "above-crest", message, hint)
     elif values[at] <= low:
         message = (
             f"the level is never above {values[at]:.6g} m, the foot of the wetted faces ({faces}) "
             f"is at {low:.6g} m"
         )
-        yield case.source.fault(("loads", "level"), code="below-foot", message=message, hint=hint)
+        yield case.source.fault(("loads", "level"), "below-foot", message, hint)
 
 
 def nonlinear_faults(model: StagedModel) -> Iterator[Fault]:
@@ -145,4 +145,4 @@ def nonlinear_faults(model: StagedModel) -> Iterator[Fault]:
             message = f"'{channel.name}' reads a principal stress, which is no sum of effects"
             hint = "In service read components of the stress, or displacements and strains."
             path = ("gauges", channel.gauge)
-            yield model.case.source.fault(path, code="not-linear", message=message, hint=hint)
+            yield model.case.source.fault(path, "not-linear", message, hint)

@@ -29,5 +29,4 @@ class SeasonalReadings(ExternalModel):
         """
         message = "a seasonal model has coefficients of each gauge, and no parameters to vary"
         hint = f"{Term.FIT} fits it; {Term.CONTROL} holds new readings against it."
-        fault = self.case.source.fault(("model",), code="no-parameters", message=message, hint=hint)
-        raise InputError([fault])
+        raise InputError([self.case.source.fault(("model",), "no-parameters", message, hint)])

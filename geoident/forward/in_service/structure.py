@@ -193,9 +193,7 @@ class ServiceModel(StagedModel):
         """Creep, ageing and softening that are impossible at the start values."""
         for name, kind, fault in self._wrong_curves(ParameterPoint(self.case.start, ())):
             path, hint = ("materials", name, kind), "Correct its share or its time, or their start."
-            yield self.case.source.fault(
-                path, code="impossible-curve", message=f"'{name}': {fault}", hint=hint
-            )
+            yield self.case.source.fault(path, "impossible-curve", f"'{name}': {fault}", hint)
 
     def _wrong_curves(self, point: ParameterPoint) -> Iterator[tuple[str, str, str]]:
         """Material, kind and a clause for each curve whose numbers are impossible."""

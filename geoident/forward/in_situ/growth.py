@@ -81,8 +81,7 @@ def growth_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             continue
         if case.in_situ is None and not case.in_situ_of:
             message, hint = f"{growth.words}, and the case has none", "Add 'in_situ'."
-            fault = case.source.fault(growth.path, code="no-stress", message=message, hint=hint)
-            faults.append(fault)
+            faults.append(case.source.fault(growth.path, "no-stress", message, hint))
             continue
         later = {
             sequence.groups[g]
@@ -94,9 +93,7 @@ def growth_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             shown = ", ".join(map(repr, sorted(later)))
             message = f"{growth.words}, and {shown} is placed later, with no stress in situ"
             hint = "Give it a material of its own, with a number or growth with depth."
-            faults.append(
-                case.source.fault(growth.path, code="no-stress", message=message, hint=hint)
-            )
+            faults.append(case.source.fault(growth.path, "no-stress", message, hint))
     return faults
 
 
@@ -118,7 +115,7 @@ def start_faults(case: Case, growths: tuple[PointGrowth, ...]) -> list[Fault]:
             message = f"{reason} at the start values"
             hint = "Correct the base, the growth, or the surface from which depth is counted."
         path = one.growth.path
-        faults.append(case.source.fault(path, code="out-of-range", message=message, hint=hint))
+        faults.append(case.source.fault(path, "out-of-range", message, hint))
     return faults
 
 

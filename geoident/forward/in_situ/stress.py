@@ -146,9 +146,9 @@ def zone_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     return [
         case.source.fault(
             ("in_situ", "groups", group),
-            code="absent-group",
-            message=f"'{group}' is not present in the virgin state, so it has no in-situ stress",
-            hint="remove the entry, or correct 'groups'",
+            "absent-group",
+            f"'{group}' is not present in the virgin state, so it has no in-situ stress",
+            "remove the entry, or correct 'groups'",
         )
         for group in case.in_situ_of
         if group not in virgin

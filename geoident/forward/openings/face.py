@@ -95,7 +95,7 @@ def face_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         what = "how distances to the face become released stress"
         hint = BY_MESH[0].upper() + BY_MESH[1:] + "."
     message = f"{what} cannot be computed by a closed form: {why}"
-    return [case.source.fault(("face",), code="no-closed-form", message=message, hint=hint)]
+    return [case.source.fault(("face",), "no-closed-form", message, hint)]
 
 
 def _mesh_faults(on_mesh: CaseOnMesh, profile: FaceProfile) -> list[Fault]:
@@ -105,12 +105,12 @@ def _mesh_faults(on_mesh: CaseOnMesh, profile: FaceProfile) -> list[Fault]:
         message = "stages with a distance to the face do not all build on each other, so that the "
         message += "mesh has no one reaction to the face"
         hint = "Let each of them build on the one before, or write 'conversion: reaction-curve'."
-        return [source.fault(path, code="branches", message=message, hint=hint)]
+        return [source.fault(path, "branches", message, hint)]
     if not wall_of(on_mesh, profile.groups, tunnel_base(on_mesh)):
         names = ", ".join(f"'{name}'" for name in profile.groups)
         message = f"no ground is beside {names}, so there is no wall whose motion could be computed"
         hint = "Name the element groups of the tunnel by 'groups' of 'face'."
-        return [source.fault(path, code="no-wall", message=message, hint=hint)]
+        return [source.fault(path, "no-wall", message, hint)]
     return []
 
 

@@ -298,7 +298,7 @@ def opening_model(case: Case) -> OpeningModel:
     if isinstance(model, str):
         message = f"there is no closed form of this case: {model}"
         place = ("fit", "closed-form")
-        raise InputError([case.source.fault(place, code="no-closed-form", message=message)])
+        raise InputError([case.source.fault(place, "no-closed-form", message)])
     return model
 
 

@@ -212,7 +212,7 @@ def hardening_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             message = f"the age of '{name}' is not known: stage '{lacking[0]}' has no {what}"
             place = ("structures", name, key)
             hint += ", or leave out the hardening and give the E of the young concrete."
-            faults.append(case.source.fault(place, code="no-age", message=message, hint=hint))
+            faults.append(case.source.fault(place, "no-age", message, hint))
     return faults
 
 

@@ -39,7 +39,7 @@ from geoident.forward.structures.members import StructureMembers
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.results.safety import SafetyFactor
+from geoident.model.results.safety import StageSafety
 from geoident.model.results.yielded import Mechanism
 
 TOLERANCE = 0.01
@@ -111,8 +111,11 @@ class _Reached:
 
 def safety_factors(
     model: StagedModel, p: Floats, states: Sequence[int], search: Search
-) -> Iterator[SafetyFactor]:
-    """The factors of safety of some states, one by one.
+) -> Iterator[tuple[StageSafety, Mechanism | None]]:
+    """The factors of safety of some states, one by one, each with how the ground fails beyond it.
+
+    The motion is the part that is proven to go on without end, else that between the last two
+    equilibria; None where nothing is known.
 
     Args:
         model: of the case.
@@ -222,12 +225,12 @@ class _Reduction:
         self._point = ParameterPoint(model.values(p), ())
         self._reached, self._carried = reached, reached.carried
         self._moved = [np.zeros(len(reached.forces))]
-        self._factors, self._solved = [reached.factor], 0
+        self._factors = [reached.factor]
         self._proven = False  # whether the last failure is
         self._hasty = False  # whether the last failure is that of a hasty search
         self._collapse: tuple[float, CollapseError] | None = None  # the last that is proven
 
-    def found(self) -> SafetyFactor:
+    def found(self) -> tuple[StageSafety, Mechanism | None]:
         """The factor of safety, and how the ground fails beyond it."""
         low, high = self._narrowed()
         state = self._model.sequence.states[self._number]
@@ -237,20 +240,23 @@ class _Reduction:
         elastic = [n for n in sorted(state.structures) if not structures[n].yields]
         elastic += [p.name for p in joints if not p.structure.yields]
         kept = [m.name for m in materials if m.yields and not reducible(m)]
-        return SafetyFactor(
+        n = len(self._model.names)
+        row = StageSafety(
             stage=state.name,
+            value=float(np.sqrt(low * high)) if np.isfinite(high) else low,
             lower=low,
             upper=high,
             proven=self._proven,
             associated=self._associated(low),
-            kept=(*kept, *(n for n in sorted(state.structures) if structures[n].yields)),
-            unyielding=(*(m.name for m in materials if m.is_elastic), *elastic),
-            mechanism=mechanism,
+            kept=", ".join((*kept, *(n for n in sorted(state.structures) if structures[n].yields))),
+            unyielding=", ".join((*(m.name for m in materials if m.is_elastic), *elastic)),
             place=place,
-            factors=np.array(self._factors),
+            tried=np.array(self._factors),
             moved=np.array([np.abs(u).max(initial=0.0) for u in self._moved]),
-            solved=self._solved,
+            influence=np.full(n, np.nan),
+            draws=np.zeros((0, n)),
         )
+        return row, mechanism
 
     def _narrowed(self) -> tuple[float, float]:
         """The ends of the last bracket, of which the upper one fails for sure, or is infinite."""
@@ -314,7 +320,6 @@ class _Reduction:
             surely: try all.
         """
         self._search.tell(f"strength / {factor:.4g}" + (", for sure" if surely else ""))
-        self._solved += 1
         if not surely:
             return self._tried(factor, Haste.FEW_STEPS)
         if self._associated(factor):

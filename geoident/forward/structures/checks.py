@@ -204,7 +204,7 @@ def lining_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             if path[0] == "install":
                 build = f"install: {{{name}: {case.stages[n - 1].install[name]}}}"
             place, hint = ("stages", n - 1, *path), _later(state, build, on_mesh, groups)
-            faults.append(case.source.fault(place, code="lining-too-early", message=why, hint=hint))
+            faults.append(case.source.fault(place, "lining-too-early", why, hint))
     return faults
 
 
@@ -312,9 +312,9 @@ def _hinge_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
         faults.append(
             on_mesh.case.source.fault(
                 ("structures", name, "hinges", n),
-                code="no-hinge-there",
-                message=message,
-                hint="a hinge stands at a node of the beam, where two of its pieces meet",
+                "no-hinge-there",
+                message,
+                "a hinge stands at a node of the beam, where two of its pieces meet",
             )
         )
     return faults
@@ -331,10 +331,10 @@ def _axis_faults(on_mesh: CaseOnMesh, name: str, beam: Beam) -> list[Fault]:
     return [
         on_mesh.case.source.fault(
             ("structures", name, "on"),
-            code="on-the-axis",
-            message=f"{count} pieces of the beam '{name}' lie on the axis x = 0, where a shell of "
+            "on-the-axis",
+            f"{count} pieces of the beam '{name}' lie on the axis x = 0, where a shell of "
             "revolution has no radius",
-            hint="let the group end at the axis",
+            "let the group end at the axis",
         )
     ]
 
@@ -361,7 +361,7 @@ def _shell_faults(on_mesh: CaseOnMesh, name: str, shell: Shell) -> list[Fault]:
         return faults
 
     def fault(code: str, message: str, hint: str, *path: str | int) -> Fault:
-        return source.fault(("structures", name, *path), code=code, message=message, hint=hint)
+        return source.fault(("structures", name, *path), code, message, hint)
 
     own = group_nodes(mesh, shell.group)
     for n, group in enumerate(shell.mirrored_on):
@@ -395,9 +395,9 @@ def _weight_faults(case: Case, name: str, beam: Beam | Shell) -> list[Fault]:
     return [
         case.source.fault(
             ("structures", name, key),
-            code="no-gravity",
-            message=f"the {what} '{name}' has a weight, but there is no gravity",
-            hint=f"Add 'gravity: 9.81 m/s2', or leave out '{key}'.",
+            "no-gravity",
+            f"the {what} '{name}' has a weight, but there is no gravity",
+            f"Add 'gravity: 9.81 m/s2', or leave out '{key}'.",
         )
     ]
 
@@ -458,9 +458,9 @@ def _symmetry_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     return [
         case.source.fault(
             ("structures", name, "ends", n, *(() if inclined else (1,))),
-            code="no-symmetry-there",
-            message=f"the strut '{name}' ends on a plane of symmetry, but {why}",
-            hint=hint,
+            "no-symmetry-there",
+            f"the strut '{name}' ends on a plane of symmetry, but {why}",
+            hint,
         )
         for name, strut in case.structures.items()
         if isinstance(strut, Struts) and strut.second_end == "symmetry"
@@ -516,6 +516,4 @@ def _no_ground(case: Case, name: str, path: KeyPath, message: str) -> Fault:
     if isinstance(case.structures[name], GroutedBars):
         hint += "; of bars that lose a part of their ground make two structures, of the part that "
         hint += "goes and of the part that stays"
-    return case.source.fault(
-        ("structures", name, *path), code="no-ground-there", message=message, hint=hint
-    )
+    return case.source.fault(("structures", name, *path), "no-ground-there", message, hint)

@@ -100,7 +100,7 @@ def interface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         elif not on_mesh.joints.get(given.along):
             message = f"the group '{given.along}' has no ground on both sides anywhere"
             hint = f"An interface lies inside the mesh; its {what}: {listed(mesh.facet_groups)}."
-            faults.append(case.source.fault(path, code="no-interface", message=message, hint=hint))
+            faults.append(case.source.fault(path, "no-interface", message, hint))
     return faults or _unsupported(on_mesh)
 
 
@@ -109,8 +109,7 @@ def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
     case, sequence, faults = on_mesh.case, on_mesh.sequence, []
 
     def refuse(path: KeyPath, message: str, hint: str) -> None:
-        fault = case.source.fault(path, code="beside-interface", message=message, hint=hint)
-        faults.append(fault)
+        faults.append(case.source.fault(path, "beside-interface", message, hint))
 
     if not case.interfaces:
         return []

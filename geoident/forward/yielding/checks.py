@@ -49,7 +49,7 @@ def yield_faults(case: Case) -> list[Fault]:
         if reason is not None:
             path: KeyPath = ("materials", material.name, "yield")
             hint = "Change one of them, or the start of its parameter."
-            faults.append(case.source.fault(path, code="soil", message=reason, hint=hint))
+            faults.append(case.source.fault(path, "soil", reason, hint))
     for material in _yielding(case):
         fault = _empty(case, material) or _stressed_from_the_start(case, material)
         if fault is not None:
@@ -145,7 +145,7 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
                 message = f"{field.constant} of '{material.name}' varies from place to place, but "
                 message += f"{others} not, and it yields: its elasticity must vary as a whole"
                 hint = "Give E and nu and let E vary, or leave out 'yield' or what varies."
-                yield case.source.fault(field.path, code="field", message=message, hint=hint)
+                yield case.source.fault(field.path, "field", message, hint)
         elif field.constant in _ANGLES:
             message = (
                 f"{field.constant} of '{material.name}' is an angle, which cannot be a field: "
@@ -155,14 +155,14 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
             )
             message += "a material"
             hint = "Let the cohesion vary, or give places of another angle a material of their own."
-            yield case.source.fault(field.path, code="field", message=message, hint=hint)
+            yield case.source.fault(field.path, "field", message, hint)
         else:
             yield from _other_strengths(case, material, field)
     if entries and any(_hardens(surface) for surface in material.yields):
         message = f"'{material.name}' hardens, and {entries[0].constant} varies from place to place"
         hint = "Leave out the hardening, or let nothing vary: the hardening would have to as well."
         path = entries[0].path
-        yield case.source.fault(path, code="field", message=message, hint=hint)
+        yield case.source.fault(path, "field", message, hint)
 
 
 def _other_strengths(
@@ -196,7 +196,7 @@ def _other_strengths(
             message += "its shape"
             how = "a field" if isinstance(field, RandomField) else "growth"
             hint = f"Leave out {others[0]}, or give {field.constant} without {how}."
-            yield case.source.fault(field.path, code="field", message=message, hint=hint)
+            yield case.source.fault(field.path, "field", message, hint)
 
 
 def _hardens(surface: YieldSurface) -> bool:
@@ -262,7 +262,7 @@ def _oblique(case: Case, material: Material) -> Iterator[Fault]:
         else:
             continue
         path = _key(case, material, surface)
-        yield case.source.fault(path, code="antiplane", message=message, hint=hint)
+        yield case.source.fault(path, "antiplane", message, hint)
 
 
 def _empty(case: Case, material: Material) -> Fault | None:
@@ -278,7 +278,7 @@ def _empty(case: Case, material: Material) -> Fault | None:
     else:
         message += " at the start of the parameters"
         hint = "Enlarge a distance: planes that face each other need a positive sum of distances."
-    return case.source.fault(path, code="empty-domain", message=message, hint=hint)
+    return case.source.fault(path, "empty-domain", message, hint)
 
 
 def _empty_in_the_box(
@@ -321,7 +321,7 @@ def _stressed_from_the_start(case: Case, material: Material) -> Fault | None:
     message = f"'{material.name}' {when}, which is outside its yield surface"
     hint = "Make all its distances positive at the start of the parameters."
     path: KeyPath = ("materials", material.name, "yield")
-    return case.source.fault(path, code="outside-at-zero", message=message, hint=hint)
+    return case.source.fault(path, "outside-at-zero", message, hint)
 
 
 def _described(case: Case, material: Material) -> str:

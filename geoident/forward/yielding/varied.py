@@ -189,5 +189,5 @@ def strength_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             path = on_mesh.strength_growths(name)[0].growth.path
             hint = "Leave out the tension, let it grow less, or give that ground its own material."
             message = f"{reason} at the start values"
-            faults.append(case.source.fault(path, code="out-of-range", message=message, hint=hint))
+            faults.append(case.source.fault(path, "out-of-range", message, hint))
     return faults

@@ -117,9 +117,7 @@ class _MaterialBase(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """The density is not negative."""
-        if self.density and self.density.parameter is None and self.density.factor < 0:
-            faults.add(("density",), "out-of-range", f"'{self.density.text}' is negative")
+        """What has a state in time goes together."""
         check_in_time(self, faults)
 
     @abstractmethod

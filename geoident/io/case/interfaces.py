@@ -10,13 +10,12 @@ from pydantic import Field
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    Angle,
-    CaseNumber,
     Count,
     Flag,
+    FrictionAngle,
     Multiple,
     Name,
-    Stress,
+    Pressure,
     WallSubgrade,
 )
 from geoident.model.case import Material
@@ -52,10 +51,10 @@ class InterfaceSection(Section):
     k_s: WallSubgrade = Field(
         description="Shear stiffness, traction per slip.", examples=["1 GPa/m"]
     )
-    cohesion: Stress | None = Field(
+    cohesion: Pressure | None = Field(
         None, description="Cohesion; 0 if missing.", examples=["50 kPa"]
     )
-    friction: Angle | None = Field(
+    friction: FrictionAngle | None = Field(
         None, description="Friction angle, from 0 to below 90 deg.", examples=["30 deg"]
     )
     R_inter: Multiple | None = Field(
@@ -69,10 +68,10 @@ class InterfaceSection(Section):
         description="Material whose strength `R_inter` reduces: with a Mohr-Coulomb surface, or a "
         "hardening soil.",
     )
-    dilation: Angle | None = Field(
+    dilation: FrictionAngle | None = Field(
         None, description="Dilation angle, by which slip opens it; 0 if missing."
     )
-    tensile_strength: Stress | None = Field(
+    tensile_strength: Pressure | None = Field(
         None,
         description="Largest tension; 0 if missing. Not beyond cohesion / tan(friction).",
         examples=["20 kPa"],
@@ -89,12 +88,7 @@ class InterfaceSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """Strengths and angles are not negative; a polygon has sides."""
-        for key in ("cohesion", "friction", "dilation", "tensile_strength"):
-            given: CaseNumber | None = getattr(self, key)
-            if given is not None and given.parameter is None and given.factor < 0.0:
-                message = f"'{given.text}' is negative"
-                faults.add((key,), "out-of-range", message, "Drop the -.")
+        """A polygon has sides."""
         if self.planes is not None and (self.planes < 4 or self.planes % 2):
             message = f"found {self.planes} sides; expected an even number from 4 on"
             faults.add(("planes",), "out-of-range", message, "Write 16.")

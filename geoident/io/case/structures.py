@@ -23,9 +23,9 @@ from geoident.io.schema.values import (
     Count,
     Density,
     DirectionVector,
+    FixedPressure,
     FixedSize,
     FixedStrength,
-    FixedStress,
     FlexuralRigidity,
     Force,
     Line,
@@ -33,9 +33,9 @@ from geoident.io.schema.values import (
     Multiple,
     Name,
     OrFile,
+    Pressure,
     Ratio,
     Size,
-    Stress,
     TextOrList,
     Time,
     WallMoment,
@@ -96,21 +96,17 @@ class BeamYieldSection(Section):
     compressive_strength: Modulus | None = Field(
         None, description="Compressive strength of the rectangular section.", examples=["20 MPa"]
     )
-    tensile_strength: Stress | None = Field(
+    tensile_strength: Pressure | None = Field(
         None,
         description="Tensile strength beside it; 0 if missing: then N must press where M bends.",
         examples=["2 MPa"],
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """An interaction needs both limits; a strength is not negative."""
+        """An interaction needs both limits."""
         if self.interaction is not None and self.M is None:
             message = "'interaction' without a limit of M"
             faults.add(("interaction",), "missing-key", message, "Add 'M: 150 kNm/m', or drop it.")
-        given = self.tensile_strength
-        if given is not None and given.parameter is None and given.factor < 0:
-            faults.add(("tensile_strength",), "out-of-range", f"'{given.text}' is negative",
-                       "Drop the -.")  # fmt: skip
 
     def for_model(self, context: Context) -> SectionLimits:
         """The limits."""
@@ -157,7 +153,7 @@ class BeamSection(Section):
     density: Density | None = Field(
         None, description="Density, with the thickness; its weight acts with gravity."
     )
-    weight: Stress | None = Field(
+    weight: Pressure | None = Field(
         None,
         description="Weight of a square metre of it, in place of the density.",
         examples=["8 kN/m2"],
@@ -169,7 +165,7 @@ class BeamSection(Section):
         "that are to be kept.",
         examples=["20 MPa"],
     )
-    tensile_strength: FixedStress | None = Field(
+    tensile_strength: FixedPressure | None = Field(
         None,
         description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
         "sprayed concrete; what fibres bear in the crack; of steel that in compression.",
@@ -190,7 +186,7 @@ class BeamSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """Its weight is given in one way and not negative; its strength has a section."""
+        """Its weight is given in one way; its strength has a section."""
         _check_strengths(self, faults)
         if self.compressive_strength is not None and self.thickness is None:
             message = "'compressive_strength' without a thickness, which makes the section"
@@ -207,7 +203,6 @@ class BeamSection(Section):
             other = "no thickness" if self.thickness is None else "weight"
             message = f"found density and {other}; expected density with a thickness, or weight"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
-        _refuse_negative_weight(self, faults)
 
     def for_model(self, context: Context) -> Beam:
         """A lining or wall, in the plane or about an axis."""
@@ -268,7 +263,7 @@ class ShellSection(Section):
         "about the normal of the plane only. The planes are at right angles to x, y or z.",
     )
     density: Density | None = Field(None, description="Density; its weight acts with gravity.")
-    weight: Stress | None = Field(
+    weight: Pressure | None = Field(
         None,
         description="Weight of a square metre of it, in place of the density.",
         examples=["8 kN/m2"],
@@ -280,7 +275,7 @@ class ShellSection(Section):
         "which it is most. Divide it by the safety factors that are to be kept.",
         examples=["20 MPa"],
     )
-    tensile_strength: FixedStress | None = Field(
+    tensile_strength: FixedPressure | None = Field(
         None,
         description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
         "concrete; what fibres bear in the crack, or bars by the thickness.",
@@ -294,13 +289,12 @@ class ShellSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """Its axis has a direction; its strengths go together; it weighs once, not less than 0."""
+        """Its axis has a direction; its strengths go together; it weighs once."""
         refuse_no_direction("axis", self.axis, faults)
         _check_strengths(self, faults)
         if self.density is not None and self.weight is not None:
             message = "found density and weight; expected one of them"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
-        _refuse_negative_weight(self, faults)
 
     def for_model(self, context: Context) -> Shell:
         """The shell; a section has beams."""
@@ -313,22 +307,10 @@ class ShellSection(Section):
 
 
 def _check_strengths(section: BeamSection | ShellSection, faults: SectionFaults) -> None:
-    given = section.tensile_strength
-    if given is not None and section.compressive_strength is None:
+    if section.tensile_strength is not None and section.compressive_strength is None:
         message = "'tensile_strength' without 'compressive_strength'"
         hint = "Give both: N and M are held against them together."
         faults.add(("tensile_strength",), "missing-key", message, hint)
-    if given is not None and given.factor < 0:
-        message = f"'{given.text}' is negative"
-        faults.add(("tensile_strength",), "out-of-range", message, "Drop the -.")
-
-
-def _refuse_negative_weight(section: BeamSection | ShellSection, faults: SectionFaults) -> None:
-    for key in ("density", "weight"):
-        given: CaseNumber | None = getattr(section, key)
-        if given is not None and given.parameter is None and given.factor < 0:
-            message = f"'{given.text}' is negative"
-            faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
 
 
 class _BarSection(Section):

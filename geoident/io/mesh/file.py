@@ -51,8 +51,7 @@ def read_mesh(path: str, *, dim: int | None) -> Mesh:
         return build_mesh(raw, dim=dim, file=path)
     except Refused as refused:
         place = Location(path, refused.line, 1 if refused.line else 0)
-        fault = Fault(refused.code, refused.message, refused.hint, place)
-        raise InputError([fault]) from refused
+        raise InputError([Fault(refused.code, refused.message, refused.hint, place)]) from refused
 
 
 def mesh_files(path: str) -> tuple[str, ...]:

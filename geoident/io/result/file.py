@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from geoident.io.result.hdf5 import (
 )
 from geoident.io.result.records import read_record, write_record
 from geoident.io.text.atomic import atomic_output
-from geoident.model.results.columns import Slot, column, slots
+from geoident.model.results.columns import Record, Slot, column, slots
 from geoident.model.results.result import Diagnostics, GaugeTable, Grid, Result, fingerprint
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism
@@ -40,8 +40,7 @@ PROJECT_FORMAT = "geoident-project-result/1"
 _MECHANISM, _VARIED, _GRID = "mechanism", "fields", "grid"
 
 
-@dataclass(frozen=True)
-class ResultIdentity:
+class ResultIdentity(Record):
     """What tells whether an existing result is up to date.
 
     Args:
@@ -63,12 +62,12 @@ class ResultIdentity:
     status: str
     exit_code: int
     case_file: str
-    seconds: float = field(default=math.inf, metadata=column(optional=True))
-    objective: float = field(default=math.nan, metadata=column(optional=True))
-    stamp: str = field(default="", metadata=column(optional=True))
-    fit_file: str = field(default="", metadata=column(optional=True))
-    fit_fingerprint: str = field(default="", metadata=column(optional=True))
-    contents: str = field(default="", metadata=column(optional=True))
+    seconds: float = column(default=math.inf, optional=True)
+    objective: float = column(default=math.nan, optional=True)
+    stamp: str = column(default="", optional=True)
+    fit_file: str = column(default="", optional=True)
+    fit_fingerprint: str = column(default="", optional=True)
+    contents: str = column(default="", optional=True)
 
     @property
     def fingerprint(self) -> str:

@@ -200,6 +200,7 @@ class QuantityType:
         tied: ``$parameter`` is allowed.
         above: the number must be larger, if it is given.
         below: the number must be smaller, if it is given.
+        signed: it may be negative.
         known_as: what people call such a quantity, where the dimension has the name of another.
         such_as: an example of it.
     """
@@ -208,6 +209,7 @@ class QuantityType:
     tied: bool = False
     above: float | None = None
     below: float | None = None
+    signed: bool = True
     known_as: str = ""
     such_as: str = ""
 
@@ -270,6 +272,8 @@ class QuantityType:
         if self.tied and self.above == 0.0 and 0.0 < given.factor < 1.0 / LARGEST:
             message = f"'{given.text}' is too small to be computed with"
             raise Refusal("out-of-range", message, "Check its exponent.")
+        if not self.signed and given.factor < 0.0:
+            raise Refusal("out-of-range", f"'{given.text}' is negative", "Drop the -.")
         too_small = self.above is not None and not given.factor > self.above
         too_large = self.below is not None and not given.factor < self.below
         if not (too_small or too_large):
@@ -594,8 +598,10 @@ TEXT_LIST_OR_MAPPING = Discriminator(shape_of)
 Stress = Annotated[CaseNumber, QuantityType("pressure", tied=True)]
 Modulus = Annotated[CaseNumber, QuantityType("pressure", tied=True, above=0.0)]
 Ratio = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
-Density = Annotated[CaseNumber, QuantityType("density", tied=True)]
+Pressure = Annotated[CaseNumber, QuantityType("pressure", tied=True, signed=False)]
+Density = Annotated[CaseNumber, QuantityType("density", tied=True, signed=False)]
 Angle = Annotated[CaseNumber, QuantityType("angle", tied=True)]
+FrictionAngle = Annotated[CaseNumber, QuantityType("angle", tied=True, signed=False)]
 UnitWeight = Annotated[CaseNumber, QuantityType("unit weight", tied=True)]
 Length = Annotated[CaseNumber, QuantityType("length", tied=True)]
 Drift = Annotated[CaseNumber, QuantityType("velocity", tied=True)]
@@ -630,6 +636,7 @@ Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
 Viscosity = Annotated[CaseNumber, QuantityType("viscosity", tied=True, above=0.0)]
 FixedStress = Annotated[CaseNumber, QuantityType("pressure")]
 FixedStrength = Annotated[CaseNumber, QuantityType("pressure", above=0.0)]
+FixedPressure = Annotated[CaseNumber, QuantityType("pressure", signed=False)]
 FixedLength = Annotated[CaseNumber, QuantityType("length")]
 FixedMultiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
 FixedCoefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Floats
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 
 LIKELY = 0.5
 """Probability from which on an alarm value is expected to be reached."""
@@ -15,11 +13,10 @@ LIKELY = 0.5
 AMBER = "amber"
 """Name of an alarm value that warns: reached, it makes the state of a gauge amber, others red."""
 
-_LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
+_LIKE_READING = {"dimension": ROW, "unit": "SI unit of the gauge"}
 
 
-@dataclass(frozen=True)
-class AlarmState:
+class AlarmState(Record):
     """What is known of one alarm value of one channel; SI, NaN where there is none.
 
     A positive value is reached by readings that are at least as large, a negative one by those that
@@ -46,20 +43,23 @@ class AlarmState:
 
     gauge: str
     level: str
-    value: float = field(metadata=_LIKE_READING)
-    largest: float = field(metadata=_LIKE_READING)
+    value: float = column(like=_LIKE_READING)
+    largest: float = column(like=_LIKE_READING)
     reached: str
-    reached_on: float = field(metadata=column(unit="s since 1970-01-01"))
+    reached_on: float = column(unit="s since 1970-01-01")
     expected: str
-    expected_on: float = field(metadata=column(unit="s since 1970-01-01"))
+    expected_on: float = column(unit="s since 1970-01-01")
     likeliest: str
     probability: float
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
-    either_sign: bool = field(default=False, metadata=column(optional=True))
-    probabilities: Floats = field(
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))
+    either_sign: bool = column(default=False, optional=True)
+    probabilities: Floats = column(
+        "stage",
         default_factory=lambda: np.zeros(0),
-        metadata=column("stage", optional=True, sheet="probability at {stage}", hidden=("diff",)),
+        optional=True,
+        sheet="probability at {stage}",
+        hidden=("diff",),
     )
 
     @property

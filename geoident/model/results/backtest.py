@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import Bands, Prediction, next_read
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 from geoident.model.results.costs import Counts
 
 _COLUMNS = ("mean", "sd", "lower95", "upper95")
 """Of a prediction."""
 
 
-@dataclass(frozen=True)
-class Scores:
+class Scores(Record):
     """How well predictions came true, all together (theory 13).
 
     Args:
@@ -31,7 +30,7 @@ class Scores:
             the larger the better.
     """
 
-    readings: int = field(metadata=column(name="predicted", title="readings"))
+    readings: int = column(name="predicted", title="readings")
     open: int
     inside: int
     rms: float
@@ -45,8 +44,7 @@ class Scores:
         return self.inside / self.readings if self.readings else float("nan")
 
 
-@dataclass(frozen=True)
-class Horizon:
+class Horizon(Record):
     """How predictions of a series came true by how far they looked ahead.
 
     Args:
@@ -58,12 +56,12 @@ class Horizon:
         rms: root mean square of the standardized errors.
     """
 
-    first: int = field(metadata=column(name="stages_ahead"))
-    last: int = field(metadata=column(name="stages_ahead_at_most"))
-    time: float = field(metadata=column())
-    readings: int = field(metadata=column())
-    inside: int = field(metadata=column())
-    rms: float = field(metadata=column())
+    first: int = column(name="stages_ahead")
+    last: int = column(name="stages_ahead_at_most")
+    time: float = column()
+    readings: int = column()
+    inside: int = column()
+    rms: float = column()
 
 
 @dataclass(frozen=True)
@@ -97,8 +95,7 @@ class Reach:
     independent: float
 
 
-@dataclass(frozen=True)
-class BacktestStep:
+class BacktestStep(Record):
     """A fit of the readings up to a stage, and what it says of later stages.
 
     Args:
@@ -122,37 +119,28 @@ class BacktestStep:
     readings: int
     status: str
     reason: str
-    values: Floats = field(
-        metadata=column(
-            "parameter",
-            name="parameter_value",
-            title="value",
-            dimension="parameter",
-            known="determined",
-        )
+    values: Floats = column(
+        "parameter",
+        name="parameter_value",
+        title="value",
+        dimension="parameter",
+        known="determined",
     )
-    sd: Floats = field(
-        metadata=column("parameter", name="parameter_sd", title="sd", dimension="parameter")
+    sd: Floats = column("parameter", name="parameter_sd", title="sd", dimension="parameter")
+    lower95: Floats = column(
+        "parameter", name="parameter_lower95", title="lower95", dimension="parameter"
     )
-    lower95: Floats = field(
-        metadata=column(
-            "parameter", name="parameter_lower95", title="lower95", dimension="parameter"
-        )
+    upper95: Floats = column(
+        "parameter", name="parameter_upper95", title="upper95", dimension="parameter"
     )
-    upper95: Floats = field(
-        metadata=column(
-            "parameter", name="parameter_upper95", title="upper95", dimension="parameter"
-        )
-    )
-    determined: Bools = field(metadata=column("parameter"))
-    prediction: Prediction = field(metadata=column())
-    log_density: Floats = field(metadata=column("gauge", "stage"))
-    excess: Floats = field(metadata=column("stage", name="stress_excess"))
-    counts: Counts = field(metadata=column())
+    determined: Bools = column("parameter")
+    prediction: Prediction = column()
+    log_density: Floats = column("gauge", "stage")
+    excess: Floats = column("stage", name="stress_excess")
+    counts: Counts = column()
 
 
-@dataclass(frozen=True)
-class Skipped:
+class Skipped(Record):
     """A stage up to which no fit was made.
 
     Args:
@@ -160,12 +148,11 @@ class Skipped:
         why: a clause.
     """
 
-    stage: str = field(metadata=column(name="skipped", title="stage"))
-    why: str = field(metadata=column(name="why_skipped", title="why"))
+    stage: str = column(name="skipped", title="stage")
+    why: str = column(name="why_skipped", title="why")
 
 
-@dataclass(frozen=True)
-class Backtest:
+class Backtest(Record):
     """Fits of the first stages and their predictions.
 
     Args:
@@ -181,17 +168,15 @@ class Backtest:
             stage is what counts, or no fit can look ahead so.
     """
 
-    steps: tuple[BacktestStep, ...] = field(metadata=column("fit"))
-    skipped: tuple[Skipped, ...] = field(metadata=column("skipped"))
-    next: Scores = field(metadata=column(part=("horizon", "next")))
-    further: Scores = field(metadata=column(part=("horizon", "further")))
+    steps: tuple[BacktestStep, ...] = column("fit")
+    skipped: tuple[Skipped, ...] = column("skipped")
+    next: Scores = column(part=("horizon", "next"))
+    further: Scores = column(part=("horizon", "further"))
     few: float
     far: float
-    measured: Floats = field(metadata=column("gauge", "stage", dimension="gauge"))
-    horizons: tuple[Horizon, ...] = field(
-        default=(), metadata=column("ahead", group="horizons", optional=True)
-    )
-    reach: Reach | None = field(default=None, metadata=column(group="reach", optional=True))
+    measured: Floats = column("gauge", "stage", dimension="gauge")
+    horizons: tuple[Horizon, ...] = column("ahead", default=(), group="horizons", optional=True)
+    reach: Reach | None = column(default=None, group="reach", optional=True)
 
 
 def bands_of(backtest: Backtest, step: BacktestStep) -> Bands:

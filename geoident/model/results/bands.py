@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
@@ -16,8 +16,7 @@ _NARROW = 1e-9
 """Least standard deviation of a side, as a part of the other."""
 
 
-@dataclass(frozen=True)
-class Prediction:
+class Prediction(Record):
     """What the channels will show, all (n_channels, n_stages), m; NaN where not predicted.
 
     ``sd`` holds the uncertainty of the parameters and the accuracy of the gauge (theory 6). Where
@@ -25,20 +24,12 @@ class Prediction:
     ``sd`` know what these tell of them (theory 7).
     """
 
-    mean: Floats = field(
-        metadata=column(
-            "gauge", "stage", dimension="gauge", known="known", sheet="predicted", array="predicted"
-        )
+    mean: Floats = column(
+        "gauge", "stage", dimension="gauge", known="known", sheet="predicted", array="predicted"
     )
-    sd: Floats = field(
-        metadata=column("gauge", "stage", dimension="gauge", array="predicted_sd", hidden=("diff",))
-    )
-    lower95: Floats = field(
-        metadata=column("gauge", "stage", dimension="gauge", array="predicted_lower95")
-    )
-    upper95: Floats = field(
-        metadata=column("gauge", "stage", dimension="gauge", array="predicted_upper95")
-    )
+    sd: Floats = column("gauge", "stage", dimension="gauge", array="predicted_sd", hidden=("diff",))
+    lower95: Floats = column("gauge", "stage", dimension="gauge", array="predicted_lower95")
+    upper95: Floats = column("gauge", "stage", dimension="gauge", array="predicted_upper95")
 
     @property
     def known(self) -> Bools:

@@ -1,16 +1,15 @@
 """Records with declared columns.
 
-A table of a result is a frozen dataclass whose fields are declared once, by `column`: the names of
-their axes, the dimension of the quantity, how files and people call them. The result file, JSON,
-CSV, data frames, xarray, the tables on the screen and `geoident diff` read this declaration, so a
-new column needs no line in any of them. Only one with a `label` is a column of its own on the
-screen and on the page::
+A table of a result is a `Record`, a frozen dataclass whose fields are declared once, by `column`:
+the names of their axes, the dimension of the quantity, how files and people call them. The result
+file, JSON, CSV, data frames, xarray, the tables on the screen and `geoident diff` read this
+declaration, so a new column needs no line in any of them. Only one with a `label` is a column of
+its own on the screen and on the page::
 
-    @dataclass(frozen=True)
-    class YieldedGround:
-        states: tuple[str, ...] = field(metadata=column("state", name="state"))
-        share: Floats = field(metadata=column("state"))
-        lower: Floats = field(metadata=column("state", "axis", dimension="length"))
+    class YieldedGround(Record):
+        states: tuple[str, ...] = column("state", name="state")
+        share: Floats = column("state")
+        lower: Floats = column("state", "axis", dimension="length")
         unit: str
 
 A column that has the name of its only axis holds the labels of this axis. Axes without such a
@@ -23,10 +22,19 @@ one axis. A property with `derived` is written and shown, not read.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cache
-from types import NoneType
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from types import MappingProxyType, NoneType
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -84,6 +92,7 @@ class Column:
         array: name in data sets of xarray, where it is not the title.
         label: heading on the screen and on the page; empty where it stands in other columns there.
         shown: unit for people of a fixed dimension.
+        dated: seconds since 1970, of which people and programs get the date.
         hidden: views without it: ``json``, ``csv``, ``xarray``, ``diff``.
         dataset: a single text that is a dataset, not an attribute.
         known: name of the truth values of the record that say which numbers people may be given.
@@ -111,6 +120,7 @@ class Column:
     array: str = ""
     label: str = ""
     shown: str = ""
+    dated: bool = False
     hidden: tuple[str, ...] = ()
     dataset: bool = False
     known: str = ""
@@ -124,14 +134,33 @@ class Column:
     required: bool = False
 
 
-def column(*axes: str, **declared: Any) -> dict[str, Column]:
-    """Metadata that declare a field of a record as a column: ``field(metadata=column(...))``.
+_OF_FIELDS = ("default", "default_factory", "hash")
+"""What is said of a field, not of its column."""
+
+
+def column(*axes: str, like: Mapping[str, Any] = MappingProxyType({}), **declared: Any) -> Any:
+    """A field of a record that is a column.
 
     Args:
         *axes: names of the axes of its array; none for a single value.
-        **declared: see `Column`.
+        like: what it declares as other columns do.
+        **declared: see `Column`; also ``default``, ``default_factory`` and ``hash`` of the field.
     """
-    return {"column": Column(axes=axes, **declared)}
+    of_field = {key: declared.pop(key) for key in _OF_FIELDS if key in declared}
+    return field(metadata={"column": Column(axes=axes, **like, **declared)}, **of_field)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(column,))
+class Record:
+    """A frozen dataclass whose fields may be columns.
+
+    Options of `dataclass` stand behind the name: ``class Mechanism(Record, eq=False)``.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    def __init_subclass__(cls, **options: bool) -> None:
+        dataclass(frozen=True, **options)(cls)
 
 
 def derived(*axes: str, **declared: Any) -> Callable[[_Function], _Function]:

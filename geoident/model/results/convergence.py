@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from geoident.model.results.columns import ROW, Record, column
 
-from geoident.model.results.columns import ROW, column
-
-_LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
+_LIKE_READING = {"dimension": ROW, "unit": "SI unit of the gauge"}
 
 
-@dataclass(frozen=True)
-class ConvergenceState:
+class ConvergenceState(Record):
     """The convergence of one channel, SI; ends of intervals are infinite where not determined.
 
     Args:
@@ -31,14 +28,14 @@ class ConvergenceState:
 
     gauge: str
     zero: str
-    lost: float = field(metadata=_LIKE_READING)
-    lost_lower95: float = field(metadata=_LIKE_READING)
-    lost_upper95: float = field(metadata=_LIKE_READING)
-    final: float = field(metadata=_LIKE_READING)
-    final_lower95: float = field(metadata=_LIKE_READING)
-    final_upper95: float = field(metadata=_LIKE_READING)
-    shown: float = field(metadata=_LIKE_READING)
-    shown_lower95: float = field(metadata=_LIKE_READING)
-    shown_upper95: float = field(metadata=_LIKE_READING)
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    lost: float = column(like=_LIKE_READING)
+    lost_lower95: float = column(like=_LIKE_READING)
+    lost_upper95: float = column(like=_LIKE_READING)
+    final: float = column(like=_LIKE_READING)
+    final_lower95: float = column(like=_LIKE_READING)
+    final_upper95: float = column(like=_LIKE_READING)
+    shown: float = column(like=_LIKE_READING)
+    shown_lower95: float = column(like=_LIKE_READING)
+    shown_upper95: float = column(like=_LIKE_READING)
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from geoident.model.results.columns import ROW, Record, column
 
-from geoident.model.results.columns import ROW, column
-
-_LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
+_LIKE_READING = {"dimension": ROW, "unit": "SI unit of the gauge"}
 
 
-@dataclass(frozen=True)
-class DecisionState:
+class DecisionState(Record):
     """What is known today of one decision; SI, NaN where there is nothing.
 
     Args:
@@ -31,16 +28,15 @@ class DecisionState:
     then: str
     gauge: str
     stage: str
-    value: float = field(metadata=_LIKE_READING)
+    value: float = column(like=_LIKE_READING)
     state: str
     probability: float
-    measured: float = field(metadata=_LIKE_READING)
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    measured: float = column(like=_LIKE_READING)
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))
 
 
-@dataclass(frozen=True)
-class TellingReading:
+class TellingReading(Record):
     """An earlier reading that would tell how probable a decision is; SI.
 
     Args:
@@ -61,11 +57,11 @@ class TellingReading:
     condition: str
     gauge: str
     stage: str
-    predicted: float = field(metadata=_LIKE_READING)
-    lower95: float = field(metadata=_LIKE_READING)
-    upper95: float = field(metadata=_LIKE_READING)
+    predicted: float = column(like=_LIKE_READING)
+    lower95: float = column(like=_LIKE_READING)
+    upper95: float = column(like=_LIKE_READING)
     correlation: float
-    at_5: float = field(metadata=_LIKE_READING)
-    at_50: float = field(metadata=_LIKE_READING)
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    at_5: float = column(like=_LIKE_READING)
+    at_50: float = column(like=_LIKE_READING)
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))

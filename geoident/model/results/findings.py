@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Literal
 
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 FindingKind = Literal[
     # of parameters
@@ -29,8 +28,7 @@ FindingKind = Literal[
 """What a finding is about; docs/result_file.md says what each means."""
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(Record):
     """What an engineer must know before using the numbers.
 
     Args:
@@ -44,7 +42,7 @@ class Finding:
     kind: FindingKind
     subject: str
     sentence: str
-    numbers: Mapping[str, float] = field(default_factory=dict, hash=False, metadata=column())
+    numbers: Mapping[str, float] = column(default_factory=dict, hash=False)
 
 
 def sentences_of(findings: Iterable[Finding]) -> tuple[str, ...]:

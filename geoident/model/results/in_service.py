@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.columns import ROW, column, derived
+from geoident.model.results.columns import ROW, Record, column, derived
 from geoident.units import in_unit, shown_unit
 
-_LIKE_READING = column("gauge", dimension="gauge")
+_DATE = {"unit": "s since 1970-01-01", "dated": True}
 
 
-@dataclass(frozen=True)
-class SeasonalFit:
+class SeasonalFit(Record):
     """Coefficients and errors of all gauges, one entry of every column each.
 
     NaN where a gauge has too few readings, or where its readings cannot tell a term from others.
@@ -56,49 +53,37 @@ class SeasonalFit:
             None where none does.
     """
 
-    terms: tuple[str, ...] = field(metadata=column("term", name="term"))
-    effects: tuple[str, ...] = field(metadata=column("term", name="effect"))
-    coefficients: Floats = field(
-        metadata=column("gauge", "term", dimension="gauge", sheet="coefficient {term}")
-    )
-    covariance: Floats = field(metadata=column("gauge", "state", "other_state", hidden=("csv",)))
-    lasting_now: Floats = field(metadata=_LIKE_READING)
-    drift_now: Floats = field(metadata=_LIKE_READING)
-    number: Ints = field(metadata=column("gauge"))
-    last: Floats = field(
-        metadata=column("gauge", unit="s since 1970-01-01", hidden=("csv", "json", "diff"))
-    )
-    white: Floats = field(metadata=_LIKE_READING)
-    lasting: Floats = field(metadata=_LIKE_READING)
-    fades: Floats = field(metadata=column("gauge", dimension="time", shown="d"))
-    drift: Floats = field(metadata=_LIKE_READING)
-    likely_noises: Floats = field(
-        metadata=column("gauge", "draw", "part of the noise", hidden=("csv", "json", "diff"))
+    terms: tuple[str, ...] = column("term", name="term")
+    effects: tuple[str, ...] = column("term", name="effect")
+    coefficients: Floats = column("gauge", "term", dimension="gauge", sheet="coefficient {term}")
+    covariance: Floats = column("gauge", "state", "other_state", hidden=("csv",))
+    lasting_now: Floats = column("gauge", dimension="gauge")
+    drift_now: Floats = column("gauge", dimension="gauge")
+    number: Ints = column("gauge")
+    last: Floats = column("gauge", unit="s since 1970-01-01", hidden=("csv", "json", "diff"))
+    white: Floats = column("gauge", dimension="gauge")
+    lasting: Floats = column("gauge", dimension="gauge")
+    fades: Floats = column("gauge", dimension="time", shown="d")
+    drift: Floats = column("gauge", dimension="gauge")
+    likely_noises: Floats = column(
+        "gauge", "draw", "part of the noise", hidden=("csv", "json", "diff")
     )
     level_low: float
     level_high: float
     air_mean: float
-    level: Floats = field(metadata=_LIKE_READING)
-    level_sd: Floats = field(metadata=_LIKE_READING)
-    season: Floats = field(metadata=_LIKE_READING)
-    season_sd: Floats = field(metadata=_LIKE_READING)
-    air: Floats = field(metadata=_LIKE_READING)
-    air_sd: Floats = field(metadata=_LIKE_READING)
-    irreversible: Floats = field(metadata=_LIKE_READING)
-    irreversible_sd: Floats = field(metadata=_LIKE_READING)
-    explained: Floats = field(metadata=column("gauge"))
-    temperature: Floats | None = field(
-        default=None, metadata=column("gauge", dimension="gauge", optional=True)
-    )
-    temperature_sd: Floats | None = field(
-        default=None, metadata=column("gauge", dimension="gauge", optional=True)
-    )
-    creep: Floats | None = field(
-        default=None, metadata=column("gauge", dimension="gauge", optional=True)
-    )
-    creep_sd: Floats | None = field(
-        default=None, metadata=column("gauge", dimension="gauge", optional=True)
-    )
+    level: Floats = column("gauge", dimension="gauge")
+    level_sd: Floats = column("gauge", dimension="gauge")
+    season: Floats = column("gauge", dimension="gauge")
+    season_sd: Floats = column("gauge", dimension="gauge")
+    air: Floats = column("gauge", dimension="gauge")
+    air_sd: Floats = column("gauge", dimension="gauge")
+    irreversible: Floats = column("gauge", dimension="gauge")
+    irreversible_sd: Floats = column("gauge", dimension="gauge")
+    explained: Floats = column("gauge")
+    temperature: Floats | None = column("gauge", default=None, dimension="gauge", optional=True)
+    temperature_sd: Floats | None = column("gauge", default=None, dimension="gauge", optional=True)
+    creep: Floats | None = column("gauge", default=None, dimension="gauge", optional=True)
+    creep_sd: Floats | None = column("gauge", default=None, dimension="gauge", optional=True)
 
     @property
     def shared(self) -> Ints:
@@ -114,8 +99,7 @@ class SeasonalFit:
         return np.hypot(self.white, self.lasting)
 
 
-@dataclass(frozen=True)
-class Judged:
+class Judged(Record):
     """Readings that took no part in a fit, each held against what was expected before it was taken.
 
     NaN for all other readings.
@@ -127,23 +111,22 @@ class Judged:
             as the structure and its gauges are what they were.
     """
 
-    predicted: Floats = field(metadata=column("reading", dimension="gauge"))
-    predicted_sd: Floats = field(metadata=column("reading", dimension="gauge"))
-    innovation: Floats = field(metadata=column("reading"))
+    predicted: Floats = column("reading", dimension="gauge")
+    predicted_sd: Floats = column("reading", dimension="gauge")
+    innovation: Floats = column("reading")
 
 
-@dataclass(frozen=True)
-class ChangeRow:
+class ChangeRow(Record):
     """A change that new readings show: of one gauge, or of several at once.
 
     Args:
+        change: number of the change, from 1: of several gauges there is a row for each.
         kind: ``step``, ``drift``, or ``reading`` for a single one that is far off.
         gauge: name of the gauge of this row.
-        change: number of the change, from 1: of several gauges there is a row for each.
-        shown: from when on it was seen, s since 1970.
         since: when it most likely began, s since 1970.
         earliest: beginning of the 95 % interval of that.
         latest: end of it.
+        shown: from when on it was seen.
         size: of the step, SI; of a drift by year.
         sd: its standard deviation.
         odds: probability that it is a step and no drift, or a drift and no step.
@@ -153,20 +136,20 @@ class ChangeRow:
         dimension: key of `geoident.units.DIMENSIONS`.
     """
 
+    change: int
     kind: str
     gauge: str
-    change: int
-    shown: float = field(metadata=column(unit="s since 1970-01-01"))
-    since: float = field(metadata=column(unit="s since 1970-01-01"))
-    earliest: float = field(metadata=column(unit="s since 1970-01-01"))
-    latest: float = field(metadata=column(unit="s since 1970-01-01"))
-    size: float = field(metadata=column(dimension=ROW, unit="SI unit of the gauge"))
-    sd: float = field(metadata=column(dimension=ROW, unit="SI unit of the gauge"))
+    since: float = column(like=_DATE)
+    earliest: float = column(like=_DATE)
+    latest: float = column(like=_DATE)
+    shown: float = column(like=_DATE)
+    size: float = column(dimension=ROW, unit="SI unit of the gauge")
+    sd: float = column(dimension=ROW, unit="SI unit of the gauge")
     odds: float
     surprise: float
     lasts: bool
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))
 
     @property
     def text(self) -> str:
@@ -182,8 +165,7 @@ class ChangeRow:
         )
 
 
-@dataclass(frozen=True)
-class ParameterChangeRow:
+class ParameterChangeRow(Record):
     """A parameter of a structure on its mesh that has changed, or that may have as well.
 
     Args:
@@ -191,10 +173,10 @@ class ParameterChangeRow:
             is a row for each, the most probable one first.
         parameter: its name.
         gauges: names of those that show it.
-        shown: from when on it was seen, s since 1970.
         since: when it most likely began, s since 1970.
         earliest: beginning of the 95 % interval of that.
         latest: end of it.
+        shown: from when on it was seen.
         before: value of the fit, SI.
         after: value since then, SI.
         lower95: lower end of the 95 % interval of that, before being given.
@@ -209,19 +191,19 @@ class ParameterChangeRow:
     change: int
     parameter: str
     gauges: str
-    shown: float = field(metadata=column(unit="s since 1970-01-01"))
-    since: float = field(metadata=column(unit="s since 1970-01-01"))
-    earliest: float = field(metadata=column(unit="s since 1970-01-01"))
-    latest: float = field(metadata=column(unit="s since 1970-01-01"))
-    before: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
-    after: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
-    lower95: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
-    upper95: float = field(metadata=column(dimension=ROW, unit="SI unit of the parameter"))
+    since: float = column(like=_DATE)
+    earliest: float = column(like=_DATE)
+    latest: float = column(like=_DATE)
+    shown: float = column(like=_DATE)
+    before: float = column(dimension=ROW, unit="SI unit of the parameter")
+    after: float = column(dimension=ROW, unit="SI unit of the parameter")
+    lower95: float = column(dimension=ROW, unit="SI unit of the parameter")
+    upper95: float = column(dimension=ROW, unit="SI unit of the parameter")
     odds: float
     surprise: float
     lasts: bool
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))
 
     @property
     def text(self) -> str:
@@ -239,8 +221,7 @@ class ParameterChangeRow:
         return f"{way} by {size:.{places}f} {unit} ({low:.{places}f} to {high:.{places}f} {unit})"
 
 
-@dataclass(frozen=True)
-class PowerRow:
+class PowerRow(Record):
     """Whether a change would be seen, and how late.
 
     Args:
@@ -255,6 +236,6 @@ class PowerRow:
     change: str
     gauges: str
     probability: float
-    median: float = field(metadata=column(dimension="time", shown="d"))
-    late: float = field(metadata=column(dimension="time", shown="d"))
-    horizon: float = field(metadata=column(dimension="time", shown="d"))
+    median: float = column(dimension="time", shown="d")
+    late: float = column(dimension="time", shown="d")
+    horizon: float = column(dimension="time", shown="d")

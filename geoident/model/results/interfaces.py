@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class InterfaceStates:
+class InterfaceStates(Record):
     """Tractions and jumps of interfaces; NaN while the ground of a side is not there.
 
     They are so, too, where an interface ends inside the ground, which holds its sides together.
@@ -33,33 +30,26 @@ class InterfaceStates:
         parts: (m, n_stages) whether the normal traction is at its limit: it opens.
     """
 
-    interfaces: tuple[str, ...] = field(metadata=column("joint", name="interface"))
-    faces: Ints = field(metadata=column("joint", name="face"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    points: Floats = field(
-        metadata=column(
-            "joint", "axis", name="points", title="point", sheet="{axis}",
-            dimension="length", shown="m",
-        )
-    )  # fmt: skip
-    normals: Floats = field(
-        metadata=column("joint", "axis", name="normal", sheet="normal_{axis}", hidden=("json",))
+    interfaces: tuple[str, ...] = column("joint", name="interface")
+    faces: Ints = column("joint", name="face")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    points: Floats = column(
+        "joint", "axis", name="points", title="point", sheet="{axis}", dimension="length", shown="m"
     )
-    areas: Floats = field(
-        metadata=column(
-            "joint", name="area", dimension="area", unit="m2, or m in plane strain", hidden=("csv",)
-        )
+    normals: Floats = column(
+        "joint", "axis", name="normal", sheet="normal_{axis}", hidden=("json",)
     )
-    normal_traction: Floats = field(
-        metadata=column("joint", "stage", name="t_n", dimension="pressure", shown="kPa")
+    areas: Floats = column(
+        "joint", name="area", dimension="area", unit="m2, or m in plane strain", hidden=("csv",)
     )
-    shear_traction: Floats = field(
-        metadata=column("joint", "stage", name="t_s", dimension="pressure", shown="kPa")
+    normal_traction: Floats = column(
+        "joint", "stage", name="t_n", dimension="pressure", shown="kPa"
     )
-    opening: Floats = field(metadata=column("joint", "stage", dimension="length", shown="mm"))
-    slip: Floats = field(metadata=column("joint", "stage", dimension="length", shown="mm"))
-    slips: Bools = field(metadata=column("joint", "stage"))
-    parts: Bools = field(metadata=column("joint", "stage", name="opens"))
+    shear_traction: Floats = column("joint", "stage", name="t_s", dimension="pressure", shown="kPa")
+    opening: Floats = column("joint", "stage", dimension="length", shown="mm")
+    slip: Floats = column("joint", "stage", dimension="length", shown="mm")
+    slips: Bools = column("joint", "stage")
+    parts: Bools = column("joint", "stage", name="opens")
 
     @property
     def standing(self) -> list[list[int]]:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.backtest import Scores
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class LeftOutTable:
+class LeftOutTable(Record):
     """Scores of k gauges that were left out; see `Scores`.
 
     Args:
@@ -27,14 +25,14 @@ class LeftOutTable:
         log_score: (k,) mean logarithm of the predicted density of a reading, per stated accuracy.
     """
 
-    names: tuple[str, ...] = field(metadata=column("left_out", name="gauge"))
-    readings: Ints = field(metadata=column("left_out", name="predicted", title="readings"))
-    open: Ints = field(metadata=column("left_out"))
-    inside: Ints = field(metadata=column("left_out"))
-    rms: Floats = field(metadata=column("left_out"))
-    sharpness: Floats = field(metadata=column("left_out"))
-    interval_score: Floats = field(metadata=column("left_out"))
-    log_score: Floats = field(metadata=column("left_out"))
+    names: tuple[str, ...] = column("left_out", name="gauge")
+    readings: Ints = column("left_out", name="predicted", title="readings")
+    open: Ints = column("left_out")
+    inside: Ints = column("left_out")
+    rms: Floats = column("left_out")
+    sharpness: Floats = column("left_out")
+    interval_score: Floats = column("left_out")
+    log_score: Floats = column("left_out")
 
     def __len__(self) -> int:
         return len(self.names)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from geoident.model.arrays import Floats
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class ModelErrorTable:
+class ModelErrorTable(Record):
     """The model error of a fit.
 
     Args:
@@ -47,21 +44,21 @@ class ModelErrorTable:
     lower95: float
     upper95: float
     length: float
-    sizes: Floats = field(metadata=column("eta", name="eta"))
-    weights: Floats = field(metadata=column("eta"))
-    states: tuple[str, ...] = field(metadata=column("state", name="state"))
-    steps: Floats = field(metadata=column("reading", "state"))
-    floors: Floats = field(metadata=column("reading", "state"))
+    sizes: Floats = column("eta", name="eta")
+    weights: Floats = column("eta")
+    states: tuple[str, ...] = column("state", name="state")
+    steps: Floats = column("reading", "state")
+    floors: Floats = column("reading", "state")
     sentence: str = ""
-    factor: float = field(default=1.0, metadata=column(title="scatter"))
-    factor_lower95: float = field(default=1.0, metadata=column(title="scatter_lower95"))
-    factor_upper95: float = field(default=1.0, metadata=column(title="scatter_upper95"))
+    factor: float = column(default=1.0, title="scatter")
+    factor_lower95: float = column(default=1.0, title="scatter_lower95")
+    factor_upper95: float = column(default=1.0, title="scatter_upper95")
     zero: float = 0.0
     zero_lower95: float = 0.0
     zero_upper95: float = 0.0
-    time: float = field(default=float("nan"), metadata=column(optional=True))
-    time_unit: str = field(default="", metadata=column(optional=True))
-    moments: Floats | None = field(default=None, metadata=column("reading", optional=True))
+    time: float = column(default=float("nan"), optional=True)
+    time_unit: str = column(default="", optional=True)
+    moments: Floats | None = column("reading", default=None, optional=True)
     course: float = 0.0
 
     @property

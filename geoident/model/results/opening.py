@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.columns import column, derived
+from geoident.model.results.columns import Record, column, derived
 
 
-@dataclass(frozen=True)
-class GroundReaction:
+class GroundReaction(Record):
     """The ground around a circular opening: its reaction, and the stages on their way along it.
 
     Pressures and stresses are positive in compression, motions of the wall inwards, both as in
@@ -39,53 +36,47 @@ class GroundReaction:
         hoop: (s, m) stress around the opening there, Pa.
     """
 
-    centre: Floats = field(metadata=column("axis", dimension="length"))
+    centre: Floats = column("axis", dimension="length")
     radius: float
-    in_situ: Floats = field(metadata=column("component", dimension="pressure"))
+    in_situ: Floats = column("component", dimension="pressure")
     critical: float
-    pressure: Floats = field(metadata=column("pressure", dimension="pressure", shown="MPa"))
-    displacement: Floats = field(
-        metadata=column("pressure", dimension="length", sheet="wall_inwards", shown="mm")
+    pressure: Floats = column("pressure", dimension="pressure", shown="MPa")
+    displacement: Floats = column("pressure", dimension="length", sheet="wall_inwards", shown="mm")
+    plastic_radius: Floats = column("pressure", dimension="length", shown="m")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    stage_pressure: Floats = column("stage", title="pressure", dimension="pressure", shown="MPa")
+    stage_displacement: Floats = column(
+        "stage", title="displacement", dimension="length", sheet="wall_inwards", shown="mm"
     )
-    plastic_radius: Floats = field(metadata=column("pressure", dimension="length", shown="m"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    stage_pressure: Floats = field(
-        metadata=column("stage", title="pressure", dimension="pressure", shown="MPa")
+    stage_plastic_radius: Floats = column(
+        "stage", title="plastic_radius", dimension="length", shown="m"
     )
-    stage_displacement: Floats = field(
-        metadata=column(
-            "stage", title="displacement", dimension="length", sheet="wall_inwards", shown="mm"
-        )
+    radii: Floats = column("radii", dimension="length", sheet="distance", shown="m")
+    radial: Floats = column(
+        "stage", "radii", dimension="pressure", sheet="radial_compression", shown="MPa"
     )
-    stage_plastic_radius: Floats = field(
-        metadata=column("stage", title="plastic_radius", dimension="length", shown="m")
-    )
-    radii: Floats = field(metadata=column("radii", dimension="length", sheet="distance", shown="m"))
-    radial: Floats = field(
-        metadata=column(
-            "stage", "radii", dimension="pressure", sheet="radial_compression", shown="MPa"
-        )
-    )
-    hoop: Floats = field(
-        metadata=column(
-            "stage", "radii", dimension="pressure", sheet="hoop_compression", shown="MPa"
-        )
+    hoop: Floats = column(
+        "stage", "radii", dimension="pressure", sheet="hoop_compression", shown="MPa"
     )
 
-    supports: tuple[str, ...] = field(
-        default=(), metadata=column("support", name="support", optional=True)
-    )
-    support_pressure: Floats | None = field(
+    supports: tuple[str, ...] = column("support", default=(), name="support", optional=True)
+    support_pressure: Floats | None = column(
+        "support",
+        "stage",
         default=None,
-        metadata=column(
-            "support", "stage", sheet="pressure", dimension="pressure", shown="MPa", optional=True
-        ),
+        sheet="pressure",
+        dimension="pressure",
+        shown="MPa",
+        optional=True,
     )
-    support_capacity: Floats | None = field(
+    support_capacity: Floats | None = column(
+        "support",
+        "stage",
         default=None,
-        metadata=column(
-            "support", "stage", sheet="capacity", dimension="pressure", shown="MPa", optional=True
-        ),
+        sheet="capacity",
+        dimension="pressure",
+        shown="MPa",
+        optional=True,
     )
 
     @property
@@ -103,8 +94,7 @@ class GroundReaction:
         return ("xx", "yy", "zz", "xy")
 
 
-@dataclass(frozen=True)
-class FaceAdvance:
+class FaceAdvance(Record):
     """How a tunnel's wall moves as the face goes on, and what the stages of a case release.
 
     Args:
@@ -119,19 +109,15 @@ class FaceAdvance:
         stage_zero: (s,) whether gauges read zero at its end.
     """
 
-    law: str = field(metadata=column(name="profile"))
+    law: str = column(name="profile")
     radius: float
-    distance: Floats = field(metadata=column("distance", dimension="length", shown="m"))
-    share: Floats = field(metadata=column("distance", sheet="share_of_motion"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    stage_distance: Floats = field(
-        metadata=column("stage", title="distance", dimension="length", shown="m")
-    )
-    stage_share: Floats = field(metadata=column("stage", title="share", sheet="share_of_motion"))
-    stage_released: Floats = field(
-        metadata=column("stage", title="released", sheet="released_stress")
-    )
-    stage_zero: Bools = field(metadata=column("stage", title="zero", sheet="zero_of_gauges"))
+    distance: Floats = column("distance", dimension="length", shown="m")
+    share: Floats = column("distance", sheet="share_of_motion")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    stage_distance: Floats = column("stage", title="distance", dimension="length", shown="m")
+    stage_share: Floats = column("stage", title="share", sheet="share_of_motion")
+    stage_released: Floats = column("stage", title="released", sheet="released_stress")
+    stage_zero: Bools = column("stage", title="zero", sheet="zero_of_gauges")
 
     @property
     def lost(self) -> float | None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 
-_IN_UNIT = column(dimension=ROW, unit="SI unit")
+_IN_UNIT = {"dimension": ROW, "unit": "SI unit"}
 
 
-@dataclass(frozen=True)
-class PlanTarget:
+class PlanTarget(Record):
     """What is to be known, and how well it will be; SI, NaN where there is nothing.
 
     Args:
@@ -30,17 +29,17 @@ class PlanTarget:
     """
 
     text: str
-    expected: float = field(metadata=_IN_UNIT)
-    sd: float = field(metadata=_IN_UNIT)
-    sd_case: float = field(metadata=_IN_UNIT)
-    sd_plan: float = field(metadata=_IN_UNIT)
+    expected: float = column(like=_IN_UNIT)
+    sd: float = column(like=_IN_UNIT)
+    sd_case: float = column(like=_IN_UNIT)
+    sd_plan: float = column(like=_IN_UNIT)
     least_ratio: float
     largest_ratio: float
     probability: float
     settled_case: float
     settled_plan: float
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,7 @@ class PlannedGauge:
     stages: str
 
 
-@dataclass(frozen=True)
-class GaugePlan:
+class GaugePlan(Record):
     """Which gauges to take.
 
     Args:
@@ -81,8 +79,8 @@ class GaugePlan:
         model_error: size of the model error that is taken into account; 0 for none.
     """
 
-    targets: tuple[PlanTarget, ...] = field(metadata=column("target", group="plan_targets"))
-    gauges: tuple[PlannedGauge, ...] = field(metadata=column("candidate", group="plan_gauges"))
+    targets: tuple[PlanTarget, ...] = column("target", group="plan_targets")
+    gauges: tuple[PlannedGauge, ...] = column("candidate", group="plan_gauges")
     budget: float
     draws: int
     model_error: float

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 """Quantiles that are told of parameters."""
 
 
-@dataclass(frozen=True)
-class PosteriorDraws:
+class PosteriorDraws(Record):
     """Draws of the parameters from exp(-phi/2) within their bounds (theory 11).
 
     Args:
@@ -37,22 +35,22 @@ class PosteriorDraws:
         taken: (k,) the draws of each chain of which these are.
     """
 
-    names: tuple[str, ...] = field(metadata=column("parameter", name="parameter"))
-    fields: tuple[str, ...] = field(metadata=column("parameter"))
-    values: Floats = field(
-        metadata=column("chain", "draw", "parameter", dimension="parameter", sheet="{parameter}")
+    names: tuple[str, ...] = column("parameter", name="parameter")
+    fields: tuple[str, ...] = column("parameter")
+    values: Floats = column(
+        "chain", "draw", "parameter", dimension="parameter", sheet="{parameter}"
     )
-    log_density: Floats = field(metadata=column("chain", "draw"))
+    log_density: Floats = column("chain", "draw")
     sampler: str
     pareto_k: float
-    effective: Floats = field(metadata=column("parameter", title="effective_size"))
-    r_hat: Floats = field(metadata=column("parameter"))
+    effective: Floats = column("parameter", title="effective_size")
+    r_hat: Floats = column("parameter")
     acceptance: float
     evaluations: int
-    channels: tuple[str, ...] = field(metadata=column("reading"))
-    stages: tuple[str, ...] = field(metadata=column("reading"))
-    predicted: Floats = field(metadata=column("chain", "taken", "reading"))
-    taken: Ints = field(metadata=column("taken"))
+    channels: tuple[str, ...] = column("reading")
+    stages: tuple[str, ...] = column("reading")
+    predicted: Floats = column("chain", "taken", "reading")
+    taken: Ints = column("taken")
 
     @property
     def n_draws(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -19,7 +19,7 @@ from geoident.model.parameter import Prior
 from geoident.model.results.alarms import AlarmState
 from geoident.model.results.backtest import Backtest
 from geoident.model.results.bands import Prediction
-from geoident.model.results.columns import VIEWS, column, derived, select
+from geoident.model.results.columns import VIEWS, Record, column, derived, select
 from geoident.model.results.convergence import ConvergenceState
 from geoident.model.results.costs import Counts
 from geoident.model.results.decisions import DecisionState, TellingReading
@@ -60,8 +60,7 @@ STOPPED = "out-of-budget"
 """Status of an outcome that was cut short as its time was used up."""
 
 
-@dataclass(frozen=True)
-class ParameterTable:
+class ParameterTable(Record):
     """The identified parameters, one entry of every array each.
 
     A parameter that neither readings nor its prior determine keeps its ``value`` for further
@@ -89,61 +88,46 @@ class ParameterTable:
         descriptions: what each is in the words of the case; empty where the case says nothing.
     """
 
-    names: tuple[str, ...] = field(metadata=column("parameter", name="parameter"))
-    values: Floats = field(
-        metadata=column(
-            "parameter", name="value", dimension="parameter", known="known", array="estimate"
-        )
+    names: tuple[str, ...] = column("parameter", name="parameter")
+    values: Floats = column(
+        "parameter", name="value", dimension="parameter", known="known", array="estimate"
     )
-    sd: Floats = field(metadata=column("parameter", dimension="parameter", array="estimate_sd"))
-    lower95: Floats = field(
-        metadata=column(
-            "parameter",
-            name="ci95",
-            part=("bound", "lower"),
-            dimension="parameter",
-            array="estimate_lower95",
-        )
+    sd: Floats = column("parameter", dimension="parameter", array="estimate_sd")
+    lower95: Floats = column(
+        "parameter",
+        name="ci95",
+        part=("bound", "lower"),
+        dimension="parameter",
+        array="estimate_lower95",
     )
-    upper95: Floats = field(
-        metadata=column(
-            "parameter",
-            name="ci95",
-            part=("bound", "upper"),
-            dimension="parameter",
-            array="estimate_upper95",
-        )
+    upper95: Floats = column(
+        "parameter",
+        name="ci95",
+        part=("bound", "upper"),
+        dimension="parameter",
+        array="estimate_upper95",
     )
-    units: tuple[str, ...] = field(
-        metadata=column(
-            "parameter",
-            name="display_unit",
-            title="unit",
-            dimension="parameter",
-            hidden=("xarray", "diff"),
-        )
+    units: tuple[str, ...] = column(
+        "parameter",
+        name="display_unit",
+        title="unit",
+        dimension="parameter",
+        hidden=("xarray", "diff"),
     )
-    start: Floats = field(metadata=column("parameter", dimension="parameter", hidden=GIVEN))
-    lower: Floats = field(
-        metadata=column("parameter", dimension="parameter", hidden=GIVEN, array="lower_bound")
+    start: Floats = column("parameter", dimension="parameter", hidden=GIVEN)
+    lower: Floats = column("parameter", dimension="parameter", hidden=GIVEN, array="lower_bound")
+    upper: Floats = column("parameter", dimension="parameter", hidden=GIVEN, array="upper_bound")
+    at_bound: Bools = column("parameter")
+    determined: Bools = column("parameter")
+    priors: tuple[Prior | None, ...] = column("parameter", prefix="prior_")
+    dimensions: tuple[str, ...] = column("parameter", name="dimension", hidden=VIEWS)
+    covariance: Floats = column("parameter", "other")
+    correlation: Floats = column("parameter", "other", sheet="{other}")
+    fields: tuple[str, ...] = column(
+        "parameter", default=(), name="field", optional=True, hidden=VIEWS
     )
-    upper: Floats = field(
-        metadata=column("parameter", dimension="parameter", hidden=GIVEN, array="upper_bound")
-    )
-    at_bound: Bools = field(metadata=column("parameter"))
-    determined: Bools = field(metadata=column("parameter"))
-    priors: tuple[Prior | None, ...] = field(metadata=column("parameter", prefix="prior_"))
-    dimensions: tuple[str, ...] = field(
-        metadata=column("parameter", name="dimension", hidden=VIEWS)
-    )
-    covariance: Floats = field(metadata=column("parameter", "other"))
-    correlation: Floats = field(metadata=column("parameter", "other", sheet="{other}"))
-    fields: tuple[str, ...] = field(
-        default=(), metadata=column("parameter", name="field", optional=True, hidden=VIEWS)
-    )
-    descriptions: tuple[str, ...] = field(
-        default=(),
-        metadata=column("parameter", name="description", optional=True, hidden=("xarray", "diff")),
+    descriptions: tuple[str, ...] = column(
+        "parameter", default=(), name="description", optional=True, hidden=("xarray", "diff")
     )
 
     @property
@@ -194,8 +178,7 @@ class ParameterTable:
         return select(self, PARAMETERS, order)
 
 
-@dataclass(frozen=True)
-class GaugeTable:
+class GaugeTable(Record):
     """The channels of the gauges: what was read of them, and what the model says at all stages.
 
     The wide tables (n_channels, n_stages) are views of the readings: of several readings of a
@@ -218,24 +201,22 @@ class GaugeTable:
         times: when the stages and their moments are; None where no stage lasts.
     """
 
-    channels: tuple[str, ...] = field(metadata=column("gauge", name="gauge"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    computed: Floats = field(metadata=column("gauge", "stage", dimension="gauge"))
-    first: Floats = field(
-        metadata=column("gauge", "axis", name="points", part=("end", "first"), dimension="length")
+    channels: tuple[str, ...] = column("gauge", name="gauge")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    computed: Floats = column("gauge", "stage", dimension="gauge")
+    first: Floats = column(
+        "gauge", "axis", name="points", part=("end", "first"), dimension="length"
     )
-    second: Floats = field(
-        metadata=column("gauge", "axis", name="points", part=("end", "second"), dimension="length")
+    second: Floats = column(
+        "gauge", "axis", name="points", part=("end", "second"), dimension="length"
     )
-    readings: ReadingTable = field(metadata=column(group="readings"))
-    gauges: tuple[str, ...] = field(metadata=column("gauge", name="instrument"))
-    dimensions: tuple[str, ...] = field(metadata=column("gauge", name="dimension"))
-    units: tuple[str, ...] = field(metadata=column("gauge", name="display_unit"))
-    accuracy: Floats = field(metadata=column("gauge", dimension="gauge"))
-    errors: tuple[ErrorParts | None, ...] = field(
-        default=(), metadata=column("gauge", optional=True)
-    )
-    times: StageTimes | None = field(default=None, metadata=column(group="times", optional=True))
+    readings: ReadingTable = column(group="readings")
+    gauges: tuple[str, ...] = column("gauge", name="instrument")
+    dimensions: tuple[str, ...] = column("gauge", name="dimension")
+    units: tuple[str, ...] = column("gauge", name="display_unit")
+    accuracy: Floats = column("gauge", dimension="gauge")
+    errors: tuple[ErrorParts | None, ...] = column("gauge", default=(), optional=True)
+    times: StageTimes | None = column(default=None, group="times", optional=True)
 
     @property
     def ends(self) -> Bools:
@@ -463,8 +444,7 @@ def _combined(values: Floats, sd: Floats, own: Floats) -> tuple[float, float]:
     return mean, math.sqrt(alone**2 + shared)
 
 
-@dataclass(frozen=True)
-class AccuracyTable:
+class AccuracyTable(Record):
     """Accuracies that were estimated from the residuals, one entry of every column each.
 
     Args:
@@ -483,27 +463,21 @@ class AccuracyTable:
         flat: (K,) logarithms of their weights before any reading.
     """
 
-    names: tuple[str, ...] = field(metadata=column("component", name="component"))
-    values: Floats = field(metadata=column("component"))
-    lower95: Floats = field(metadata=column("component"))
-    upper95: Floats = field(metadata=column("component"))
-    parts: tuple[str, ...] = field(metadata=column("component"))
-    dimensions: tuple[str, ...] = field(metadata=column("component"))
-    units: tuple[str, ...] = field(metadata=column("component"))
-    of_reading: Ints = field(
-        default_factory=lambda: np.zeros(0, dtype=np.int64),
-        metadata=column("reading", optional=True),
+    names: tuple[str, ...] = column("component", name="component")
+    values: Floats = column("component")
+    lower95: Floats = column("component")
+    upper95: Floats = column("component")
+    parts: tuple[str, ...] = column("component")
+    dimensions: tuple[str, ...] = column("component")
+    units: tuple[str, ...] = column("component")
+    of_reading: Ints = column(
+        "reading", default_factory=lambda: np.zeros(0, dtype=np.int64), optional=True
     )
-    points: Floats = field(
-        default_factory=lambda: np.zeros((0, 0)),
-        metadata=column("point", "component", optional=True),
+    points: Floats = column(
+        "point", "component", default_factory=lambda: np.zeros((0, 0)), optional=True
     )
-    odds: Floats = field(
-        default_factory=lambda: np.zeros(0), metadata=column("point", optional=True)
-    )
-    flat: Floats = field(
-        default_factory=lambda: np.zeros(0), metadata=column("point", optional=True)
-    )
+    odds: Floats = column("point", default_factory=lambda: np.zeros(0), optional=True)
+    flat: Floats = column("point", default_factory=lambda: np.zeros(0), optional=True)
 
     @property
     def determined(self) -> Bools:
@@ -511,8 +485,7 @@ class AccuracyTable:
         return np.asarray(np.isfinite(self.upper95), dtype=np.bool_)
 
 
-@dataclass(frozen=True)
-class Diagnostics:
+class Diagnostics(Record):
     """The influence of each reading; NaN where it was not used.
 
     The arrays have an entry for each of the k readings, or in the wide view (see `wide`) one for
@@ -537,15 +510,15 @@ class Diagnostics:
     """
 
     loss: str
-    squares: float = field(metadata=column(name="weighted_squares"))
+    squares: float = column(name="weighted_squares")
     scale: float
-    standardized: Floats = field(metadata=column("reading", group="readings"))
-    studentized: Floats = field(metadata=column("reading", group="readings"))
-    weight: Floats = field(metadata=column("reading", group="readings"))
-    leverage: Floats = field(metadata=column("reading", group="readings"))
-    distance: Floats = field(metadata=column("reading", group="readings"))
-    influence: Floats = field(
-        metadata=column("reading", "parameter", group="readings", sheet="influence_{parameter}")
+    standardized: Floats = column("reading", group="readings")
+    studentized: Floats = column("reading", group="readings")
+    weight: Floats = column("reading", group="readings")
+    leverage: Floats = column("reading", group="readings")
+    distance: Floats = column("reading", group="readings")
+    influence: Floats = column(
+        "reading", "parameter", group="readings", sheet="influence_{parameter}"
     )
     misfit: float = np.nan
     above: float = 1.0
@@ -583,8 +556,7 @@ def _left(weight: Floats, sd: Floats) -> float:
     return float(weight[0] if len(weight) == 1 else np.average(weight, weights=1.0 / sd**2))
 
 
-@dataclass(frozen=True)
-class Iteration:
+class Iteration(Record):
     """One step of an identifier.
 
     Args:
@@ -598,11 +570,11 @@ class Iteration:
     """
 
     method: str
-    number: int = field(metadata=column(title="iteration"))
+    number: int = column(title="iteration")
     objective: float
-    values: Floats = field(metadata=column("parameter", dimension="parameter", sheet="{parameter}"))
+    values: Floats = column("parameter", dimension="parameter", sheet="{parameter}")
     step: float
-    counts: Counts = field(metadata=column())
+    counts: Counts = column()
     note: str = ""
 
 
@@ -677,8 +649,7 @@ class FieldSeries:
         return replace(self, **arrays)
 
 
-@dataclass(frozen=True)
-class SupportReactions:
+class SupportReactions(Record):
     """Resultants of what supports exert on the ground.
 
     Args:
@@ -688,18 +659,16 @@ class SupportReactions:
             strain, of the whole circumference about an axis. NaN where a support does not hold.
     """
 
-    supports: tuple[str, ...] = field(metadata=column("support", name="support"))
-    states: tuple[str, ...] = field(metadata=column("state", name="state", title="stage"))
-    force: Floats = field(
-        metadata=column(
-            "support",
-            "state",
-            "axis",
-            dimension="force",
-            unit="N, or N/m in plane strain",
-            sheet="R_{axis}",
-            shown="kN",
-        )
+    supports: tuple[str, ...] = column("support", name="support")
+    states: tuple[str, ...] = column("state", name="state", title="stage")
+    force: Floats = column(
+        "support",
+        "state",
+        "axis",
+        dimension="force",
+        unit="N, or N/m in plane strain",
+        sheet="R_{axis}",
+        shown="kN",
     )
 
     @property
@@ -709,8 +678,7 @@ class SupportReactions:
         return places
 
 
-@dataclass(frozen=True)
-class MemberForces:
+class MemberForces(Record):
     """Forces in beams and bars, NaN while a structure does not stand.
 
     Args:
@@ -734,69 +702,43 @@ class MemberForces:
             bar, dN/ds from head to toe; NaN where there is none; None without any grout.
     """
 
-    structures: tuple[str, ...] = field(metadata=column("member", name="structure"))
-    numbers: Ints = field(metadata=column("member", name="number"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    ends: Floats = field(
-        metadata=column(
-            "member",
-            "end",
-            "axis",
-            name="points",
-            title="ends",
-            sheet="{axis}_{end}",
-            dimension="length",
-            shown="m",
-        )
+    structures: tuple[str, ...] = column("member", name="structure")
+    numbers: Ints = column("member", name="number")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    ends: Floats = column(
+        "member",
+        "end",
+        "axis",
+        name="points",
+        title="ends",
+        sheet="{axis}_{end}",
+        dimension="length",
+        shown="m",
     )
-    axial: Floats = field(
-        metadata=column(
-            "member",
-            "stage",
-            name="N",
-            dimension="force",
-            unit="N, or N/m where per_metre",
-            shown="kN",
-        )
+    axial: Floats = column(
+        "member", "stage", name="N", dimension="force", unit="N, or N/m where per_metre", shown="kN"
     )
-    moment: Floats = field(
-        metadata=column(
-            "member",
-            "end",
-            "stage",
-            name="M",
-            sheet="M_{end}",
-            dimension="moment",
-            unit="N m/m",
-            shown="kNm",
-        )
+    moment: Floats = column(
+        "member",
+        "end",
+        "stage",
+        name="M",
+        sheet="M_{end}",
+        dimension="moment",
+        unit="N m/m",
+        shown="kNm",
     )
-    shear: Floats = field(
-        metadata=column("member", "stage", name="Q", dimension="force", unit="N/m", shown="kN")
+    shear: Floats = column("member", "stage", name="Q", dimension="force", unit="N/m", shown="kN")
+    per_metre: Bools = column("member", hidden=("csv",))
+    hoop: Floats = column(
+        "member", "stage", name="N_hoop", dimension="force", unit="N/m", shown="kN", optional=True
     )
-    per_metre: Bools = field(metadata=column("member", hidden=("csv",)))
-    hoop: Floats = field(
-        metadata=column(
-            "member",
-            "stage",
-            name="N_hoop",
-            dimension="force",
-            unit="N/m",
-            shown="kN",
-            optional=True,
-        )
+    prestress: Floats = column(
+        "member", "stage", sheet="stressed_to", dimension="force", shown="kN", optional=True
     )
-    prestress: Floats = field(
-        metadata=column(
-            "member", "stage", sheet="stressed_to", dimension="force", shown="kN", optional=True
-        )
-    )
-    utilisation: Floats | None = field(
-        default=None, metadata=column("member", "stage", unit="1", optional=True)
-    )
-    grout: Floats | None = field(
-        default=None,
-        metadata=column("member", "stage", dimension="line load", shown="kN/m", optional=True),
+    utilisation: Floats | None = column("member", "stage", default=None, unit="1", optional=True)
+    grout: Floats | None = column(
+        "member", "stage", default=None, dimension="line load", shown="kN/m", optional=True
     )
 
     @property
@@ -818,8 +760,7 @@ def fingerprint(identity: str, status: str, objective: float) -> str:
     return hashlib.sha256(f"{identity} {status} {float(objective)!r}".encode()).hexdigest()
 
 
-@dataclass(frozen=True)
-class Provenance:
+class Provenance(Record):
     """Where a result comes from.
 
     Args:
@@ -838,7 +779,7 @@ class Provenance:
     """
 
     command: str
-    versions: Mapping[str, str] = field(metadata=column())
+    versions: Mapping[str, str] = column()
     seed: int
     case_file: str
     case_sha256: str
@@ -846,14 +787,13 @@ class Provenance:
     readings_sha256: str
     identity: str
     created: str
-    seconds: float = field(default=math.nan, metadata=column(optional=True))
-    stamp: str = field(default="", metadata=column(optional=True))
-    fit_file: str = field(default="", metadata=column(optional=True))
-    fit_fingerprint: str = field(default="", metadata=column(optional=True))
+    seconds: float = column(default=math.nan, optional=True)
+    stamp: str = column(default="", optional=True)
+    fit_file: str = column(default="", optional=True)
+    fit_fingerprint: str = column(default="", optional=True)
 
 
-@dataclass(frozen=True)
-class Result:
+class Result(Record):
     """All that a command such as ``geoident fit``, ``predict`` or ``scan`` found.
 
     Args:
@@ -913,124 +853,75 @@ class Result:
     method: str
     reason: str
     objective: float
-    findings: tuple[Finding, ...] = field(
-        metadata=column("finding", group="findings", optional=True)
-    )
-    case_text: str = field(metadata=column(group="case", name="verbatim", dataset=True))
-    case_resolved: str = field(metadata=column(group="case", name="resolved", dataset=True))
-    provenance: Provenance = field(metadata=column())
-    parameters: ParameterTable = field(metadata=column(group="parameters"))
-    gauges: GaugeTable = field(metadata=column(group="gauges"))
-    counts: Counts = field(metadata=column())
-    sensitivity: Floats | None = field(
+    findings: tuple[Finding, ...] = column("finding", group="findings", optional=True)
+    case_text: str = column(group="case", name="verbatim", dataset=True)
+    case_resolved: str = column(group="case", name="resolved", dataset=True)
+    provenance: Provenance = column()
+    parameters: ParameterTable = column(group="parameters")
+    gauges: GaugeTable = column(group="gauges")
+    counts: Counts = column()
+    sensitivity: Floats | None = column(
+        "gauge",
+        "stage",
+        "parameter",
         default=None,
-        metadata=column(
-            "gauge",
-            "stage",
-            "parameter",
-            group="sensitivity",
-            optional=True,
-            dimension="gauge",
-            unit="{} per SI unit of the parameter",
-        ),
+        group="sensitivity",
+        optional=True,
+        dimension="gauge",
+        unit="{} per SI unit of the parameter",
     )
-    prediction: Prediction | None = field(
-        default=None, metadata=column(group="prediction", optional=True)
-    )
-    history: tuple[Iteration, ...] = field(
-        default=(), metadata=column("iteration", group="history")
-    )
+    prediction: Prediction | None = column(default=None, group="prediction", optional=True)
+    history: tuple[Iteration, ...] = column("iteration", default=(), group="history")
     grid: Grid | None = None
     fields: FieldSeries | None = None
-    singular_values: Floats | None = field(
-        default=None, metadata=column("direction", group="parameters", optional=True)
+    singular_values: Floats | None = column(
+        "direction", default=None, group="parameters", optional=True
     )
-    notes: tuple[str, ...] = field(default=(), metadata=column(optional=True))
-    diagnostics: Diagnostics | None = field(
-        default=None, metadata=column(group="diagnostics", optional=True)
-    )
-    members: MemberForces | None = field(
-        default=None, metadata=column(group="structures", optional=True)
-    )
-    shells: ShellForces | None = field(default=None, metadata=column(group="shells", optional=True))
-    interfaces: InterfaceStates | None = field(
-        default=None, metadata=column(group="interfaces", optional=True)
-    )
-    reactions: SupportReactions | None = field(
-        default=None, metadata=column(group="reactions", optional=True)
-    )
-    yielded: YieldedGround | None = field(
-        default=None, metadata=column(group="yielded", optional=True)
-    )
+    notes: tuple[str, ...] = column(default=(), optional=True)
+    diagnostics: Diagnostics | None = column(default=None, group="diagnostics", optional=True)
+    members: MemberForces | None = column(default=None, group="structures", optional=True)
+    shells: ShellForces | None = column(default=None, group="shells", optional=True)
+    interfaces: InterfaceStates | None = column(default=None, group="interfaces", optional=True)
+    reactions: SupportReactions | None = column(default=None, group="reactions", optional=True)
+    yielded: YieldedGround | None = column(default=None, group="yielded", optional=True)
     mechanism: Mechanism | None = None
-    reaction: GroundReaction | None = field(
-        default=None, metadata=column(group="opening", optional=True)
-    )
-    advance: FaceAdvance | None = field(default=None, metadata=column(group="face", optional=True))
+    reaction: GroundReaction | None = column(default=None, group="opening", optional=True)
+    advance: FaceAdvance | None = column(default=None, group="face", optional=True)
     reduced: KeptReducedModel | None = None
-    certificate: Certificate | None = field(
-        default=None, metadata=column(group="certificate", optional=True)
-    )
-    accuracies: AccuracyTable | None = field(
-        default=None, metadata=column(group="accuracies", optional=True)
-    )
-    model_error: ModelErrorTable | None = field(
-        default=None, metadata=column(group="model_error", optional=True)
-    )
+    certificate: Certificate | None = column(default=None, group="certificate", optional=True)
+    accuracies: AccuracyTable | None = column(default=None, group="accuracies", optional=True)
+    model_error: ModelErrorTable | None = column(default=None, group="model_error", optional=True)
     posterior: PosteriorDraws | None = None
-    rivals: Rivals | None = field(default=None, metadata=column(group="rivals", optional=True))
-    evidence: Evidence | None = field(
-        default=None, metadata=column(group="evidence", optional=True)
-    )
-    comparison: ModelComparison | None = field(
-        default=None, metadata=column(group="models", optional=True)
-    )
-    backtest: Backtest | None = field(
-        default=None, metadata=column(group="backtest", optional=True)
-    )
+    rivals: Rivals | None = column(default=None, group="rivals", optional=True)
+    evidence: Evidence | None = column(default=None, group="evidence", optional=True)
+    comparison: ModelComparison | None = column(default=None, group="models", optional=True)
+    backtest: Backtest | None = column(default=None, group="backtest", optional=True)
     varied: tuple[FieldEstimate, ...] = ()
-    surface: SurfaceTable | None = field(
-        default=None, metadata=column(group="surface", optional=True)
+    surface: SurfaceTable | None = column(default=None, group="surface", optional=True)
+    left_out: LeftOutTable | None = column(default=None, group="left_out", optional=True)
+    seasonal: SeasonalFit | None = column(default=None, group="seasonal", optional=True)
+    judged: Judged | None = column(default=None, group="judged", optional=True)
+    changes: tuple[ChangeRow, ...] = column("change", default=(), group="changes", optional=True)
+    parameter_changes: tuple[ParameterChangeRow, ...] = column(
+        "parameter_change", default=(), group="parameter_changes", optional=True
     )
-    left_out: LeftOutTable | None = field(
-        default=None, metadata=column(group="left_out", optional=True)
+    power: tuple[PowerRow, ...] = column("planned_change", default=(), group="power", optional=True)
+    alarms: tuple[AlarmState, ...] = column("alarm", default=(), group="alarms", optional=True)
+    decisions: tuple[DecisionState, ...] = column(
+        "decision", default=(), group="decisions", optional=True
     )
-    seasonal: SeasonalFit | None = field(
-        default=None, metadata=column(group="seasonal", optional=True)
+    telling: tuple[TellingReading, ...] = column(
+        "telling", default=(), group="telling_readings", optional=True
     )
-    judged: Judged | None = field(default=None, metadata=column(group="judged", optional=True))
-    changes: tuple[ChangeRow, ...] = field(
-        default=(), metadata=column("change", group="changes", optional=True)
+    safety: tuple[StageSafety, ...] = column("safety", default=(), group="safety", optional=True)
+    convergence: tuple[ConvergenceState, ...] = column(
+        "law_gauge", default=(), group="convergence", optional=True
     )
-    parameter_changes: tuple[ParameterChangeRow, ...] = field(
-        default=(),
-        metadata=column("parameter_change", group="parameter_changes", optional=True),
+    settlement: tuple[SettlementState, ...] = column(
+        "law_row", default=(), group="settlement", optional=True
     )
-    power: tuple[PowerRow, ...] = field(
-        default=(), metadata=column("planned_change", group="power", optional=True)
-    )
-    alarms: tuple[AlarmState, ...] = field(
-        default=(), metadata=column("alarm", group="alarms", optional=True)
-    )
-    decisions: tuple[DecisionState, ...] = field(
-        default=(), metadata=column("decision", group="decisions", optional=True)
-    )
-    telling: tuple[TellingReading, ...] = field(
-        default=(), metadata=column("telling", group="telling_readings", optional=True)
-    )
-    safety: tuple[StageSafety, ...] = field(
-        default=(), metadata=column("safety", group="safety", optional=True)
-    )
-    convergence: tuple[ConvergenceState, ...] = field(
-        default=(), metadata=column("law_gauge", group="convergence", optional=True)
-    )
-    settlement: tuple[SettlementState, ...] = field(
-        default=(), metadata=column("law_row", group="settlement", optional=True)
-    )
-    plan: GaugePlan | None = field(default=None, metadata=column(group="plan", optional=True))
-    updates: UpdateHistory | None = field(
-        default=None, metadata=column(group="updates", optional=True)
-    )
+    plan: GaugePlan | None = column(default=None, group="plan", optional=True)
+    updates: UpdateHistory | None = column(default=None, group="updates", optional=True)
 
     @property
     def fingerprint(self) -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import exp
 
 from geoident.model.arrays import Floats
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class Rivals:
+class Rivals(Record):
     """The minima that a fit came to and that are not far above the lowest: k of them, that first.
 
     Taken as normal distributions with these means, covariances and odds they are the posterior, as
@@ -24,18 +23,12 @@ class Rivals:
         covariance: (k, n, n) of the parameters around each, SI; wide where nothing determines them.
     """
 
-    values: Floats = field(
-        metadata=column(
-            "minimum",
-            "parameter",
-            name="value",
-            dimension="parameter",
-            unit="SI unit of the parameter",
-        )
+    values: Floats = column(
+        "minimum", "parameter", name="value", dimension="parameter", unit="SI unit of the parameter"
     )
-    objectives: Floats = field(metadata=column("minimum", name="objective"))
-    odds: Floats = field(metadata=column("minimum"))
-    covariance: Floats = field(metadata=column("minimum", "parameter", "other"))
+    objectives: Floats = column("minimum", name="objective")
+    odds: Floats = column("minimum")
+    covariance: Floats = column("minimum", "parameter", "other")
 
     def __len__(self) -> int:
         return len(self.objectives)
@@ -70,8 +63,7 @@ class Evidence:
         return self.log_evidence - self.log_likelihood
 
 
-@dataclass(frozen=True)
-class ModelScore:
+class ModelScore(Record):
     """What speaks for and against one of several models.
 
     Args:
@@ -88,7 +80,7 @@ class ModelScore:
         modes: coefficients of fields, which are unknowns beside the parameters.
     """
 
-    name: str = field(metadata=column(name="model", title="name"))
+    name: str = column(name="model", title="name")
     path: str
     parameters: int
     status: str
@@ -100,8 +92,7 @@ class ModelScore:
     modes: int = 0
 
 
-@dataclass(frozen=True)
-class ModelComparison:
+class ModelComparison(Record):
     """Several models of the same readings, from the simplest on.
 
     Args:
@@ -112,11 +103,11 @@ class ModelComparison:
         sentences: what the readings support, in words.
     """
 
-    models: tuple[ModelScore, ...] = field(metadata=column("model"))
+    models: tuple[ModelScore, ...] = column("model")
     chosen: int
     decided: bool
     readings: int
-    sentences: tuple[str, ...] = field(metadata=column("sentence", name="sentence"))
+    sentences: tuple[str, ...] = column("sentence", name="sentence")
 
     @property
     def probabilities(self) -> tuple[float, ...]:

@@ -3,76 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.columns import VIEWS, column
-from geoident.model.results.yielded import Mechanism
+from geoident.model.results.columns import VIEWS, Record, column
 
 FELT = 0.1
 """Part of the largest influence of a parameter from which on another one counts."""
 
 
-@dataclass(frozen=True)
-class SafetyFactor:
-    """By what the strength of the ground may be divided at the end of a stage.
+class StageSafety(Record):
+    """By what the strength of the ground may be divided at the end of a stage, and its band.
+
+    Without a fit there is no band: NaN and nothing.
 
     Args:
         stage: name of the stage.
-        lower: largest factor with which an equilibrium was found.
-        upper: smallest factor with which none was found; infinite where there was one with all.
-        proven: whether there is none at ``upper``: the ground collapses. Else none was found.
-        associated: whether the flow of all that yields is associated.
-        kept: what yields and keeps its strength: materials of planes without c and phi, structures.
-        unyielding: materials, structures and interfaces that never yield.
-        mechanism: how the ground moves at ``upper``; None where nothing is known.
-        place: where it shears most, a clause; empty where nothing is known.
-        factors: (k,) with which an equilibrium was found, ascending, from that at which the search
-            began.
-        moved: (k,) largest displacement since then, m.
-        solved: equilibria that were looked for.
-    """
-
-    stage: str
-    lower: float
-    upper: float
-    proven: bool
-    associated: bool
-    kept: tuple[str, ...]
-    unyielding: tuple[str, ...]
-    mechanism: Mechanism | None
-    place: str
-    factors: Floats
-    moved: Floats
-    solved: int
-
-    @property
-    def value(self) -> float:
-        """The factor: the middle of its bracket, or the largest that was tried."""
-        return float(np.sqrt(self.lower * self.upper)) if self.bounded else self.lower
-
-    @property
-    def bounded(self) -> bool:
-        """Whether the ground fails with some factor that was tried."""
-        return bool(np.isfinite(self.upper))
-
-
-@dataclass(frozen=True)
-class StageSafety:
-    """What is known of the factor of safety of a stage; NaN and nothing where there is no fit.
-
-    Args:
-        stage: name of the stage.
-        value: the factor at the best values: the middle of its bracket, or the largest tried.
+        value: the factor at given values: the middle of its bracket, or the largest tried.
         lower: largest factor with which an equilibrium was found.
         upper: smallest factor with which none was found; infinite where there was one with all.
         proven: whether there is none at ``upper``: the ground collapses. Else none was found.
         associated: whether the flow of all that yields is associated.
         kept: what yields and keeps its strength, separated by commas.
         unyielding: materials, structures and interfaces that never yield, likewise.
-        place: where it moves as it fails, a clause; empty where nothing is known.
+        place: where it shears most as it fails, a clause; empty where nothing is known.
         tried: (k,) factors with which an equilibrium was found, ascending.
         moved: (k,) largest displacement since the first of them, m.
         lower95: lower end of the 95 % interval by the fit.
@@ -94,7 +50,7 @@ class StageSafety:
     """
 
     stage: str
-    value: float = field(metadata=column(name="factor"))
+    value: float = column(name="factor")
     lower: float
     upper: float
     proven: bool
@@ -102,52 +58,36 @@ class StageSafety:
     kept: str
     unyielding: str
     place: str
-    tried: Floats = field(metadata=column("trial", hidden=VIEWS))
-    moved: Floats = field(metadata=column("trial", dimension="length", hidden=VIEWS))
+    tried: Floats = column("trial", hidden=VIEWS)
+    moved: Floats = column("trial", dimension="length", hidden=VIEWS)
     lower95: float = np.nan
     median: float = np.nan
     upper95: float = np.nan
     below_one: float = np.nan
     below_one_sd: float = np.nan
-    counted: int = field(default=0, metadata=column(name="draws_below_one"))
+    counted: int = column(default=0, name="draws_below_one")
     surface: str = ""
-    left: float = field(default=np.nan, metadata=column(name="surface_error"))
+    left: float = column(default=np.nan, name="surface_error")
     undetermined: str = ""
-    influence: Floats = field(
-        default_factory=lambda: np.zeros(0),
-        metadata=column("parameter", sheet="influence_{parameter}"),
+    influence: Floats = column(
+        "parameter", default_factory=lambda: np.zeros(0), sheet="influence_{parameter}"
     )
-    factors: Floats = field(
-        default_factory=lambda: np.zeros(0),
-        metadata=column("safety_draw", name="factor_at_draw", hidden=VIEWS),
+    factors: Floats = column(
+        "safety_draw", default_factory=lambda: np.zeros(0), name="factor_at_draw", hidden=VIEWS
     )
-    bounded: Ints = field(
+    bounded: Ints = column(
+        "safety_draw",
         default_factory=lambda: np.zeros(0, dtype=np.int64),
-        metadata=column("safety_draw", name="bounded_at_draw", hidden=VIEWS),
+        name="bounded_at_draw",
+        hidden=VIEWS,
     )
-    draws: Floats = field(
+    draws: Floats = column(
+        "safety_draw",
+        "parameter",
         default_factory=lambda: np.zeros((0, 0)),
-        metadata=column("safety_draw", "parameter", name="draw", hidden=VIEWS),
+        name="draw",
+        hidden=VIEWS,
     )
-
-    @classmethod
-    def of(cls, best: SafetyFactor, n: int) -> StageSafety:
-        """What is known without a fit, of a case with n parameters."""
-        return cls(
-            best.stage,
-            best.value,
-            best.lower,
-            best.upper,
-            best.proven,
-            best.associated,
-            ", ".join(best.kept),
-            ", ".join(best.unyielding),
-            best.place,
-            best.factors,
-            best.moved,
-            influence=np.full(n, np.nan),
-            draws=np.zeros((0, n)),
-        )
 
     @property
     def fails(self) -> bool:

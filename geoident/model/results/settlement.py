@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from geoident.model.results.columns import ROW, Record, column
 
-from geoident.model.results.columns import ROW, column
-
-_LIKE_ROW = column(dimension=ROW, unit="SI unit of the dimension")
+_LIKE_ROW = {"dimension": ROW, "unit": "SI unit of the dimension"}
 
 
-@dataclass(frozen=True)
-class SettlementState:
+class SettlementState(Record):
     """One quantity of one channel, SI; ends of intervals are infinite where not determined.
 
     Args:
@@ -33,11 +30,11 @@ class SettlementState:
     gauge: str
     quantity: str
     at: str
-    value: float = field(metadata=_LIKE_ROW)
-    lower95: float = field(metadata=_LIKE_ROW)
-    upper95: float = field(metadata=_LIKE_ROW)
+    value: float = column(like=_LIKE_ROW)
+    lower95: float = column(like=_LIKE_ROW)
+    upper95: float = column(like=_LIKE_ROW)
     date: str
     date_lower95: str
     date_upper95: str
-    unit: str = field(metadata=column(dimension=ROW, name="display_unit", title="unit"))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW, name="display_unit", title="unit")
+    dimension: str = column(hidden=("csv", "json"))

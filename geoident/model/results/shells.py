@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.columns import VIEWS, column, derived
+from geoident.model.results.columns import VIEWS, Record, column, derived
 
 _N = {"dimension": "line load", "unit": "N/m", "shown": "kN/m"}
 _M = {"dimension": "moment per length", "unit": "N m/m", "shown": "kNm/m"}
@@ -18,8 +16,7 @@ SECTIONS = ("along axis 1", "along axis 2", "in the worst direction")
 """Directions of N in the sections of a shell that are held against its strength."""
 
 
-@dataclass(frozen=True)
-class ShellForces:
+class ShellForces(Record):
     """Forces in shells, means over the faces of the mesh; NaN while a shell does not stand.
 
     Args:
@@ -40,33 +37,26 @@ class ShellForces:
         used_angle: (n_faces, n_stages) that direction: angle from axis 1 towards axis 2, rad.
     """
 
-    structures: tuple[str, ...] = field(metadata=column("face", name="structure"))
-    numbers: Ints = field(metadata=column("face", name="number"))
-    stages: tuple[str, ...] = field(metadata=column("stage", name="stage"))
-    centres: Floats = field(
-        metadata=column(
-            "face", "axis", name="points", title="centre", sheet="{axis}",
-            dimension="length", shown="m",
-        )
-    )  # fmt: skip
-    corners: Floats = field(metadata=column("face", "corner", "axis", hidden=VIEWS))
-    axes: Floats = field(metadata=column("face", "shell_axis", "axis", name="axes", hidden=VIEWS))
-    normal: Floats = field(
-        metadata=column("face", "shell_part", "stage", name="n", sheet="n_{shell_part}", **_N)
+    structures: tuple[str, ...] = column("face", name="structure")
+    numbers: Ints = column("face", name="number")
+    stages: tuple[str, ...] = column("stage", name="stage")
+    centres: Floats = column(
+        "face", "axis", name="points", title="centre", sheet="{axis}", dimension="length", shown="m"
     )
-    moment: Floats = field(
-        metadata=column("face", "shell_part", "stage", name="m", sheet="m_{shell_part}", **_M)
+    corners: Floats = column("face", "corner", "axis", hidden=VIEWS)
+    axes: Floats = column("face", "shell_axis", "axis", name="axes", hidden=VIEWS)
+    normal: Floats = column(
+        "face", "shell_part", "stage", name="n", sheet="n_{shell_part}", like=_N
+    )
+    moment: Floats = column(
+        "face", "shell_part", "stage", name="m", sheet="m_{shell_part}", like=_M
     )
 
-    utilisation: Floats | None = field(
-        default=None,
-        metadata=column(
-            "face", "section", "stage", sheet="used_{section}", unit="1", optional=True
-        ),
+    utilisation: Floats | None = column(
+        "face", "section", "stage", default=None, sheet="used_{section}", unit="1", optional=True
     )
-    used_angle: Floats | None = field(
-        default=None,
-        metadata=column("face", "stage", dimension="angle", shown="deg", optional=True),
+    used_angle: Floats | None = column(
+        "face", "stage", default=None, dimension="angle", shown="deg", optional=True
     )
 
     @property

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Floats
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class SurfaceTable:
+class SurfaceTable(Record):
     """The surface of each of m readings of a table of runs.
 
     Args:
@@ -31,18 +28,16 @@ class SurfaceTable:
 
     file: str
     runs: int
-    channels: tuple[str, ...] = field(metadata=column("column", name="gauge"))
-    stages: tuple[str, ...] = field(metadata=column("column", name="stage"))
-    words: tuple[str, ...] = field(metadata=column("column", name="kind", title="surface"))
-    left_out: Floats = field(metadata=column("column"))
-    own: Floats = field(metadata=column("column"))
-    accuracy: Floats = field(metadata=column("column", hidden=("json",)))
-    lower: Floats = field(metadata=column("column"))
-    upper: Floats = field(metadata=column("column"))
-    units: tuple[str, ...] = field(metadata=column("column", name="display_unit", hidden=("json",)))
-    dimensions: tuple[str, ...] = field(
-        metadata=column("column", name="dimension", hidden=("json",))
-    )
+    channels: tuple[str, ...] = column("column", name="gauge")
+    stages: tuple[str, ...] = column("column", name="stage")
+    words: tuple[str, ...] = column("column", name="kind", title="surface")
+    left_out: Floats = column("column")
+    own: Floats = column("column")
+    accuracy: Floats = column("column", hidden=("json",))
+    lower: Floats = column("column")
+    upper: Floats = column("column")
+    units: tuple[str, ...] = column("column", name="display_unit", hidden=("json",))
+    dimensions: tuple[str, ...] = column("column", name="dimension", hidden=("json",))
 
     def __len__(self) -> int:
         return len(self.channels)

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import VIRGIN, Case
 from geoident.model.gauges import DAY
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 _APART = 1e-6
 """Part of the whole time by which states that follow at once are apart in a series of pictures."""
 
 
-@dataclass(frozen=True)
-class StageTimes:
+class StageTimes(Record):
     """When the stages of a result end, and the moments of those that last are.
 
     Args:
@@ -27,10 +25,10 @@ class StageTimes:
         since: (n_stages,) time since its stage began, s; NaN for stages that do not last.
     """
 
-    whole: tuple[str, ...] = field(metadata=column("stage"))
-    date: Floats = field(metadata=column("stage", unit="s since 1970-01-01"))
-    elapsed: Floats = field(metadata=column("stage", dimension="time"))
-    since: Floats = field(metadata=column("stage", dimension="time"))
+    whole: tuple[str, ...] = column("stage", title="moment_of", array="whole", sheet="moment of")
+    date: Floats = column("stage", unit="s since 1970-01-01", dated=True)
+    elapsed: Floats = column("stage", dimension="time", shown="d", sheet="since the beginning")
+    since: Floats = column("stage", dimension="time", shown="d", sheet="since its stage began")
 
     @classmethod
     def of(cls, case: Case) -> StageTimes | None:

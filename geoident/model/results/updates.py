@@ -5,21 +5,21 @@ One row each; `update` counts from 0, the fit that was there before the first up
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 
 LEAST_CHANCE = 0.005
 """P-value of all new readings, or of a gauge by their number, below which they do not belong.
 
 Chance does so in one of a hundred updates."""
 
-_LIKE_READING = column(dimension=ROW, unit="SI unit of the gauge")
-_LIKE_PARAMETER = column(dimension=ROW, unit="SI unit of the parameter")
-_UNIT = column(dimension=ROW, name="display_unit", title="unit")
-_DIMENSION = column(hidden=("csv", "json"))
+_LIKE_READING = {"dimension": ROW, "unit": "SI unit of the gauge"}
+_LIKE_PARAMETER = {"dimension": ROW, "unit": "SI unit of the parameter"}
+_UNIT = {"dimension": ROW, "name": "display_unit", "title": "unit"}
+_DIMENSION = {"hidden": ("csv", "json")}
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,7 @@ class JudgedGauge:
     p_value: float
 
 
-@dataclass(frozen=True)
-class JudgedReading:
+class JudgedReading(Record):
     """A new reading and what the fit before had predicted of it.
 
     Args:
@@ -98,14 +97,14 @@ class JudgedReading:
     update: int
     channel: str
     stage: str
-    time: float = field(metadata=column(unit="s since 1970-01-01"))
-    value: float = field(metadata=_LIKE_READING)
-    predicted: float = field(metadata=_LIKE_READING)
-    sd: float = field(metadata=_LIKE_READING)
-    lower95: float = field(metadata=_LIKE_READING)
-    upper95: float = field(metadata=_LIKE_READING)
-    unit: str = field(metadata=_UNIT)
-    dimension: str = field(metadata=_DIMENSION)
+    time: float = column(unit="s since 1970-01-01")
+    value: float = column(like=_LIKE_READING)
+    predicted: float = column(like=_LIKE_READING)
+    sd: float = column(like=_LIKE_READING)
+    lower95: float = column(like=_LIKE_READING)
+    upper95: float = column(like=_LIKE_READING)
+    unit: str = column(like=_UNIT)
+    dimension: str = column(like=_DIMENSION)
 
     @property
     def outside(self) -> bool:
@@ -113,8 +112,7 @@ class JudgedReading:
         return not self.lower95 <= self.value <= self.upper95
 
 
-@dataclass(frozen=True)
-class PastParameter:
+class PastParameter(Record):
     """A parameter as one update left it; of a seasonal model the size of an effect on a gauge.
 
     Args:
@@ -132,18 +130,17 @@ class PastParameter:
 
     update: int
     parameter: str
-    value: float = field(metadata=_LIKE_PARAMETER)
-    sd: float = field(metadata=_LIKE_PARAMETER)
-    lower95: float = field(metadata=_LIKE_PARAMETER)
-    upper95: float = field(metadata=_LIKE_PARAMETER)
+    value: float = column(like=_LIKE_PARAMETER)
+    sd: float = column(like=_LIKE_PARAMETER)
+    lower95: float = column(like=_LIKE_PARAMETER)
+    upper95: float = column(like=_LIKE_PARAMETER)
     at_bound: bool
     determined: bool
-    unit: str = field(metadata=_UNIT)
-    dimension: str = field(metadata=_DIMENSION)
+    unit: str = column(like=_UNIT)
+    dimension: str = column(like=_DIMENSION)
 
 
-@dataclass(frozen=True)
-class PastPrediction:
+class PastPrediction(Record):
     """What one update predicted of a channel at a stage.
 
     Args:
@@ -161,16 +158,15 @@ class PastPrediction:
     update: int
     channel: str
     stage: str
-    mean: float = field(metadata=_LIKE_READING)
-    sd: float = field(metadata=_LIKE_READING)
-    lower95: float = field(metadata=_LIKE_READING)
-    upper95: float = field(metadata=_LIKE_READING)
-    unit: str = field(metadata=_UNIT)
-    dimension: str = field(metadata=_DIMENSION)
+    mean: float = column(like=_LIKE_READING)
+    sd: float = column(like=_LIKE_READING)
+    lower95: float = column(like=_LIKE_READING)
+    upper95: float = column(like=_LIKE_READING)
+    unit: str = column(like=_UNIT)
+    dimension: str = column(like=_DIMENSION)
 
 
-@dataclass(frozen=True)
-class UpdateHistory:
+class UpdateHistory(Record):
     """All updates of a fit.
 
     Args:
@@ -181,18 +177,18 @@ class UpdateHistory:
         predictions: after each.
     """
 
-    steps: tuple[UpdateStep, ...] = field(metadata=column("update", group="updates"))
-    gauges: tuple[JudgedGauge, ...] = field(
-        default=(), metadata=column("row", group="update_gauges", optional=True)
+    steps: tuple[UpdateStep, ...] = column("update", group="updates")
+    gauges: tuple[JudgedGauge, ...] = column(
+        "row", default=(), group="update_gauges", optional=True
     )
-    readings: tuple[JudgedReading, ...] = field(
-        default=(), metadata=column("row", group="update_readings", optional=True)
+    readings: tuple[JudgedReading, ...] = column(
+        "row", default=(), group="update_readings", optional=True
     )
-    parameters: tuple[PastParameter, ...] = field(
-        default=(), metadata=column("row", group="update_parameters", optional=True)
+    parameters: tuple[PastParameter, ...] = column(
+        "row", default=(), group="update_parameters", optional=True
     )
-    predictions: tuple[PastPrediction, ...] = field(
-        default=(), metadata=column("row", group="update_predictions", optional=True)
+    predictions: tuple[PastPrediction, ...] = column(
+        "row", default=(), group="update_predictions", optional=True
     )
 
     @property

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class FieldEstimate:
+class FieldEstimate(Record):
     """A field at the elements of its material, one entry of every array each.
 
     Args:
@@ -34,12 +31,12 @@ class FieldEstimate:
     constant: str
     dimension: str
     unit: str
-    elements: Ints = field(metadata=column("element", name="element"))
-    centres: Floats = field(metadata=column("element", "axis", name="centre", dimension="length"))
-    values: Floats = field(metadata=column("element", dimension="field"))
-    sd: Floats = field(metadata=column("element"))
-    prior_sd: Floats = field(metadata=column("element"))
-    reduction: Floats = field(metadata=column("element"))
+    elements: Ints = column("element", name="element")
+    centres: Floats = column("element", "axis", name="centre", dimension="length")
+    values: Floats = column("element", dimension="field")
+    sd: Floats = column("element")
+    prior_sd: Floats = column("element")
+    reduction: Floats = column("element")
     modes: int
     explained: float
     tests: int = 0

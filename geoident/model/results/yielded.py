@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.mesh import Mesh
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 
 
-@dataclass(frozen=True)
-class YieldedGround:
+class YieldedGround(Record):
     """Ground that yields in a state or did in those that it builds on, as far as it is there.
 
     Places are those of strain points, so distances are known to about half an element.
@@ -31,21 +28,13 @@ class YieldedGround:
         unit: of the volume, ``m2`` or ``m3``.
     """
 
-    states: tuple[str, ...] = field(metadata=column("state", name="state", title="stage"))
-    volume: Floats = field(metadata=column("state", unit="m3, or m2 in plane strain", shown="m3"))
-    share: Floats = field(metadata=column("state", unit="1"))
-    reach: Floats = field(
-        metadata=column("state", title="from_excavation", dimension="length", shown="m")
-    )
-    radius: Floats = field(
-        metadata=column("state", title="from_centre", dimension="length", shown="m")
-    )
-    lower: Floats = field(
-        metadata=column("state", "axis", sheet="{axis}_min", dimension="length", shown="m")
-    )
-    upper: Floats = field(
-        metadata=column("state", "axis", sheet="{axis}_max", dimension="length", shown="m")
-    )
+    states: tuple[str, ...] = column("state", name="state", title="stage")
+    volume: Floats = column("state", unit="m3, or m2 in plane strain", shown="m3")
+    share: Floats = column("state", unit="1")
+    reach: Floats = column("state", title="from_excavation", dimension="length", shown="m")
+    radius: Floats = column("state", title="from_centre", dimension="length", shown="m")
+    lower: Floats = column("state", "axis", sheet="{axis}_min", dimension="length", shown="m")
+    upper: Floats = column("state", "axis", sheet="{axis}_max", dimension="length", shown="m")
     unit: str = "m3"
 
     @property
@@ -55,8 +44,7 @@ class YieldedGround:
         return int(known.argmax()) if known.any() else None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Mechanism:
+class Mechanism(Record, eq=False, repr=False):
     """The velocities with which ground moves under a load that it does not carry.
 
     Args:
@@ -71,11 +59,11 @@ class Mechanism:
 
     stage: str
     state: int
-    fraction: float = field(metadata=column(name="carried"))
+    fraction: float = column(name="carried")
     mesh: Mesh
-    present: Bools = field(metadata=column("element"))
-    velocity: Floats = field(metadata=column("node", "component", unit="1"))
-    shear: Floats = field(metadata=column("element", unit="1"))
+    present: Bools = column("element")
+    velocity: Floats = column("node", "component", unit="1")
+    shear: Floats = column("element", unit="1")
 
     def __repr__(self) -> str:
         carried = f", {100.0 * self.fraction:.3g} % carried" if np.isfinite(self.fraction) else ""

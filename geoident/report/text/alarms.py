@@ -11,8 +11,8 @@ import numpy as np
 from geoident.model.results.alarms import AlarmState
 from geoident.model.results.columns import ROW
 from geoident.model.results.result import Result
-from geoident.report.text.gauges import moment_text, reading_text
-from geoident.report.text.layout import TextTable, sentence
+from geoident.report.text.gauges import reading_text
+from geoident.report.text.layout import TextTable, moment_text, sentence
 from geoident.report.text.rows import objects
 
 NAME = "Alarm values"

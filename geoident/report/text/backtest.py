@@ -6,7 +6,7 @@ A fit of a backtest is called by the last stage whose readings it used ("up to b
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from geoident.model.arrays import Floats
 from geoident.model.gauges import DAY
 from geoident.model.results.backtest import Backtest, BacktestStep, bands_of
 from geoident.model.results.bands import next_read
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.result import Result
 from geoident.report.text.gauges import predicted_texts, reading_text
 from geoident.report.text.layout import (
@@ -210,8 +210,7 @@ def prediction_table(result: Result) -> TextTable:
     return TextTable(header, rows, right="lllrrrrr")
 
 
-@dataclass(frozen=True)
-class Predicted:
+class Predicted(Record):
     """A reading that a fit of a backtest has predicted, SI.
 
     Args:
@@ -235,15 +234,15 @@ class Predicted:
     gauge: str
     stage: str
     next: bool
-    mean: float = field(metadata=column(dimension=ROW, known="determined", sheet="predicted"))
-    sd: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW, known="determined"))
-    upper95: float = field(metadata=column(dimension=ROW, known="determined"))
-    measured: float = field(metadata=column(dimension=ROW))
-    unit: str = field(metadata=column(dimension=ROW))
-    z: float = field(metadata=column(sheet="error_in_sd"))
-    log_density: float = field(metadata=column(hidden=("csv",)))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    mean: float = column(dimension=ROW, known="determined", sheet="predicted")
+    sd: float = column(dimension=ROW)
+    lower95: float = column(dimension=ROW, known="determined")
+    upper95: float = column(dimension=ROW, known="determined")
+    measured: float = column(dimension=ROW)
+    unit: str = column(dimension=ROW)
+    z: float = column(sheet="error_in_sd")
+    log_density: float = column(hidden=("csv",))
+    dimension: str = column(hidden=("csv", "json"))
     place: tuple[int, int]
 
     @property
@@ -274,8 +273,7 @@ def predictions(result: Result) -> list[Predicted]:
     return rows
 
 
-@dataclass(frozen=True)
-class StepParameter:
+class StepParameter(Record):
     """A parameter as a fit of a backtest has found it, SI.
 
     Args:
@@ -295,14 +293,14 @@ class StepParameter:
     up_to: str
     readings: int
     parameter: str
-    value: float = field(metadata=column(dimension=ROW, known="determined"))
-    sd: float = field(metadata=column(dimension=ROW, known="determined"))
-    lower95: float = field(metadata=column(dimension=ROW, known="determined"))
-    upper95: float = field(metadata=column(dimension=ROW, known="determined"))
-    unit: str = field(metadata=column(dimension=ROW))
+    value: float = column(dimension=ROW, known="determined")
+    sd: float = column(dimension=ROW, known="determined")
+    lower95: float = column(dimension=ROW, known="determined")
+    upper95: float = column(dimension=ROW, known="determined")
+    unit: str = column(dimension=ROW)
     status: str
-    determined: bool = field(metadata=column(hidden=("csv",)))
-    dimension: str = field(metadata=column(hidden=("csv",)))
+    determined: bool = column(hidden=("csv",))
+    dimension: str = column(hidden=("csv",))
 
 
 def step_parameters(result: Result) -> list[StepParameter]:

@@ -15,7 +15,6 @@ from geoident.model.moments import time_text
 from geoident.model.results.result import GaugeTable, Result
 from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
 from geoident.report.text.errors import surface
-from geoident.report.text.gauges import moment_text
 from geoident.report.text.inputs.construction import load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries
@@ -24,6 +23,7 @@ from geoident.report.text.layout import (
     TextTable,
     bullets,
     decimals,
+    moment_text,
     number,
     section,
     sections,

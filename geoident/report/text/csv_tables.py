@@ -15,22 +15,16 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from geoident.model.gauges import DAY
 from geoident.model.results.columns import LABELS, ROW
 from geoident.model.results.result import Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import predictions, step_parameters
-from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
-from geoident.report.text.in_service import (
-    judged_readings,
-    listed_changes,
-    listed_parameter_changes,
-    seasonal_sheet,
-)
+from geoident.report.text.gauges import each_reading, predicted_readings
+from geoident.report.text.in_service import judged_readings, seasonal_sheet
 from geoident.report.text.parameters import headers, parameters_sheet
 from geoident.report.text.posterior import draws_sheet, posterior_sheet
 from geoident.report.text.residuals import compared_readings, diagnostics_sheet
-from geoident.report.text.rows import CsvCell, CsvRow, CsvTable, sheet
+from geoident.report.text.rows import CsvCell, CsvRow, CsvTable, beside, sheet
 from geoident.report.text.trough import troughs
 from geoident.units import in_unit, shown_unit
 
@@ -91,16 +85,11 @@ def _is_number(text: str) -> bool:
 
 def _times(result: Result) -> CsvTable:
     """When stages and their moments are: a date, and times in days."""
-    times, stages = result.gauges.times, result.gauges.stages
+    times = result.gauges.times
     if times is None:
         return CsvTable()
-    columns = times.date.tolist(), (times.elapsed / DAY).tolist(), (times.since / DAY).tolist()
-    rows = [
-        (stage, whole, moment_text(date) or "", elapsed, since)
-        for stage, whole, date, elapsed, since in zip(stages, times.whole, *columns, strict=True)
-    ]
-    header = ("stage", "moment of", "date", "since the beginning (d)", "since its stage began (d)")
-    return CsvTable(header, tuple(rows))
+    stages = CsvTable(("stage",), tuple((name,) for name in result.gauges.stages))
+    return beside(stages, sheet(times, "stage"))
 
 
 def _accuracies(result: Result) -> CsvTable:
@@ -289,8 +278,8 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "fields": _fields,
     "seasonal": seasonal_sheet,
     "judged": lambda result: sheet(judged_readings(result), ROW),
-    "changes": lambda result: sheet(listed_changes(result), ROW),
-    "parameter-changes": lambda result: sheet(listed_parameter_changes(result), ROW),
+    "changes": lambda result: sheet(result.changes, ROW),
+    "parameter-changes": lambda result: sheet(result.parameter_changes, ROW),
     "power": lambda result: sheet(result.power, ROW),
     "backtest": lambda result: sheet(predictions(result), ROW),
     "backtest-parameters": lambda result: sheet(step_parameters(result), ROW),

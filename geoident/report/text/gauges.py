@@ -9,17 +9,15 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Channel, Reading
 from geoident.model.results.bands import Prediction
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.result import GaugeTable, Result
-from geoident.report.text.layout import TextTable, decimals, number, with_interval
+from geoident.report.text.layout import TextTable, decimals, moment_text, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
 from geoident.report.text.residuals import (
     as_predicted,
@@ -33,9 +31,6 @@ from geoident.report.text.rows import by_stage
 from geoident.units import in_unit, shown_unit
 
 _FINER = 1e5
-_FARTHEST = 2.5e11
-"""Seconds from 1970 to the year 9892: what is farther is damage, and NaN is no time."""
-
 """Times an accuracy is larger than the last digit of a simulated reading."""
 
 
@@ -324,8 +319,7 @@ def _reading_row(result: Result, i: int, j: int, *, predicted: bool) -> list[str
     ]
 
 
-@dataclass(frozen=True)
-class ListedReading:
+class ListedReading(Record):
     """A reading of the files; SI, NaN where there is none.
 
     Args:
@@ -344,15 +338,15 @@ class ListedReading:
 
     gauge: str
     stage: str
-    time: str | None = field(metadata=column())
-    value: float = field(metadata=column(dimension=ROW))
-    computed: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
-    unit: str = field(metadata=column(dimension=ROW))
+    time: str | None = column()
+    value: float = column(dimension=ROW)
+    computed: float = column(dimension=ROW)
+    sd: float = column(dimension=ROW)
+    unit: str = column(dimension=ROW)
     used: bool
     reason: str
     note: str
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def each_reading(gauges: GaugeTable) -> list[ListedReading]:
@@ -375,8 +369,7 @@ def each_reading(gauges: GaugeTable) -> list[ListedReading]:
     return readings
 
 
-@dataclass(frozen=True)
-class PredictedReading:
+class PredictedReading(Record):
     """A predicted reading; SI, NaN where there is none.
 
     Args:
@@ -394,14 +387,14 @@ class PredictedReading:
 
     gauge: str
     stage: str
-    mean: float = field(metadata=column(dimension=ROW, known="determined", sheet="predicted"))
-    sd: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW))
-    upper95: float = field(metadata=column(dimension=ROW))
-    measured: float = field(metadata=column(dimension=ROW))
-    unit: str = field(metadata=column(dimension=ROW))
-    determined: bool = field(metadata=column(hidden=("csv",)))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    mean: float = column(dimension=ROW, known="determined", sheet="predicted")
+    sd: float = column(dimension=ROW)
+    lower95: float = column(dimension=ROW)
+    upper95: float = column(dimension=ROW)
+    measured: float = column(dimension=ROW)
+    unit: str = column(dimension=ROW)
+    determined: bool = column(hidden=("csv",))
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def predicted_readings(result: Result) -> list[PredictedReading]:
@@ -417,15 +410,3 @@ def predicted_readings(result: Result) -> list[PredictedReading]:
         )
         for i, j in by_stage(np.isfinite(prediction.mean))
     ]  # fmt: skip
-
-
-def moment_text(seconds: float) -> str | None:
-    """Date and time (ISO 8601) of seconds since 1970; None for NaN and what is no date.
-
-    >>> moment_text(86400.0)
-    '1970-01-02T00:00:00'
-    """
-    if not abs(seconds) < _FARTHEST:
-        return None
-    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
-    return moment.replace(tzinfo=None).isoformat(timespec="seconds")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
@@ -11,11 +10,11 @@ import numpy as np
 from geoident.io.text.dates import date_text
 from geoident.model.in_service import DAY
 from geoident.model.results.bands import NORMAL_95
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.in_service import ChangeRow, ParameterChangeRow
 from geoident.model.results.result import Result
-from geoident.report.text.gauges import moment_text, predicted_texts, reading_text
-from geoident.report.text.layout import TextTable, decimals, section, sentence
+from geoident.report.text.gauges import predicted_texts, reading_text
+from geoident.report.text.layout import TextTable, decimals, moment_text, section, sentence
 from geoident.report.text.rows import CsvTable, beside, objects, sheet
 from geoident.units import in_unit, shown_unit, size_in
 
@@ -361,8 +360,7 @@ def seasonal_object(result: Result) -> dict[str, object] | None:
     }
 
 
-@dataclass(frozen=True)
-class JudgedReading:
+class JudgedReading(Record):
     """A reading that was held against what was expected; SI.
 
     Args:
@@ -379,15 +377,15 @@ class JudgedReading:
     """
 
     gauge: str
-    time: str | None = field(metadata=column())
-    value: float = field(metadata=column(dimension=ROW))
-    predicted: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW))
-    upper95: float = field(metadata=column(dimension=ROW))
+    time: str | None = column()
+    value: float = column(dimension=ROW)
+    predicted: float = column(dimension=ROW)
+    sd: float = column(dimension=ROW)
+    lower95: float = column(dimension=ROW)
+    upper95: float = column(dimension=ROW)
     innovation: float
-    unit: str = field(metadata=column(dimension=ROW))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    unit: str = column(dimension=ROW)
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def judged_readings(result: Result) -> list[JudgedReading]:
@@ -410,79 +408,6 @@ def judged_readings(result: Result) -> list[JudgedReading]:
             )
         )  # fmt: skip
     return readings
-
-
-@dataclass(frozen=True)
-class ListedChange:
-    """A change with its dates (ISO 8601); else as `ChangeRow`."""
-
-    change: int
-    kind: str
-    gauge: str
-    since: str
-    earliest: str
-    latest: str
-    shown: str
-    size: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
-    odds: float
-    surprise: float
-    lasts: bool
-    unit: str = field(metadata=column(dimension=ROW))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
-
-
-@dataclass(frozen=True)
-class ListedParameterChange:
-    """A change of a parameter with its dates (ISO 8601); else as `ParameterChangeRow`."""
-
-    change: int
-    parameter: str
-    gauges: str
-    since: str
-    earliest: str
-    latest: str
-    shown: str
-    before: float = field(metadata=column(dimension=ROW))
-    after: float = field(metadata=column(dimension=ROW))
-    lower95: float = field(metadata=column(dimension=ROW))
-    upper95: float = field(metadata=column(dimension=ROW))
-    odds: float
-    surprise: float
-    lasts: bool
-    unit: str = field(metadata=column(dimension=ROW))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
-
-
-def listed_parameter_changes(result: Result) -> list[ListedParameterChange]:
-    """Every parameter that has changed, or that may have as well."""
-    changes = []
-    for row in result.parameter_changes:
-        times = (row.since, row.earliest, row.latest, row.shown)
-        since, earliest, latest, shown = (moment_text(t) or "" for t in times)
-        changes.append(
-            ListedParameterChange(
-                row.change, row.parameter, row.gauges, since, earliest, latest, shown, row.before,
-                row.after, row.lower95, row.upper95, row.odds, row.surprise, row.lasts, row.unit,
-                row.dimension,
-            )
-        )  # fmt: skip
-    return changes
-
-
-def listed_changes(result: Result) -> list[ListedChange]:
-    """Every change and every wrong reading."""
-    changes = []
-    for row in result.changes:
-        times = (row.since, row.earliest, row.latest, row.shown)
-        since, earliest, latest, shown = (moment_text(t) or "" for t in times)
-        changes.append(
-            ListedChange(
-                row.change, row.kind, row.gauge, since, earliest, latest, shown, row.size, row.sd,
-                row.odds, row.surprise, row.lasts, row.unit, row.dimension,
-            )
-        )  # fmt: skip
-    return changes
 
 
 def outside_table(result: Result) -> TextTable:

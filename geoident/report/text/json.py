@@ -27,13 +27,9 @@ from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.alarms import alarms_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.surface import surface_object
-from geoident.report.text.gauges import each_reading, moment_text, predicted_readings
-from geoident.report.text.in_service import (
-    judged_readings,
-    listed_changes,
-    listed_parameter_changes,
-    seasonal_object,
-)
+from geoident.report.text.gauges import each_reading, predicted_readings
+from geoident.report.text.in_service import judged_readings, seasonal_object
+from geoident.report.text.layout import moment_text
 from geoident.report.text.plan import plan_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.residuals import compared_readings, diagnostics_object
@@ -102,23 +98,8 @@ def result_object(
 
 def times_list(gauges: GaugeTable) -> list[dict[str, Any]]:
     """When the stages that last and their moments are: dates, and times in s."""
-    times = gauges.times
-    if times is None:
-        return []
-    rows = zip(
-        gauges.stages, times.whole, times.date.tolist(), times.elapsed.tolist(),
-        times.since.tolist(), strict=True,
-    )  # fmt: skip
-    return [
-        {
-            "stage": name,
-            "moment_of": whole,
-            "date": moment_text(date),
-            "elapsed": elapsed,
-            "since": since,
-        }
-        for name, whole, date, elapsed, since in rows
-    ]
+    rows = zip(gauges.stages, objects(gauges.times, "stage"), strict=True)
+    return [{"stage": name, **row} for name, row in rows]
 
 
 def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
@@ -154,8 +135,8 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "plan": result.plan and plan_object(result.plan),
         "seasonal": seasonal_object(result),
         "judged": result.judged and objects(judged_readings(result), ROW),
-        "changes": objects(listed_changes(result), ROW) or None,
-        "parameter_changes": objects(listed_parameter_changes(result), ROW) or None,
+        "changes": objects(result.changes, ROW) or None,
+        "parameter_changes": objects(result.parameter_changes, ROW) or None,
         "updates": updates_object(result),
         "power": result.power and objects(result.power, ROW),
         "grid": result.grid and grid_object(result.grid),

@@ -6,6 +6,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 
 from geoident.units import in_unit, shown_unit
 
@@ -210,6 +211,22 @@ def with_unit(name: str, unit: str, dimension: str, *, form: str = "{} ({})") ->
     """
     shown = shown_unit(unit, dimension)
     return form.format(name, shown) if shown else name
+
+
+_FARTHEST = 2.5e11
+"""Seconds from 1970 to the year 9892: what is farther is damage, and NaN is no time."""
+
+
+def moment_text(seconds: float) -> str | None:
+    """Date and time (ISO 8601) of seconds since 1970; None for NaN and what is no date.
+
+    >>> moment_text(86400.0)
+    '1970-01-02T00:00:00'
+    """
+    if not abs(seconds) < _FARTHEST:
+        return None
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
+    return moment.replace(tzinfo=None).isoformat(timespec="seconds")
 
 
 _MOST_DIGITS = 6

@@ -7,14 +7,14 @@ of a prediction: it tells outliers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.backtest import predicted_before
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.result import DIAGNOSTIC_COLUMNS, Diagnostics, Result
 from geoident.report.text.layout import TextTable, decimals, number
 from geoident.report.text.rows import CsvTable, Places, attributes, beside, by_stage, objects, sheet
@@ -116,8 +116,7 @@ def _reads_predictions(result: Result) -> bool:
     return bool((beside_prediction(result) & np.isfinite(result.gauges.measured)).any())
 
 
-@dataclass(frozen=True)
-class ComparedReading:
+class ComparedReading(Record):
     """A reading that was taken or computed, of a channel in a stage; SI, NaN where there is none.
 
     Args:
@@ -137,16 +136,16 @@ class ComparedReading:
 
     gauge: str
     stage: str
-    measured: float = field(metadata=column(dimension=ROW))
-    computed: float = field(metadata=column(dimension=ROW))
-    residual: float = field(metadata=column(dimension=ROW))
-    sd: float = field(metadata=column(dimension=ROW))
-    unit: str = field(metadata=column(dimension=ROW))
+    measured: float = column(dimension=ROW)
+    computed: float = column(dimension=ROW)
+    residual: float = column(dimension=ROW)
+    sd: float = column(dimension=ROW)
+    unit: str = column(dimension=ROW)
     residual_in_sd: float
     unexplained: float
     used: bool
-    bad: bool = field(metadata=column(hidden=("csv",)))
-    dimension: str = field(metadata=column(hidden=("csv", "json")))
+    bad: bool = column(hidden=("csv",))
+    dimension: str = column(hidden=("csv", "json"))
 
 
 def compared_readings(result: Result) -> list[ComparedReading]:

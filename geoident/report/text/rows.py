@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.results.columns import LABELS, ROW, Column, columns
-from geoident.report.text.layout import with_unit
+from geoident.report.text.layout import moment_text, with_unit
 from geoident.units import in_unit, shown_unit, si_unit
 
 CsvCell = str | int | float | bool
@@ -127,7 +127,7 @@ def objects(
     entries: list[dict[str, Any]] = [{} for _ in table.rows]
     for one in table.chosen("json", only, LABELS):
         values = table.values(one)
-        if one.kind == "float":
+        if one.kind == "float" and not one.dated:
             values = np.where(np.isfinite(values), values, None)
         for entry, value in zip(entries, values.tolist(), strict=True):
             entry[one.title] = value
@@ -213,6 +213,8 @@ class _Table:
         chosen = tuple(self._at.get(axis, slice(None)) for axis in one.axes)
         kind = object if one.kind == "text" else None
         values = np.asarray(self._read(one.field), dtype=kind)[chosen]
+        if one.dated:
+            return np.array([moment_text(float(time)) for time in values], dtype=object)
         if one.known:
             values = np.where(np.asarray(self._read(one.known))[chosen], values, np.nan)
         return values

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,7 @@ from geoident.fem.faces import face_table
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, element_centres, nodes_in
-from geoident.model.results.columns import column
+from geoident.model.results.columns import Record, column
 from geoident.model.results.result import FieldSeries, Result
 from geoident.report.text.instruments import TROUGH, Instrument, lines
 from geoident.report.text.layout import TextTable, decimals, number
@@ -51,8 +51,7 @@ _LOADED = 4.0
 _MM = 1e3
 
 
-@dataclass(frozen=True)
-class Trough:
+class Trough(Record):
     """One trough at one stage; NaN where something is not known.
 
     Args:
@@ -69,10 +68,10 @@ class Trough:
     line: str
     stage: str
     of: str
-    settlement: float = field(metadata=column(dimension="length", shown="m"))
-    at: float = field(metadata=column(dimension="length", shown="m"))
-    i: float = field(metadata=column(dimension="length", shown="m"))
-    volume: float = field(metadata=column(dimension="area", shown="m2"))
+    settlement: float = column(dimension="length", shown="m")
+    at: float = column(dimension="length", shown="m")
+    i: float = column(dimension="length", shown="m")
+    volume: float = column(dimension="area", shown="m2")
     volume_loss: float
 
 

@@ -31,9 +31,9 @@ def require_identified(fit: Result, inputs: Inputs) -> None:
     faults = [
         inputs.case.source.fault(
             ("parameters", parameter.name),
-            code="not-identified",
-            message=f"the fit knows no parameter {parameter.name!r}",
-            hint=f"It identified {', '.join(known)}; give a number instead.",
+            "not-identified",
+            f"the fit knows no parameter {parameter.name!r}",
+            f"It identified {', '.join(known)}; give a number instead.",
         )
         for parameter in inputs.case.parameters
         if parameter.name not in known
@@ -59,10 +59,10 @@ def require_same_fields(fit: Result, origin: Case, inputs: Inputs) -> None:
     faults = [
         inputs.case.source.fault(
             field.path,
-            code="other-field",
-            message=f"the modes of {field.name} are not those of the fit"
+            "other-field",
+            f"the modes of {field.name} are not those of the fit"
             + ("" if same_mesh else ", which was made on another mesh"),
-            hint="Modes are of one mesh, covariance and set of tests: keep these as they were.",
+            "Modes are of one mesh, covariance and set of tests: keep these as they were.",
         )
         for field in inputs.case.fields
         if not same_mesh or unplaced(field) not in known

@@ -203,9 +203,9 @@ def require_same_modes(fit: Result, model: ObservedModel, case: Case, values: Fl
         faults.append(
             case.source.fault(
                 field.path,
-                code="other-field",
-                message=f"the modes of {field.name} are not those of the fit: {why}",
-                hint="Keep mesh and groups as they were, or run the fit again.",
+                "other-field",
+                f"the modes of {field.name} are not those of the fit: {why}",
+                "Keep mesh and groups as they were, or run the fit again.",
             )
         )
     if faults:

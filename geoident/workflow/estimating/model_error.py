@@ -115,10 +115,10 @@ def require_room(case: Case, readings: ReadingTable, methods: Sequence[MethodOpt
     raise InputError([
         case.source.fault(
             ("fit",),
-            code="too-many-readings",
-            message=f"{count} readings of {channels} channels need {what} and "
+            "too-many-readings",
+            f"{count} readings of {channels} channels need {what} and "
             f"{max(1.0, seconds / 60.0):.0f} min for what their errors have in common",
-            hint=f"{hint}.",
+            f"{hint}."
         )
     ])  # fmt: skip
 

@@ -172,7 +172,7 @@ def require_possible(model: ObservedModel, case: Case, methods: Sequence[MethodO
     """
     response, loss = model.response(()), case.fit.loss
     faults = [
-        case.source.fault(("fit", "method"), code="method-not-possible", message=reason)
+        case.source.fault(("fit", "method"), "method-not-possible", reason)
         for reason in refusals(response, methods, loss)
     ]
     if faults:

@@ -542,4 +542,4 @@ def _nothing_new(case: Case, task: ControlTask, table: ReadingTable) -> Fault:
     if task.request.readings is not None:
         place = Location(task.request.readings)
         return Fault("no-new-readings", message, hint, place)
-    return case.source.fault(("readings",), code="no-new-readings", message=message, hint=hint)
+    return case.source.fault(("readings",), "no-new-readings", message, hint)

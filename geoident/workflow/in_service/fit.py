@@ -314,7 +314,7 @@ def too_few(case: Case, table: ReadingTable, number: int) -> Fault:
     why = sorted({reason for reason in table.reason if reason})
     hint = "Add readings, or leave out effects of the model."
     hint += f" Not used: {'; '.join(why)}." if why else ""
-    return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
+    return case.source.fault(("readings",), "too-few-readings", message, hint)
 
 
 def no_reading(case: Case, table: ReadingTable) -> Fault:
@@ -323,7 +323,7 @@ def no_reading(case: Case, table: ReadingTable) -> Fault:
     hint = f"Not used: {'; '.join(why)}." if why else "Add readings with dates."
     hint = " ".join([hint, *unknown_later(case, table), *case.notes])
     message = "there is no reading to which the model could be fitted"
-    return case.source.fault(("readings",), code="too-few-readings", message=message, hint=hint)
+    return case.source.fault(("readings",), "too-few-readings", message, hint)
 
 
 def gauge_findings(

@@ -99,8 +99,7 @@ class ModelFiles:
                     "Begin again: runs of its new state are other runs. What the model writes "
                     "itself belongs in the folder of its run."
                 )
-                fault = Fault("changed-file", message, hint, Location(path))
-                raise InputError([fault])
+                raise InputError([Fault("changed-file", message, hint, Location(path))])
             self._known[path] = now, content
 
 

@@ -418,7 +418,7 @@ def _no_program(case: Case, program: ExternalProgram) -> Fault:
         hint = "Install it, or write its path; one with / is seen from the folder of the case."
         if (Path(program.folder) / name).is_file():
             hint = f"Write './{name}' for the one beside the case."
-    return case.source.fault(path, code="no-program", message=message, hint=hint)
+    return case.source.fault(path, "no-program", message, hint)
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:

@@ -128,7 +128,7 @@ class Permission:
 
         def refused(code: str, message: str, hint: str) -> InputError:
             path = ("model", self._key)
-            return InputError([self._source.fault(path, code=code, message=message, hint=hint)])
+            return InputError([self._source.fault(path, code, message, hint)])
 
         require(self._execution, self._folder, refused, Term.TRUST)
         self._given = True

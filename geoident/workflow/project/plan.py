@@ -174,16 +174,16 @@ def _not_covered(case: Case, section: ProjectSection) -> Iterator[Fault]:
     if case.fields:
         yield case.source.fault(
             ("materials",),
-            code="not-of-a-project",
-            message=f"the section '{section.name}' has constants that vary from place to place",
-            hint="A section of a project has parameters alone: give the material one value.",
+            "not-of-a-project",
+            f"the section '{section.name}' has constants that vary from place to place",
+            "A section of a project has parameters alone: give the material one value.",
         )
     if not isinstance(case.fit.loss, SquaredOptions):
         yield case.source.fault(
             ("fit", "loss"),
-            code="not-of-a-project",
-            message=f"the section '{section.name}' has a robust loss",
-            hint="Flag readings that are wrong as bad, or raise their accuracy.",
+            "not-of-a-project",
+            f"the section '{section.name}' has a robust loss",
+            "Flag readings that are wrong as bad, or raise their accuracy.",
         )
 
 

@@ -291,7 +291,7 @@ def _in_case(fault: Fault, case: Case) -> Fault:
     if fault.location.line:
         return fault
     message = f"{fault.location.file}: {fault.message}"
-    return case.source.fault(("mesh", "file"), code=fault.code, message=message, hint=fault.hint)
+    return case.source.fault(("mesh", "file"), fault.code, message, fault.hint)
 
 
 def build_model(
@@ -476,8 +476,7 @@ def require_stages(case: Case) -> None:
     message = "the readings of a structure in service have dates, not stages"
     hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'. Without 'service' and "
     hint += "its loads the stages are computed."
-    fault = case.source.fault(("service",), code="no-stages", message=message, hint=hint)
-    raise InputError([fault])
+    raise InputError([case.source.fault(("service",), "no-stages", message, hint)])
 
 
 def _plan(request: Request, command: str, *further: str) -> Job:
@@ -498,9 +497,7 @@ def _plan(request: Request, command: str, *further: str) -> Job:
         if command != "fit":
             message = "a seasonal model has coefficients of each gauge, and no parameters"
             hint = f"{Term.FIT} fits it, and judges the readings after 'fit.until'."
-            raise InputError(
-                [case.source.fault(("model",), code="no-parameters", message=message, hint=hint)]
-            )
+            raise InputError([case.source.fault(("model",), "no-parameters", message, hint)])
     elif not case.parameters and not case.fields:
         message = f"there are no parameters, so there is nothing to {command}"
         hint = f"Write what is unknown under 'parameters'; {Term.SIMULATE} needs none."

@@ -190,8 +190,7 @@ def require_enough(case: Case, readings: ReadingTable) -> None:
     if isinstance(case.elsewhere, SeasonalModel):
         message = "there is no reading to which the model could be fitted"
     at = ("readings",)
-    fault = case.source.fault(at, code="too-few-readings", message=message, hint=hint)
-    raise InputError([fault])
+    raise InputError([case.source.fault(at, "too-few-readings", message, hint)])
 
 
 def _not_used(number: int) -> str:

@@ -60,7 +60,7 @@ def fit_ladder(job: Job, control: Control, fit_one: Callable[[Job, Control], Fin
         known |= dict(zip(table.names, table.values.tolist(), strict=True))
     if not fits:
         message = f"no model of the ladder can be fitted: {'; '.join(not_fitted)}"
-        raise InputError([case.source.fault(("fit", "ladder"), code="no-fit", message=message)])
+        raise InputError([case.source.fault(("fit", "ladder"), "no-fit", message)])
 
     usable = [fit for fit in fits if fit[1].result.evidence is not None]
     comparison = None
@@ -99,7 +99,7 @@ def require_sound(path: str, overrides: Sequence[str], case: Case, text: str | N
     """
     if path == STDIN:
         message = "a case with a ladder cannot be read from stdin: it is read once a model"
-        raise InputError([case.source.fault(("fit", "ladder"), code="stdin", message=message)])
+        raise InputError([case.source.fault(("fit", "ladder"), "stdin", message)])
     faults: list[Fault] = []
     for n, rung in enumerate(case.fit.ladder):
         try:
@@ -108,9 +108,7 @@ def require_sound(path: str, overrides: Sequence[str], case: Case, text: str | N
             for fault in error.faults:
                 where = f"{fault.path}: " if fault.path else ""
                 message, at = f"model '{rung.name}': {where}{fault.message}", ("fit", "ladder", n)
-                faults.append(
-                    case.source.fault(at, code=fault.code, message=message, hint=fault.hint)
-                )
+                faults.append(case.source.fault(at, fault.code, message, fault.hint))
     if faults:
         raise InputError(faults)
 

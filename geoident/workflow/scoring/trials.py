@@ -160,8 +160,7 @@ def up_to(setup: Setup, last: int) -> Setup:
             f"{used} usable readings say too little of {sizes} accuracies that are to be estimated "
             f"beside {n} parameters"
         )
-        fault = case.source.fault(("readings",), code="too-few-readings", message=message)
-        raise InputError([fault])
+        raise InputError([case.source.fault(("readings",), "too-few-readings", message)])
     return replace(setup, readings=table)
 
 

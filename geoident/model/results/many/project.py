@@ -6,9 +6,9 @@ NaN stands for what is not known, and an infinite end of an interval for what is
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from geoident.model.results.columns import ROW, column
+from geoident.model.results.columns import ROW, Record, column
 from geoident.model.results.costs import Counts
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import Provenance
@@ -23,15 +23,14 @@ ZERO, KNOWN, UNKNOWN_SCATTER, GIVEN_SCATTER, NO_SCATTER = (
 )  # fmt: skip
 """What is known of the scatter about a law."""
 
-_OWN = column(dimension=ROW)
+_OWN = {"dimension": ROW}
 """A number in the unit that its record names, or this unit."""
 
-_KNOWN = column(dimension=ROW, known="determined")
+_KNOWN = {"dimension": ROW, "known": "determined"}
 """A number that people see only where it is determined."""
 
 
-@dataclass(frozen=True)
-class CommonParameter:
+class CommonParameter(Record):
     """A shared parameter, or a constant of a law.
 
     Args:
@@ -52,23 +51,22 @@ class CommonParameter:
     """
 
     name: str
-    kind: str = field(metadata=column(sheet="of"))
+    kind: str = column(sheet="of")
     law: str
-    value: float = field(metadata=_KNOWN)
-    sd: float = field(metadata=_KNOWN)
-    lower95: float = field(metadata=_KNOWN)
-    upper95: float = field(metadata=_KNOWN)
+    value: float = column(like=_KNOWN)
+    sd: float = column(like=_KNOWN)
+    lower95: float = column(like=_KNOWN)
+    upper95: float = column(like=_KNOWN)
     lower: float
     upper: float
     at_bound: bool
     determined: bool
-    unit: str = field(metadata=_OWN)
+    unit: str = column(like=_OWN)
     dimension: str
     from_prior: bool = False
 
 
-@dataclass(frozen=True)
-class LawEstimate:
+class LawEstimate(Record):
     """A law and the scatter about it.
 
     Args:
@@ -86,11 +84,11 @@ class LawEstimate:
     parameter: str
     formula: str
     scale: str
-    scatter: float = field(metadata=_OWN)
-    lower95: float = field(metadata=_OWN)
-    upper95: float = field(metadata=_OWN)
+    scatter: float = column(like=_OWN)
+    lower95: float = column(like=_OWN)
+    upper95: float = column(like=_OWN)
     state: str
-    unit: str = field(metadata=_OWN)
+    unit: str = column(like=_OWN)
     dimension: str
 
     def words(self, size: float) -> str:
@@ -105,8 +103,7 @@ class LawEstimate:
         return f"{in_unit(size, self.unit, self.dimension):.3g} {unit}".rstrip()
 
 
-@dataclass(frozen=True)
-class SectionEnd:
+class SectionEnd(Record):
     """A section.
 
     Args:
@@ -121,14 +118,14 @@ class SectionEnd:
             others tell of it; NaN where nothing can be said.
     """
 
-    name: str = field(metadata=column(sheet="section"))
-    case_file: str = field(metadata=column(sheet="case"))
+    name: str = column(sheet="section")
+    case_file: str = column(sheet="case")
     predicted: bool
     readings: int
     alone: str
     misfit: float
-    above: float = field(metadata=column(sheet="chance"))
-    outlying: float = field(metadata=column(sheet="as_far_off"))
+    above: float = column(sheet="chance")
+    outlying: float = column(sheet="as_far_off")
 
 
 @dataclass(frozen=True)
@@ -150,8 +147,7 @@ class SectionCovariate:
     dimension: str
 
 
-@dataclass(frozen=True)
-class SectionParameter:
+class SectionParameter(Record):
     """A parameter of a section.
 
     Args:
@@ -180,26 +176,25 @@ class SectionParameter:
     section: str
     parameter: str
     kind: str
-    value: float = field(metadata=_KNOWN)
-    sd: float = field(metadata=_KNOWN)
-    lower95: float = field(metadata=_KNOWN)
-    upper95: float = field(metadata=_KNOWN)
-    alone: float = field(metadata=column(dimension=ROW, sheet="alone value"))
-    alone_lower95: float = field(metadata=column(dimension=ROW, sheet="alone lower95"))
-    alone_upper95: float = field(metadata=column(dimension=ROW, sheet="alone upper95"))
-    law: float = field(metadata=column(dimension=ROW, sheet="law value"))
-    law_lower95: float = field(metadata=column(dimension=ROW, sheet="law lower95"))
-    law_upper95: float = field(metadata=column(dimension=ROW, sheet="law upper95"))
+    value: float = column(like=_KNOWN)
+    sd: float = column(like=_KNOWN)
+    lower95: float = column(like=_KNOWN)
+    upper95: float = column(like=_KNOWN)
+    alone: float = column(dimension=ROW, sheet="alone value")
+    alone_lower95: float = column(dimension=ROW, sheet="alone lower95")
+    alone_upper95: float = column(dimension=ROW, sheet="alone upper95")
+    law: float = column(dimension=ROW, sheet="law value")
+    law_lower95: float = column(dimension=ROW, sheet="law lower95")
+    law_upper95: float = column(dimension=ROW, sheet="law upper95")
     shrinkage: float
     at_bound: bool
     determined: bool
-    unit: str = field(metadata=_OWN)
+    unit: str = column(like=_OWN)
     dimension: str
     from_prior: bool = False
 
 
-@dataclass(frozen=True)
-class SectionReading:
+class SectionReading(Record):
     """A reading of a section.
 
     Args:
@@ -219,13 +214,13 @@ class SectionReading:
     section: str
     gauge: str
     stage: str
-    measured: float = field(metadata=_OWN)
-    sd: float = field(metadata=_OWN)
+    measured: float = column(like=_OWN)
+    sd: float = column(like=_OWN)
     used: bool
-    computed: float = field(metadata=_OWN)
-    lower95: float = field(metadata=_OWN)
-    upper95: float = field(metadata=_OWN)
-    unit: str = field(metadata=_OWN)
+    computed: float = column(like=_OWN)
+    lower95: float = column(like=_OWN)
+    upper95: float = column(like=_OWN)
+    unit: str = column(like=_OWN)
     dimension: str
 
     @property
@@ -281,8 +276,7 @@ class SearchStep:
     note: str
 
 
-@dataclass(frozen=True)
-class ProjectResult:
+class ProjectResult(Record):
     """What was found of several sections.
 
     Args:
@@ -317,37 +311,25 @@ class ProjectResult:
     objective: float
     misfit: float
     above: float
-    findings: tuple[Finding, ...] = field(
-        metadata=column("finding", group="findings", optional=True)
+    findings: tuple[Finding, ...] = column("finding", group="findings", optional=True)
+    notes: tuple[str, ...] = column(optional=True)
+    project_text: str = column(group="project", name="verbatim", dataset=True)
+    provenance: Provenance = column()
+    counts: Counts = column()
+    common: tuple[CommonParameter, ...] = column("row", group="common", optional=True)
+    laws: tuple[LawEstimate, ...] = column("row", group="laws", optional=True)
+    sections: tuple[SectionEnd, ...] = column("row", group="sections", optional=True)
+    covariates: tuple[SectionCovariate, ...] = column("row", group="covariates", optional=True)
+    parameters: tuple[SectionParameter, ...] = column("row", group="parameters", optional=True)
+    readings: tuple[SectionReading, ...] = column("row", group="readings", optional=True)
+    points: tuple[LawPoint, ...] = column("row", group="law_points", optional=True)
+    left_out_parameters: tuple[SectionParameter, ...] = column(
+        "row", group="left_out_parameters", optional=True
     )
-    notes: tuple[str, ...] = field(metadata=column(optional=True))
-    project_text: str = field(metadata=column(group="project", name="verbatim", dataset=True))
-    provenance: Provenance = field(metadata=column())
-    counts: Counts = field(metadata=column())
-    common: tuple[CommonParameter, ...] = field(
-        metadata=column("row", group="common", optional=True)
+    left_out_readings: tuple[SectionReading, ...] = column(
+        "row", group="left_out_readings", optional=True
     )
-    laws: tuple[LawEstimate, ...] = field(metadata=column("row", group="laws", optional=True))
-    sections: tuple[SectionEnd, ...] = field(
-        metadata=column("row", group="sections", optional=True)
-    )
-    covariates: tuple[SectionCovariate, ...] = field(
-        metadata=column("row", group="covariates", optional=True)
-    )
-    parameters: tuple[SectionParameter, ...] = field(
-        metadata=column("row", group="parameters", optional=True)
-    )
-    readings: tuple[SectionReading, ...] = field(
-        metadata=column("row", group="readings", optional=True)
-    )
-    points: tuple[LawPoint, ...] = field(metadata=column("row", group="law_points", optional=True))
-    left_out_parameters: tuple[SectionParameter, ...] = field(
-        metadata=column("row", group="left_out_parameters", optional=True)
-    )
-    left_out_readings: tuple[SectionReading, ...] = field(
-        metadata=column("row", group="left_out_readings", optional=True)
-    )
-    history: tuple[SearchStep, ...] = field(metadata=column("iteration", group="history"))
+    history: tuple[SearchStep, ...] = column("iteration", group="history")
 
     def of(self, section: str) -> tuple[SectionParameter, ...]:
         """The parameters of a section."""
