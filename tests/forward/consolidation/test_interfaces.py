@@ -125,6 +125,18 @@ def test_a_permeable_joint_beside_ground_that_drains_drains(tmp_path, wall):
     np.testing.assert_allclose(far, closed.pressure(1.5, TIMES), atol=3e-2 * closed.p0)
 
 
+def test_faces_on_an_interface_are_drained_on_both_sides(tmp_path):
+    """The upper column is drained at both of its ends, the lower one at its top."""
+    closed, low = (Terzaghi(**CLAY, h=h, q=LOAD) for h in (2.5, 5.0))
+    times = TIMES * closed.h**2 / closed.c
+    path = column(tmp_path, "quad8", times[-1], permeable="false", wall=True)
+    text = path.read_text().replace("{y1: {}}", "{y1: {}, joint: {}}").replace("5.1 m", "7.5 m")
+    path.write_text(text)
+    _, middle, foot, _ = read(path, {"load": times[:-1]})[:, -len(times) :]
+    np.testing.assert_allclose(middle, closed.pressure(0.0, TIMES), atol=3e-2 * closed.p0)
+    np.testing.assert_allclose(foot, low.pressure(0.0, TIMES / 4.0), atol=3e-2 * closed.p0)
+
+
 SITE = """\
 format: geoident-case/1
 analysis: plane-strain

@@ -157,16 +157,90 @@ def test_strut_and_pressures_on_the_wall_are_in_balance(tmp_path):
     heights = np.arange(3.0, 8.1)
     gauges = "".join(
         f"  {side}{y:g}: {{kind: piezometer, point: [{x} m, {y} m], accuracy: 1 kPa}}\n"
-        for side, x in (("L", 3.999999), ("R", 4.000001)) for y in heights
+        for side, x in (("R", 4.000001), ("L", 3.999999)) for y in heights
     )  # fmt: skip
-    slips = "permeable: false, cohesion: 2 kPa, friction: 15 deg"
+    slips = "permeable: false, cohesion: 5 kPa, friction: 15 deg"
     changes = ("permeable: FLOWS", slips), ("K MPa", "200 MPa"), ("gauges:\n", f"gauges:\n{gauges}")
     staged = model_at(pit(tmp_path, SLIP + TAIL, *changes))
-    found = staged.survey(np.array([one.start for one in staged.case.parameters]), fields=True)
-    joints = found.interfaces
-    of_wall = np.array(joints.interfaces) == "slip"
-    assert joints.slips[of_wall].any()
-    print(joints.points[of_wall], joints.normals[of_wall], joints.areas[of_wall])
-    print(joints.normal_traction[of_wall][:, -1])
-    water = found.computed[: 2 * len(heights)]
-    print(water[:, -1], found.computed[-4])
+    found = staged.survey(start_of(staged), fields=False)
+    joints, stages = found.interfaces, slice(-2, None)
+    slip = np.array(joints.interfaces) == "slip"
+    assert joints.slips[slip].any()
+    bears = -(joints.areas[:, None] * joints.normal_traction[:, stages])[slip]
+    left = np.cumsum(joints.points[slip, 1] < 5.1) <= 6  # two faces of three points, then the right
+    left &= joints.points[slip, 1] < 5.1
+    water = found.computed[: 2 * len(heights), stages].reshape(2, len(heights), -1)
+    right = np.nansum(bears[~left], axis=0) + np.trapezoid(water[0], heights, axis=0)
+    stays = np.nansum(bears[left], axis=0) + np.trapezoid(water[1, :3], heights[:3], axis=0)
+    strut = found.computed[-4, stages] / 2.0
+    np.testing.assert_allclose(right - stays, strut, rtol=1e-3)
+
+
+def start_of(staged) -> np.ndarray:
+    return np.array([one.start for one in staged.case.parameters])
+
+
+@pytest.mark.parametrize("flows", ["true", "false"])
+def test_a_dig_beside_a_wall_is_released_in_parts(tmp_path, flows):
+    """Undrained: with none released nothing moves, with half of it half, in the end as by one."""
+    whole = ("lasts: 2 d}\n  - {name: wait, lasts: 40 d}\n", "lasts: 0 d}\n")
+    dig = "  - {name: dig two, excavate: [two], drained: {bottom: {head: 5 m}}, lasts: 0 d}\n"
+    changes = ("K MPa", "200 MPa"), ("FLOWS", flows), whole
+    at_once = read(pit(tmp_path, SLIP + TAIL, *changes))[:, -2:]
+    parts = "".join(
+        f"  - {{name: part {n}, {first}release: {{two: {part}}}, lasts: 0 d}}\n"
+        for n, (first, part) in enumerate((("excavate: [two], ", 0), ("", 0.5), ("", 1)))
+    )
+    found = read(pit(tmp_path, SLIP + TAIL, *changes, (dig, parts)))[:, -4:]
+    before, change = at_once[:, 0], at_once[:, 1] - at_once[:, 0]
+    size = 1e-8 * np.abs(at_once).max(axis=1)
+    for k, part in enumerate((0.0, 0.5, 1.0)):
+        moved = found[:, k + 1] - found[:, 0]
+        assert (np.abs(moved - part * change) < size).all(), part
+    np.testing.assert_allclose(found[:, 0], before, rtol=1e-12)
+
+
+MORE = """\
+parameters:
+  k_n: {start: 80 MPa/m, bounds: [10 MPa/m, 1 GPa/m]}
+  k_s: {start: 20 MPa/m, bounds: [1 MPa/m, 1 GPa/m]}
+"""
+LIMITS = """\
+  c: {start: 5 kPa, bounds: [1 kPa, 30 kPa]}
+  phi: {start: 18 deg, bounds: [5 deg, 30 deg]}
+"""
+SLIPS = "permeable: false, cohesion: $c, friction: $phi"
+SOIL = """yield: {type: hardening-soil, E50: 0.3 $E, Eoed: 0.3 $E, m: 0.5, cohesion: 5 kPa,
+    friction: 28 deg, OCR: 1.3}, """
+METER = (
+    "gauges:\n",
+    "gauges:\n  J: {kind: joint-meter, interface: slip, point: [4 m, 5.5 m], component: slip, "
+    "towards: [6 m, 5 m], zero: wall, accuracy: 0.1 mm}\n",
+)
+
+
+@pytest.mark.parametrize(
+    ("limits", "soil"),
+    [
+        pytest.param("permeable: true", "", id="lets through", marks=pytest.mark.slow),
+        pytest.param("permeable: false", "", id="holds back"),
+        pytest.param(f"{SLIPS}, dilation: $phi", "", id="slips", marks=pytest.mark.slow),
+        pytest.param(SLIPS, SOIL, id="hardens", marks=pytest.mark.slow),
+    ],
+)
+def test_derivatives_by_all_constants_are_exact(tmp_path, limits, soil):
+    """Of ground, wall, interface and in-situ stress, in a pit that is dug and consolidates."""
+    changes = [
+        ("permeable: FLOWS", limits), ("k_n: K MPa/m, k_s: K MPa/m", "k_n: $k_n, k_s: $k_s"),
+        ("parameters:\n", MORE + (LIMITS if "$c" in limits else "")), METER,
+        ("hydraulic:", f"{soil}hydraulic:"),
+    ]  # fmt: skip
+    staged = model_at(pit(tmp_path, SLIP + TAIL, *changes, n=4))
+    p, stages = start_of(staged), staged.case.stage_names[2:]
+    if "$c" in limits:
+        assert staged.survey(p, fields=False).interfaces.slips.any()
+    pairs = [
+        (c.name, s) for c in staged.case.channels for s in stages if c.name != "N" or s != "dig one"
+    ]
+    step, rtol = (2e-4, 1e-5) if soil else (5e-4, 1e-7)
+    assert_exact(staged.response(pairs), p, staged.names, step=step, rtol=rtol)
