@@ -43,10 +43,11 @@ class JointFaces:
 
     Args:
         kind: of the faces.
-        first: (n, n_a) nodes on the side of the first elements, the normal points out of these.
-        second: (n, n_a) the nodes that stood there before the split, on the other side.
+        first: (n, n_a) nodes of the first elements, the normal points out of these.
+        second: (n, n_a) nodes of the second elements at the same places.
         elements: (n, 2) elements on the first and on the second side.
         beams: groups of the beams that are between the sides.
+        inner: (n, n_a) nodes of the beams; None without.
         side: of beams, which of the elements the faces join with them, 0 or 1.
     """
 
@@ -55,12 +56,20 @@ class JointFaces:
     second: Ints
     elements: Ints
     beams: tuple[str, ...] = ()
+    inner: Ints | None = None
     side: int = 0
 
     @property
-    def inner(self) -> Ints:
-        """Nodes (n, n_a) of the beams."""
-        return self.first if self.side else self.second
+    def ends(self) -> tuple[Ints, Ints]:
+        """Nodes (n, n_a) of what they join, the normal points out of the former."""
+        if self.inner is None:
+            return self.first, self.second
+        return (self.inner, self.second) if self.side else (self.first, self.inner)
+
+    @property
+    def touches(self) -> tuple[bool, bool]:
+        """Which of the elements they join: both, or one with beams."""
+        return self.inner is None or self.side == 0, self.inner is None or self.side == 1
 
     def of(self, mask: Bools) -> JointFaces:
         """Some of them, by a mask (n,)."""
@@ -69,6 +78,7 @@ class JointFaces:
             first=self.first[mask],
             second=self.second[mask],
             elements=self.elements[mask],
+            inner=None if self.inner is None else self.inner[mask],
         )
 
 
@@ -260,10 +270,7 @@ class _Between:
     def two_sides(self, part: JointFaces, original: Ints, on: tuple[str, ...]) -> list[JointFaces]:
         """The faces between the first side and beams, and between these and the second side."""
         inner = self.of(original[part.first], part.first)
-        return [
-            replace(part, second=inner, beams=on, side=0),
-            replace(part, first=inner, beams=on, side=1),
-        ]
+        return [replace(part, beams=on, inner=inner, side=side) for side in (0, 1)]
 
 
 def _joints(mesh: Mesh, table: FaceTable, copies: _Copies, faces: Ints) -> tuple[JointFaces, ...]:
@@ -297,7 +304,8 @@ class JointPoints:
         mean: (m, k) that of a point from those at the places, so that the forces on the nodes are
             those of the traction on the face.
         elements: (m, 2) on the first and on the second side.
-        sides: (m, n_nodes) how pressures at corners give those at the points, of both sides.
+        touches: (m, 2) which of these it joins: both, or one with a beam.
+        sides: (m, n_nodes) how pressures at corners of these elements give those at the points.
         size: of a face on average, m.
     """
 
@@ -310,6 +318,7 @@ class JointPoints:
     beside: Ints
     mean: sp.csr_array
     elements: Ints
+    touches: Bools
     sides: tuple[sp.csr_array, sp.csr_array]
     size: float
 
@@ -363,6 +372,7 @@ def joint_points(mesh: Mesh, parts: Sequence[JointFaces], kinematics: Kinematics
         beside,
         mean,
         np.concatenate([one.elements for one in of_parts]),
+        np.concatenate([one.touches for one in of_parts]),
         (one_side, other),
         float(np.mean([_size_of(mesh, part) for part in parts])),
     )
@@ -382,6 +392,7 @@ class _PartPoints:
     mean: sp.csr_array
     jumps: list[sp.csr_array]
     elements: Ints
+    touches: Bools
     sides: list[sp.csr_array]
 
 
@@ -430,7 +441,7 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
         strike /= np.linalg.norm(strike, axis=2, keepdims=True)
         slips = np.stack([strike, np.cross(normal, strike)])
     rows = np.repeat(np.arange(n * q), shapes.shape[1] * dim)
-    sides = np.stack([part.second, part.first])[:, :, None, :, None] * dim + np.arange(dim)
+    sides = np.stack(part.ends[::-1])[:, :, None, :, None] * dim + np.arange(dim)
     dofs = np.broadcast_to(sides, (2, n, q, *sides.shape[3:])).ravel()
     jumps = []
     for way in (normal, *slips):
@@ -457,6 +468,7 @@ def _points_of(mesh: Mesh, part: JointFaces, kinematics: Kinematics, *, gauss: b
         mean,
         jumps,
         np.repeat(part.elements, q, axis=0),
+        np.tile(part.touches, (n * q, 1)),
         sides_of,
     )
 

@@ -87,8 +87,8 @@ def onto_beams(on_mesh: CaseOnMesh, nodes: Ints, standing: frozenset[str]) -> In
     beside: dict[frozenset[int], dict[int, int]] = {}
     for part in itertools.chain(*on_mesh.joints.values()):
         if groups.intersection(part.beams):
-            outer = part.second if part.side else part.first
-            for own, inner in zip(outer.tolist(), part.inner.tolist(), strict=True):
+            pairs = zip(*(nodes.tolist() for nodes in part.ends), strict=True)
+            for own, inner in (pair[:: -1 if part.side else 1] for pair in pairs):
                 beside[frozenset(own)] = dict(zip(own, inner, strict=True))
     rows = nodes.tolist()
     return np.array([[beside.get(frozenset(own), {}).get(n, n) for n in own] for own in rows])

@@ -491,7 +491,10 @@ class AnalysisRun:
             and not part.joint.stands(state)
             and group == min(state.leaving.intersection(part.joint.groups), default=None)
         ]
-        return self._analysis.in_joints.support(base, ends, carried.members, self.point)
+        support = self._analysis.in_joints.support(base, ends, carried.members, self.point)
+        if carried.pores is not None:
+            support += self._analysis.pores.push_through(state.base, ends, carried.pores)
+        return support
 
     def _with_heat(self, task: StageTask) -> StageTask:
         """A state with the temperatures of its stage.

@@ -1,7 +1,6 @@
 """Tractions on interfaces in the virgin state: those of the in-situ stress on their faces.
 
-They are effective where water is in the interface. Beside ground without water in its pores the
-stress is total, and the pressure of the water is added.
+They are effective where water is in the interface (`JointWater.made_effective`).
 """
 
 from __future__ import annotations
@@ -41,5 +40,5 @@ class JointTractions:
         for part, stress in self._parts:
             assert part.joint is not None
             forces[part.rows] = part.joint.points.tractions(stress.columns(point))
-            forces[part.rows] += self._water.beside_dry(part, point)
+            forces[part.rows] += self._water.made_effective(part, point)
         return forces

@@ -302,8 +302,8 @@ def _meeting(analysis: StagedAnalysis, node: int, stress: Floats, axis: int) -> 
     beside = points.position[near, axis] - mesh.points[node, axis]
     group = sequence.group_of[points.element[near]]
     groups = np.unique(group)
-    if beside.min() > 0.0 or beside.max() < 0.0 or len(groups) < 2:
-        return ()  # the edge of the ground, or one kind of it
+    if len(groups) < 2 or beside.min() > 0.0 or beside.max() < 0.0:
+        return ()  # the edge of the ground, one kind of it, or a beam between interfaces
     sums = np.array([stress[:, near][:, group == one].sum(axis=1) for one in groups])
     up = mesh.dim - 1
     along, vertical = sums[:, axis], sums[:, up]

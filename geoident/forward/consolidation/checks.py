@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.actions.supports import group_nodes
+from geoident.forward.consolidation.pores import drained_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.arrays import Ints
 from geoident.model.case import Case, KeyPath
@@ -78,7 +78,7 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
             continue
         corners = _corners(on_mesh, state, consolidating=True)
         at_once = _corners(on_mesh, state, consolidating=False)
-        drained = [group_nodes(on_mesh.mesh, name) for name in state.drained]
+        drained = [drained_nodes(on_mesh, name) for name in state.drained]
         if not np.intersect1d(corners, np.concatenate([at_once, *drained])).size:
             yield case.source.fault(
                 _stage_key(case, n),
@@ -92,11 +92,11 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
 
 def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
     """Drained faces that touch no consolidating ground at any state."""
-    case, mesh, states = on_mesh.case, on_mesh.mesh, on_mesh.sequence.states
+    case, states = on_mesh.case, on_mesh.sequence.states
     corners = [_corners(on_mesh, state, consolidating=True) for state in states]
     filled = np.unique(np.concatenate(corners))
     for path, name in _drained_keys(case):
-        if not np.intersect1d(group_nodes(mesh, name), filled).size:
+        if not np.intersect1d(drained_nodes(on_mesh, name), filled).size:
             yield case.source.fault(
                 path,
                 "no-water-there",

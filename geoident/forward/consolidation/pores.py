@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,7 +21,7 @@ from geoident.forward.summed import Summed, summed
 from geoident.model.actions import WATER, Water, WaterPressure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
-from geoident.model.mesh import nodes_in
+from geoident.model.mesh import nodes_in, rows_in
 from geoident.model.parameter import Scalar
 
 
@@ -114,7 +115,7 @@ class Pores:
         current = self._sequence.states[state]
         for name, drained in current.drained.items():
             if drained.head is not None:
-                nodes = np.intersect1d(self._drained_nodes(name), self[state].nodes)
+                nodes = np.intersect1d(drained_nodes(self._on_mesh, name), self[state].nodes)
                 pressures[nodes] = self._of_head(drained.head, current.water, nodes).at(point)
         return pressures
 
@@ -165,6 +166,12 @@ class Pores:
         part = [(point.number(material.hydraulic.biot), coupling)]
         return summed(part, coupling.shape).at(pressures)
 
+    def push_through(
+        self, state: int, joints: Sequence[StructureMembers], pressures: Floats
+    ) -> Floats:
+        """Forces (n_dofs, k) of pressures (n_nodes, k) in some interfaces at a state."""
+        return self._joints.push(joints, self[state].groups, pressures)
+
     def _of_head(self, head: Scalar, water: Water | None, nodes: Ints) -> _Excess:
         return _Excess(self._on_mesh, head, water, self._on_mesh.mesh.points[nodes])
 
@@ -179,9 +186,6 @@ class Pores:
             )
         return self._matrices[group]
 
-    def _drained_nodes(self, name: str) -> Ints:
-        return group_nodes(self._on_mesh.mesh, name)
-
     def _prepare(self, state: int) -> PoreSystem:
         current, mesh = self._sequence.states[state], self._on_mesh.mesh
         groups, at_once = [], np.zeros(len(self._sequence.groups), dtype=bool)
@@ -194,7 +198,7 @@ class Pores:
         given = np.zeros(mesh.n_nodes, dtype=bool)
         given[nodes_in(mesh.blocks, at_once[self._sequence.group_of])] = True
         for name in current.drained:
-            given[self._drained_nodes(name)] = True
+            given[drained_nodes(self._on_mesh, name)] = True
         given[self._joints.open_nodes(current, groups)] = True
         corners = [self._of_group(group).nodes for group in groups]
         nodes = np.unique(np.concatenate([np.empty(0, np.int64), *corners]))
@@ -216,6 +220,23 @@ class _Excess:
         """(m, 1 + n) Pa."""
         there = self._there.at(point)
         return (there if self._rest is None else there - self._rest.at(point)).columns
+
+
+def drained_nodes(on_mesh: CaseOnMesh, name: str) -> Ints:
+    """Nodes (k,) of a drained group: of faces on an interface those on both of its sides."""
+    mesh, original = on_mesh.mesh, on_mesh.original
+    nodes = [group_nodes(mesh, name)]
+    if original is None or name not in mesh.facet_groups:
+        return nodes[0]
+    own = {
+        frozenset(face)
+        for block, rows in rows_in(mesh.facets, mesh.facet_groups[name])
+        for face in original[block.nodes[rows]].tolist()
+    }
+    for part in chain(*on_mesh.joints.values()):
+        drained = [frozenset(face) in own for face in original[part.first].tolist()]
+        nodes += [part.first[drained].ravel(), part.second[drained].ravel()]
+    return np.unique(np.concatenate(nodes))
 
 
 def unit_weight(water: Water | None) -> Scalar:

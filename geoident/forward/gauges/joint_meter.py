@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -16,7 +16,8 @@ from geoident.fem.location import format_point
 from geoident.forward.gauges.motion import RelativeDisplacements
 from geoident.forward.gauges.placement import Placed, unbroken
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.forward.structures.interfaces import beams_on
+from geoident.model.arrays import Bools, Floats
 from geoident.model.cells import CELLS
 from geoident.model.gauges import Channel
 
@@ -39,20 +40,16 @@ class PlaceOnInterface:
         distance: between the two, m.
         size: of the face, m.
         shapes: (n_a,) shape functions of the face there.
-        first: (n_a,) its nodes on the first side.
-        second: (n_a,) those on the second side.
+        faces: the face alone.
         normal: (dim,) from the first side to the second.
-        elements: (2,) on both sides.
     """
 
     point: Floats
     distance: float
     size: float
     shapes: Floats
-    first: Ints
-    second: Ints
+    faces: JointFaces
     normal: Floats
-    elements: Ints
 
 
 def nearest_place(points: Floats, parts: Sequence[JointFaces], target: Floats) -> PlaceOnInterface:
@@ -85,10 +82,8 @@ def nearest_place(points: Floats, parts: Sequence[JointFaces], target: Floats) -
             float(np.linalg.norm(foot - target)),
             float(np.ptp(corners, axis=0).max()),
             shapes,
-            part.first[face],
-            part.second[face],
+            part.of(np.arange(len(part.first)) == face),
             normal / np.linalg.norm(normal),
-            part.elements[face],
         )
         best = place if best is None or place.distance < best.distance else best
     assert best is not None
@@ -124,14 +119,16 @@ def joint_meters(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
             continue  # the interface is a fault of its own
         target = np.array(on_mesh.kinematics.in_section(channel.second)[0])
         place = nearest_place(mesh.points, parts, target)
-        if np.isin(place.first, mesh.inner).all() or np.isin(place.second, mesh.inner).all():
-            faults.append(_beside_beam(on_mesh, channel))
-            continue
+        if place.faces.inner is not None:
+            if channel.towards is None:
+                faults.append(_beside_beam(on_mesh, channel))
+                continue
+            place = replace(place, faces=replace(place.faces, side=int(_beyond(channel, place))))
         if place.distance > _OFF * place.size:
             faults.append(_off(on_mesh, channel, place))
             continue
         way = _direction(channel, place)
-        for sign, nodes in ((1.0, place.second), (-1.0, place.first)):
+        for sign, (nodes,) in zip((-1.0, 1.0), place.faces.ends, strict=True):
             for axis, part in enumerate(way):
                 rows[row, nodes * mesh.dim + axis] = sign * part * place.shapes
         stands = _stands(on_mesh, place)
@@ -139,7 +136,7 @@ def joint_meters(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
         if not readable[row].any():
             faults.append(_never(on_mesh, channel, stands))
     observable = RelativeDisplacements(sp.csr_array(rows))
-    why = "the ground is not on both sides of the interface then"
+    why = "a side that the interface joins is not there then"
     return Placed(observable, readable, faults=tuple(faults), unreadable=why)
 
 
@@ -150,15 +147,27 @@ def _direction(channel: Channel, place: PlaceOnInterface) -> Floats:
         return normal
     if channel.quantity == "slip":
         return np.array([-normal[1], normal[0]])
+    return np.array(channel.direction) * (1.0 if _beyond(channel, place) else -1.0)
+
+
+def _beyond(channel: Channel, place: PlaceOnInterface) -> bool:
+    """Whether the point of a channel that names a side is on the second one."""
     assert channel.towards is not None
-    beyond = float(normal @ (np.array(channel.towards) - place.point)) > 0.0
-    return np.array(channel.direction) * (1.0 if beyond else -1.0)
+    return float(place.normal @ (np.array(channel.towards) - place.point)) > 0.0
 
 
 def _stands(on_mesh: CaseOnMesh, place: PlaceOnInterface) -> Bools:
-    """(n_states,) when the ground of both sides is there."""
-    groups = on_mesh.sequence.group_of[place.elements]
-    return np.array([all(int(g) in s.materials for g in groups) for s in on_mesh.sequence.states])
+    """(n_states,) when both sides are there: ground, or ground and a beam."""
+    faces, states = place.faces, on_mesh.sequence.states
+    groups = on_mesh.sequence.group_of[faces.elements[0, list(faces.touches)]]
+    beams = beams_on(on_mesh.case, faces)
+    return np.array(
+        [
+            all(int(g) in s.materials for g in groups)
+            and (not beams or not beams.isdisjoint(s.structures))
+            for s in states
+        ]
+    )
 
 
 def _beside_beam(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
@@ -167,7 +176,7 @@ def _beside_beam(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
         "beside-beam",
         f"gauge '{channel.name}' reads across the interface '{channel.interface}', which a "
         "beam or shell divides: across which of its two sides is not said",
-        "Take an extensometer from a point of it to one of the ground.",
+        "Write 'towards: [...]', a point of the ground on the side that is meant.",
     )
 
 
@@ -187,7 +196,7 @@ def _never(on_mesh: CaseOnMesh, channel: Channel, stands: Bools) -> Fault:
     return on_mesh.case.source.fault(
         (*channel.key, "zero"),
         "zero-before-interface",
-        f"gauge '{channel.name}' reads zero at stage '{channel.zero}', at which the ground "
-        f"is not on both sides of the interface '{channel.interface}'",
+        f"gauge '{channel.name}' reads zero at stage '{channel.zero}', at which a side "
+        f"that the interface '{channel.interface}' joins is not there",
         f"zero it at one of: {', '.join(names)}",
     )

@@ -16,7 +16,7 @@ from geoident.fem.interfaces import JointFaces, JointPoints, joint_points
 from geoident.forward.stages import CaseOnMesh, ConstructionState, listed
 from geoident.model.case import Case, KeyPath
 from geoident.model.interfaces import Interface
-from geoident.model.parameter import Scalar, Values
+from geoident.model.parameter import Values
 from geoident.model.structures import Beam, Shell
 
 
@@ -59,17 +59,23 @@ class InterfacePart:
         return not self.beams or not self.beams.isdisjoint(state.structures)
 
 
+def beams_on(case: Case, faces: JointFaces) -> frozenset[str]:
+    """The structures that are between the two sides of some faces."""
+    structures = case.structures.items()
+    return frozenset(
+        name
+        for name, one in structures
+        if isinstance(one, Beam | Shell) and one.group in faces.beams
+    )
+
+
 def interface_parts(on_mesh: CaseOnMesh) -> list[InterfacePart]:
     """All parts of interfaces that ever stand."""
     parts, sequence = [], on_mesh.sequence
     for name, given in on_mesh.case.interfaces.items():
         own: dict[tuple[frozenset[str], tuple[int, int]], list[JointFaces]] = {}
         for faces in on_mesh.joints.get(given.along, ()):
-            beams = frozenset(
-                beam
-                for beam, one in on_mesh.case.structures.items()
-                if isinstance(one, Beam | Shell) and one.group in faces.beams
-            )
+            beams = beams_on(on_mesh.case, faces)
             pairs = sequence.group_of[faces.elements]
             pairs = pairs[:, [faces.side, 1 - faces.side]] if beams else np.sort(pairs, axis=1)
             for first, second in np.unique(pairs, axis=0).tolist():
@@ -101,42 +107,6 @@ def interface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
             message = f"the group '{given.along}' has no ground on both sides anywhere"
             hint = f"An interface lies inside the mesh; its {what}: {listed(mesh.facet_groups)}."
             faults.append(case.source.fault(path, "no-interface", message, hint))
-    return faults or _unsupported(on_mesh)
-
-
-def _unsupported(on_mesh: CaseOnMesh) -> list[Fault]:
-    """What cases with interfaces do not have yet."""
-    case, sequence, faults = on_mesh.case, on_mesh.sequence, []
-
-    def refuse(path: KeyPath, message: str, hint: str) -> None:
-        faults.append(case.source.fault(path, "beside-interface", message, hint))
-
-    if not case.interfaces:
-        return []
-    for name, interface in case.interfaces.items():
-        divided = any(one.beams for one in on_mesh.joints.get(interface.along, ()))
-        if case.consolidates and divided:
-            message = f"a beam or shell stands on the interface '{name}', and water takes time to "
-            message += "leave the ground, which is not computed together yet"
-            hint = "Remove the interface, so that the wall is tied to the ground, or model the "
-            hint += "wall by elements with an interface on each side."
-            refuse(("interfaces", name), message, hint)
-    beside = {
-        int(group)
-        for faces in on_mesh.joints.values()
-        for one in faces
-        for group in sequence.group_of[one.elements].ravel()
-    }
-    for n, state in enumerate(sequence.states[1:]):
-        partly = {g for g, part in state.release.items() if part != Scalar(1.0)} & beside
-        for group in sorted(partly & state.leaving) if case.consolidates else ():
-            name = sequence.groups[group]
-            message = (
-                f"'{name}' borders on an interface, its stress is released in parts, and water "
-                "takes time to leave the ground, which is not computed together yet"
-            )
-            hint = "Excavate it whole, without 'release' or 'distance'; or move the interface."
-            refuse(("stages", n), message, hint)
     return faults
 
 

@@ -106,8 +106,11 @@ class JointWater:
         shape = len(part.joint.points.places), point.n_columns
         return np.broadcast_to(self._pressures[key].at(point).columns, shape)
 
-    def beside_dry(self, part: StructureMembers, point: ParameterPoint) -> Floats:
-        """What the water of the virgin state adds to the total tractions of dry ground.
+    def made_effective(self, part: StructureMembers, point: ParameterPoint) -> Floats:
+        """What the water of the virgin state adds to tractions of the stress on the first side.
+
+        That is total where the ground there is dry, and effective where it is wet; tractions are
+        effective where the interface has water, and beside a beam total where it has none.
 
         Args:
             part: an interface that stands then.
@@ -119,8 +122,9 @@ class JointWater:
         assert part.joint is not None
         points, water = part.joint.points, self._on_mesh.case.water
         added = np.zeros((len(part.members.weight), point.n_columns))
-        if water is not None and self._has(part, water):
-            dry = ~self._wet(water, self._on_mesh.sequence.group_of[points.beside])
-            pressure = points.mean @ (dry[:, None] * self._at_places(part, water, point))
+        if water is not None:
+            wet = self._wet(water, self._on_mesh.sequence.group_of[points.beside])
+            change = np.where(wet, 0.0, 1.0) - (not self._has(part, water))
+            pressure = points.mean @ (change[:, None] * self._at_places(part, water, point))
             added[: len(pressure)] = pressure
         return added

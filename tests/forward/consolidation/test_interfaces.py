@@ -31,8 +31,20 @@ gauges:
 """
 
 
-def column(folder, kind: str, lasts: float, *, permeable: str, low: str = "clay"):
-    """Two columns of 5 m on each other, with an interface between."""
+WALL = """\
+structures:
+  wall: {kind: KIND, on: joint, SECTION}
+"""
+SECTIONS = {
+    "beam": "EA: 1 N/m, EI: 1 Nm2/m",
+    "shell": "E: 1 Pa, nu: 0, thickness: 1 mm, axis: [1, 0, 0]",
+}
+
+
+def column(
+    folder, kind: str, lasts: float, *, permeable: str, low: str = "clay", wall: bool = False
+):
+    """Two columns of 5 m on each other, with an interface between, or a wall of no stiffness."""
     solid = kind == "hex20"
     cells, size = ((1, 1, 20), (0.5, 0.5, 10.0)) if solid else ((1, 20), (0.5, 10.0))
     mesh = with_inner_faces(box(kind, cells, size=size), joint=lambda x: abs(x[..., -1] - 5) < 1e-9)
@@ -40,6 +52,11 @@ def column(folder, kind: str, lasts: float, *, permeable: str, low: str = "clay"
     write_msh(mesh, folder / "m.msh", sorted(set(mesh.facet_groups) - {"outer"}))
     across = "0.2 m, 0.3 m" if solid else "0.2 m"
     text = HEAD.format(analysis="solid" if solid else "plane-strain", **CLAY) + COLUMN
+    if wall:
+        of = "shell" if solid else "beam"
+        text = text.replace("stages:\n", "stages:\n  - {name: wall, build: [wall]}\n")
+        text = text.replace("WAY,", "WAY, zero: wall,") + WALL.replace("KIND", of)
+        text = text.replace("SECTION", SECTIONS[of])
     words = {
         "SIDES": "y0: y, y1: y," if solid else "", "BASE": "z0" if solid else "y0",
         "TOP": "z1" if solid else "y1", "LOW": low, "PERMEABLE": permeable, "END": str(lasts),
@@ -55,48 +72,69 @@ def column(folder, kind: str, lasts: float, *, permeable: str, low: str = "clay"
     return path
 
 
+@pytest.mark.parametrize("wall", [False, True])
 @pytest.mark.parametrize("kind", ["tri6", "hex20"])
-def test_columns_on_a_permeable_joint_are_one(tmp_path, kind, verification):
-    """Terzaghi's column; the joint closes by the effective stress in it over k_n."""
+def test_columns_on_a_permeable_joint_are_one(tmp_path, kind, wall, verification):
+    """Terzaghi's column; the joint closes by the effective stress in it over k_n.
+
+    That on either side of a beam or shell does.
+    """
     closed = Terzaghi(**CLAY, h=10.0, q=LOAD)
     times = TIMES * closed.h**2 / closed.c
-    path = column(tmp_path, kind, times[-1], permeable="true")
-    settlement, high, foot, joint = read(path, {"load": times[:-1]})
+    path = column(tmp_path, kind, times[-1], permeable="true", wall=wall)
+    settlement, high, foot, joint = read(path, {"load": times[:-1]})[:, -len(times) :]
     np.testing.assert_allclose(foot, closed.pressure(0.0, TIMES), atol=3e-3 * closed.p0)
     effective = LOAD - closed.pressure(5.0, TIMES)
     np.testing.assert_allclose(joint, -effective / K_N, atol=3e-3 * LOAD / K_N)
-    expected = closed.settlement(TIMES) + effective / K_N
+    expected = closed.settlement(TIMES) + (1 + wall) * effective / K_N
     np.testing.assert_allclose(settlement, expected, atol=2e-3 * closed.end)
-    variant = f"{kind}, water flows across"
+    variant = f"{kind}, water flows across{' a wall' if wall else ''}"
     verification("joint-columns", variant, TIMES, exact=expected, found=settlement)
-    assert (high < closed.pressure(5.0, TIMES)).all()
+    np.testing.assert_allclose(high, closed.pressure(5.1, TIMES), atol=5e-3 * closed.p0)
 
 
-def test_an_impermeable_joint_leaves_two_columns(tmp_path, verification):
+@pytest.mark.parametrize(("kind", "wall"), [("quad8", False), ("quad8", True), ("hex20", True)])
+def test_an_impermeable_joint_leaves_two_columns(tmp_path, kind, wall, verification):
     """The upper one of 5 m consolidates, the lower one keeps its first pressure."""
     closed = Terzaghi(**CLAY, h=5.0, q=LOAD)
     times = TIMES * closed.h**2 / closed.c
-    path = column(tmp_path, "quad8", times[-1], permeable="false")
-    settlement, high, foot, joint = read(path, {"load": times[:-1]})
+    path = column(tmp_path, kind, times[-1], permeable="false", wall=wall)
+    settlement, high, foot, joint = read(path, {"load": times[:-1]})[:, -len(times) :]
     np.testing.assert_allclose(high, closed.pressure(0.1, TIMES), atol=3e-3 * closed.p0)
     np.testing.assert_allclose(foot, closed.p0, rtol=2e-3)
-    # the mean of both pressures stands in the joint, and the lower column keeps its first strain
-    effective = LOAD - 0.5 * (closed.pressure(0.0, TIMES) + closed.p0)
-    np.testing.assert_allclose(joint, -effective / K_N, atol=5e-3 * LOAD / K_N)
-    expected = closed.settlement(TIMES) + closed.u0 + effective / K_N
+    # the mean of both pressures stands in the joint, beside a wall that of its own side; and the
+    # lower column keeps its first strain
+    above, below = LOAD - closed.pressure(0.0, TIMES), LOAD - closed.p0
+    closes = above if wall else 0.5 * (above + below)
+    np.testing.assert_allclose(joint, -closes / K_N, atol=5e-3 * LOAD / K_N)
+    closes = above + below if wall else closes
+    expected = closed.settlement(TIMES) + closed.u0 + closes / K_N
     np.testing.assert_allclose(settlement, expected, atol=3e-3 * closed.end)
-    variant = "quad8, water is held back"
+    variant = f"{kind}, water is held back{' by a wall' if wall else ''}"
     verification("joint-columns", variant, TIMES, exact=expected, found=settlement)
 
 
-def test_a_permeable_joint_beside_ground_that_drains_drains(tmp_path):
+@pytest.mark.parametrize("wall", [False, True])
+def test_a_permeable_joint_beside_ground_that_drains_drains(tmp_path, wall):
     """Clay on sand: drained at both of its faces, it is a column of 2.5 m, twice."""
     closed = Terzaghi(**CLAY, h=2.5, q=LOAD)
     times = TIMES * closed.h**2 / closed.c
-    path = column(tmp_path, "quad8", times[-1], permeable="true", low="sand")
-    _, middle, far, _ = read(path, {"load": times[:-1]})
+    path = column(tmp_path, "quad8", times[-1], permeable="true", low="sand", wall=wall)
+    _, middle, far, _ = read(path, {"load": times[:-1]})[:, -len(times) :]
     np.testing.assert_allclose(middle, closed.pressure(0.0, TIMES), atol=3e-2 * closed.p0)
     np.testing.assert_allclose(far, closed.pressure(1.5, TIMES), atol=3e-2 * closed.p0)
+
+
+def test_faces_on_an_interface_are_drained_on_both_sides(tmp_path):
+    """The upper column is drained at both of its ends, the lower one at its top."""
+    closed, low = (Terzaghi(**CLAY, h=h, q=LOAD) for h in (2.5, 5.0))
+    times = TIMES * closed.h**2 / closed.c
+    path = column(tmp_path, "quad8", times[-1], permeable="false", wall=True)
+    text = path.read_text().replace("{y1: {}}", "{y1: {}, joint: {}}").replace("5.1 m", "7.5 m")
+    path.write_text(text)
+    _, middle, foot, _ = read(path, {"load": times[:-1]})[:, -len(times) :]
+    np.testing.assert_allclose(middle, closed.pressure(0.0, TIMES), atol=3e-2 * closed.p0)
+    np.testing.assert_allclose(foot, low.pressure(0.0, TIMES / 4.0), atol=3e-2 * closed.p0)
 
 
 SITE = """\

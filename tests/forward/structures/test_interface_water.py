@@ -15,6 +15,7 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import GeostaticStress
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Beam
 from tests.forward.structures.test_interfaces import NOTHING, meter, on_level
 from tests.support.cases import material, model, rollers
 from tests.support.commands import run_command
@@ -116,6 +117,25 @@ def test_the_virgin_state_is_in_balance_and_bears_the_effective_weight(groups):
     states = staged.survey(NOTHING, fields=False).interfaces
     expected = -(2000 * 9.81 * 4.0 - 9.81e3 * 2.0)
     np.testing.assert_allclose(states.normal_traction[:, 0], expected, rtol=1e-9)
+    np.testing.assert_allclose(states.opening, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("groups", "wet"),
+    [(None, (1, 1)), (("low",), (0, 1)), (("rock",), (1, 0)), (("joint",), (1, 1))],
+)
+def test_the_virgin_state_is_in_balance_beside_a_beam(groups, wet):
+    """On each of its sides the traction is effective where the ground there has the water."""
+    staged = column(
+        1e9, water=Water(Scalar(6.0), groups=groups), stages=(Stage("nothing", build=("beam",)),),
+        structures={"beam": Beam("joint", EA=Scalar(1e9), EI=Scalar(1e6))},
+    )  # fmt: skip
+    assert staged.contradictions() == []
+    assert staged.analysis.virgin(ParameterPoint({}, ()))[1].max() < 1e-12
+    states = staged.survey(NOTHING, fields=False).interfaces
+    sides = states.normal_traction.reshape(2, -1)  # against the upper part, and the lower one
+    expected = -(2000 * 9.81 * 4.0 - 9.81e3 * 2.0 * np.array(wet))
+    np.testing.assert_allclose(sides, np.broadcast_to(expected[:, None], sides.shape), rtol=1e-9)
     np.testing.assert_allclose(states.opening, 0.0, atol=1e-12)
 
 

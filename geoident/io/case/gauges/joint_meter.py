@@ -19,7 +19,8 @@ class JointMeterSection(GaugeBase):
 
     `opening`, positive where they part; `slip`, in the plane positive where, seen from either side,
     the other one moves to the left. With `direction` and `towards`: motion, along the direction, of
-    the side where the point `towards` lies, against the other one.
+    the side where the point `towards` lies, against the other one. Where a beam or shell stands on
+    the interface, between the ground on the side of `towards` and that.
     """
 
     kind: Literal["joint-meter"]
@@ -32,18 +33,19 @@ class JointMeterSection(GaugeBase):
         None, description="Direction of the motion, with `towards`, in place of a component."
     )
     towards: Coordinates | None = Field(
-        None, description="A point on the side whose motion is read."
+        None,
+        description="A point on the side whose motion is read; beside a beam or shell, on the side "
+        "of it that is read.",
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """A direction has a length, and a side that moves; nothing else has these."""
+        """A direction has a length, and a side that moves."""
         super().check(faults)
         refuse_no_direction("direction", self.direction, faults)
-        if (self.direction is None) != (self.towards is None):
-            present, missing = ("direction", "towards")[:: 1 if self.direction else -1]
-            message = f"'{present}' without '{missing}'"
+        if self.direction is not None and self.towards is None:
+            message = "'direction' without 'towards'"
             hint = "Give both: the direction, and a point on the side whose motion is read."
-            faults.add((present,), "missing-key", message, hint)
+            faults.add(("direction",), "missing-key", message, hint)
         elif self.direction is not None and self.component is not None:
             message = "found component and direction; expected one of them"
             faults.add(("component",), "wrong-pair", message, "Remove one.")
