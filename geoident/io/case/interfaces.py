@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
 
 from pydantic import Field
 
@@ -12,7 +11,6 @@ from geoident.io.schema.section import Alternatives, Context, Section, SectionFa
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
-    Count,
     Flag,
     Multiple,
     Name,
@@ -36,8 +34,8 @@ class InterfaceSection(Section):
 
     one_of = (
         Alternatives(
-            "cohesion? friction dilation? tensile_strength? planes?",
-            "R_inter of dilation? tensile_strength? planes?",
+            "cohesion? friction dilation? tensile_strength?",
+            "R_inter of dilation? tensile_strength?",
             "",
             hint="Give the limit by its own numbers, as a part of that of the ground, or none.",
         ),
@@ -77,11 +75,6 @@ class InterfaceSection(Section):
         description="Largest tension; 0 if missing. Not beyond cohesion / tan(friction).",
         examples=["20 kPa"],
     )
-    planes: Annotated[int, Count()] | None = Field(
-        None,
-        description="Sides of the polygon in place of the circle of shear in a solid; even, 16 if "
-        "missing.",
-    )
     permeable: Flag = Field(
         True,
         description="Whether water of ground that consolidates flows across it; false for a sheet "
@@ -89,15 +82,12 @@ class InterfaceSection(Section):
     )
 
     def check(self, faults: SectionFaults) -> None:
-        """Strengths and angles are not negative; a polygon has sides."""
+        """Strengths and angles are not negative."""
         for key in ("cohesion", "friction", "dilation", "tensile_strength"):
             given: CaseNumber | None = getattr(self, key)
             if given is not None and given.parameter is None and given.factor < 0.0:
                 message = f"'{given.text}' is negative"
                 faults.add((key,), "out-of-range", message, "Drop the -.")
-        if self.planes is not None and (self.planes < 4 or self.planes % 2):
-            message = f"found {self.planes} sides; expected an even number from 4 on"
-            faults.add(("planes",), "out-of-range", message, "Write 16.")
 
     def interface(self, materials: Mapping[str, Material], context: Context) -> Interface | None:
         """The interface; None, with a fault, where the strength of the ground is not known."""
