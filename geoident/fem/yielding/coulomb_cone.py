@@ -65,23 +65,25 @@ class ConeLimits:
 
 
 class CoulombCone(YieldLaw):
-    """The limits beside springs, perfectly plastic; tractions (s, m) are t_n, then all of t_s.
+    """The limits beside springs, perfectly plastic; tractions (s, m) are t_n, t_s, then zeros.
 
     Args:
         k_n: traction per opening, Pa/m.
         k_s: traction per slip, Pa/m.
         limits: c, phi, psi and T.
+        n_slips: components of t_s: 1 in the plane, 2 in a solid.
     """
 
     planes: ConeLimits
 
-    def __init__(self, k_n: Dual, k_s: Dual, limits: ConeLimits) -> None:
-        self.k_n, self.k_s, self.planes = k_n, k_s, limits
+    def __init__(self, k_n: Dual, k_s: Dual, limits: ConeLimits, n_slips: int) -> None:
+        self.k_n, self.k_s, self.planes, self.n_slips = k_n, k_s, limits, n_slips
         self.associated = bool(limits.opens.value == limits.steep.value)
 
     def with_associated_flow(self) -> CoulombCone:
         """The law with plastic strains along the normals."""
-        return CoulombCone(self.k_n, self.k_s, replace(self.planes, opens=self.planes.steep))
+        limits = replace(self.planes, opens=self.planes.steep)
+        return CoulombCone(self.k_n, self.k_s, limits, self.n_slips)
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """Return |t_s| + t_n tan(phi) - c and t_n - T (2, m) of tractions (s, m), Pa."""
@@ -138,7 +140,8 @@ class ConeReturn(ReturnStep):
 
         constants = (limits.cohesion, limits.tension, limits.steep, limits.opens, law.k_n, law.k_s)
         c, T, steep, dilates, k_n, k_s = map(number, constants)
-        normal, along, sizes = Dual(start[0]), start[1:], np.linalg.norm(self.start[1:], axis=0)
+        normal, along, rest = np.split(start, [1, 1 + law.n_slips])
+        normal, sizes = Dual(normal[0]), np.linalg.norm(self.start[1:], axis=0)
         still = sizes == 0.0
         way = along[..., 0] / (sizes + still)
         shear = Dual(np.einsum("sq,sqk->qk", way, along)).plus(still)
@@ -150,7 +153,7 @@ class ConeReturn(ReturnStep):
         ends = np.where(opens, T.columns, slid)
         left = ((c - steep * Dual(ends)) / shear).columns
         left = np.where(at_tip, 0.0, np.where(slips, left, np.eye(1, size)))
-        return np.concatenate([ends[None], (Dual(along) * Dual(left)).columns])
+        return np.concatenate([ends[None], (Dual(along) * Dual(left)).columns, rest])
 
     def end_derivatives(
         self, start: Floats, hardened: Floats | None, *, of_law: bool

@@ -19,8 +19,14 @@ from geoident.model.interfaces import Interface
 from geoident.model.parameter import Scalar
 
 
-def coulomb_cone(interface: Interface, point: ParameterPoint) -> CoulombCone:
-    """The limits of an interface that yields, with derivatives by all its constants."""
+def coulomb_cone(interface: Interface, point: ParameterPoint, n_slips: int) -> CoulombCone:
+    """The limits of an interface that yields, with derivatives by all its constants.
+
+    Args:
+        interface: it yields.
+        point: the parameters.
+        n_slips: number of t_s.
+    """
     assert interface.friction is not None
     none, part = point.constant(0.0), point.constant(1.0)
     if interface.R_inter is not None:
@@ -32,7 +38,8 @@ def coulomb_cone(interface: Interface, point: ParameterPoint) -> CoulombCone:
         _tangent(point.number(interface.dilation)),
         point.number(interface.tensile_strength),
     )
-    return CoulombCone(point.number(interface.k_n), point.number(interface.k_s), limits)
+    stiff, soft = point.number(interface.k_n), point.number(interface.k_s)
+    return CoulombCone(stiff, soft, limits, n_slips)
 
 
 def given_back(interface: Interface, point: ParameterPoint, plastic: Floats) -> Floats:

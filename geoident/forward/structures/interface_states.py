@@ -79,7 +79,7 @@ class InterfaceRecorder:
         count = traction.shape[1]
         if not (limited and given.yields and np.isfinite(traction).all()):
             return np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-        law = coulomb_cone(given, self._point)
+        law = coulomb_cone(given, self._point, len(traction) - 1)
         slips, parts = law.excess(traction) >= -_AT_LIMIT * law.scale(traction)
         return slips & ~parts, parts
 

@@ -108,7 +108,8 @@ class StructureLaws:
         if name not in self._laws:
             structure, point = self._structures[name], self._point
             if isinstance(structure, Interface):
-                self._laws[name] = coulomb_cone(structure, point)
+                n_slips = 2 if self._n_strain == _SOLID else 1
+                self._laws[name] = coulomb_cone(structure, point, n_slips)
             else:
                 planes = limits(structure, point, self._n_strain)
                 self._laws[name] = PolyhedralLaw(self.elasticity(name), planes)

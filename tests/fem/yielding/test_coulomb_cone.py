@@ -21,13 +21,13 @@ PLACES = {
 AT = pytest.mark.parametrize("place", list(PLACES))
 
 
-def cone(**changes: float) -> CoulombCone:
+def cone(n_slips: int = 2, **changes: float) -> CoulombCone:
     """The law with derivatives by all constants."""
     values, one = {**NUMBERS, **changes}, np.eye(len(NUMBERS))
     c, steep, opens, T, k_n, k_s = (
         Dual(np.concatenate([[values[name]], one[k]])) for k, name in enumerate(NUMBERS)
     )
-    return CoulombCone(k_n, k_s, ConeLimits(c, steep, opens, T))
+    return CoulombCone(k_n, k_s, ConeLimits(c, steep, opens, T), n_slips)
 
 
 def at(place: str, **changes: float) -> CoulombCone:
@@ -131,5 +131,23 @@ def test_every_direction_along_the_face_is_alike():
         Q = np.eye(3)
         Q[1:, 1:] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
         np.testing.assert_allclose(Q.T @ T @ Q, step.reduction[0], atol=1e-14)
-    plane = law.project(trial[:2]).stress
+    plane = cone(n_slips=1).project(trial[:2]).stress
     np.testing.assert_allclose(plane[:, 0], step.stress[:2, 0])
+
+
+@pytest.mark.parametrize("opens", [0.0, 0.2, 0.6])
+def test_newtons_method_with_the_tangent_converges_quadratically(opens):
+    """A point on springs beside the joint, stressed before across the force that comes."""
+    law = cone(opens=opens)
+    springs = 1e9 * np.array([[2.0, 0.5, 0.2], [0.5, 2.0, 0.7], [0.2, 0.7, 1.0]])
+    stiff = np.diag([NUMBERS["k_n"], NUMBERS["k_s"], NUMBERS["k_s"]])
+    force, before, left = np.array([-60e3, 400e3, 90e3]), np.array([-30e3, -20e3, 60e3]), []
+    jump = np.linalg.solve(springs + stiff, force - before)
+    for _ in range(7):
+        step = law.project((before + stiff @ jump)[:, None])
+        rest = force - springs @ jump - step.stress[:, 0]
+        left.append(np.abs(rest).max() / np.abs(force).max())
+        jump = jump + np.linalg.solve(springs + step.reduction[0] @ stiff, rest)
+    assert left[-1] < 1e-14
+    last = next(n for n, part in enumerate(left) if part < 1e-7)
+    assert left[last] < left[last - 1] ** 2
