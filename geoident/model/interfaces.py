@@ -23,7 +23,6 @@ class Interface:
         R_inter: part of the cohesion and of tan(friction) that it has; None: all.
         dilation: angle, rad, by which slip opens it.
         tensile_strength: Pa.
-        planes: sides of the polygon in place of the circle of shear in a solid.
         permeable: whether water that takes time to leave the ground flows across.
     """
 
@@ -35,7 +34,6 @@ class Interface:
     R_inter: Scalar | None = None
     dilation: Scalar = Scalar(0.0)
     tensile_strength: Scalar = Scalar(0.0)
-    planes: int = 16
     permeable: bool = True
 
     ageing: ClassVar[None] = None

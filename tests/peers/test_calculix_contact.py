@@ -45,9 +45,7 @@ def block(along: int, friction: float = FRICTION) -> StagedModel:
         groups={"rock": "rock", "low": "rock"},
         supports=(Support("z0", (0, 1, 2)),),
         interfaces={
-            "joint": Interface(
-                "joint", Scalar(K_N), Scalar(K_S), friction=Scalar(friction), planes=64
-            )
+            "joint": Interface("joint", Scalar(K_N), Scalar(K_S), friction=Scalar(friction))
         },
         stages=tuple(stages),
     )

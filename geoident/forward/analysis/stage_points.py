@@ -28,7 +28,7 @@ from geoident.fem.stiffness import StiffnessPattern
 from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.systems import StageSystems
-from geoident.forward.structures.limits import given_back
+from geoident.forward.structures.interface_limits import given_back
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.interfaces import Interface

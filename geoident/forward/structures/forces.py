@@ -15,6 +15,7 @@ from geoident.forward.structures.members import StructureMembers, Structures
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
+from geoident.model.interfaces import Interface
 from geoident.model.parameter import Values
 from geoident.model.results.result import MemberForces
 from geoident.model.results.shells import ShellForces, along
@@ -218,6 +219,7 @@ class MemberRecorder:
         At the ends at which they are held against it (`limits`); 1 where it yields.
         """
         point = ParameterPoint(self._values, ())
+        assert not isinstance(part.structure, Interface)
         planes = limits(part.structure, point, n_strain=STRESSES)
         stress = MemberPoints([part], self._structures.n_rows, STRESSES).of_rows(forces[:, None])
         drives = planes.normals.value @ stress[..., 0]

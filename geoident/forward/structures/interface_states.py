@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.stages import ConstructionSequence
-from geoident.forward.structures.limits import limits
-from geoident.forward.structures.members import StructureMembers, Structures
+from geoident.forward.structures.interface_limits import coulomb_cone
+from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
+from geoident.model.interfaces import Interface
 from geoident.model.parameter import Values
 from geoident.model.results.interfaces import InterfaceStates
 
@@ -65,7 +66,7 @@ class InterfaceRecorder:
                     _along(traction),
                     jump[0],
                     _along(jump),
-                    *self._limits(part, traction, part.joint.is_limited(state)),
+                    *self._limits(part.joint.given, traction, part.joint.is_limited(state)),
                 ]
             )
             nothing = ~part.joint.points.parted | (not part.stands(state))
@@ -73,20 +74,14 @@ class InterfaceRecorder:
             tables.append(table)
         self._tables.append(np.concatenate(tables, axis=1))
 
-    def _limits(
-        self, part: StructureMembers, traction: Floats, limited: bool
-    ) -> tuple[Bools, Bools]:
+    def _limits(self, given: Interface, traction: Floats, limited: bool) -> tuple[Bools, Bools]:
         """(n,) where tractions (dim, n) are at the limit of shear, and at that of tension."""
         count = traction.shape[1]
-        if not (limited and part.structure.yields and np.isfinite(traction).all()):
+        if not (limited and given.yields and np.isfinite(traction).all()):
             return np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-        planes = limits(part.structure, self._point, n_strain=4 if len(traction) == 2 else 6)
-        normals = planes.normals.value[:, : len(traction)]
-        distances = planes.distances.value[:, None]
-        rounding = _AT_LIMIT * (np.abs(normals) @ np.abs(traction) + distances)
-        reached = distances - normals @ traction <= rounding
-        parts = reached[-1]
-        return reached[:-1].any(axis=0) & ~parts, parts
+        law = coulomb_cone(given, self._point, len(traction) - 1)
+        slips, parts = law.excess(traction) >= -_AT_LIMIT * law.scale(traction)
+        return slips & ~parts, parts
 
     def table(self) -> InterfaceStates | None:
         """All that was recorded, without the virgin state; None without interfaces."""

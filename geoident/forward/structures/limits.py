@@ -20,10 +20,6 @@ these points and elsewhere at most M_p / 64 on the safe side. A bar has the one 
 one s = (N, q) with E = diag(EA, k_grout), |N| <= capacity and |q| <= bond; the toe of a pile
 presses, -base_capacity <= N <= 0, and the ground beside it bears |p| <= lateral_resistance in all
 directions, in a solid a polygon of `_SIDES` sides of the same size on average.
-
-A point of an interface has the tractions s = (t_n, t_s), two t_s in a solid, and E = diag(k_n, k_s,
-k_s). Coulomb's limit |t_s| + t_n tan phi <= c is two planes, in a solid a polygon
-of the same size on average; another one is t_n <= f_t. Slip opens it by the dilation.
 """
 
 from __future__ import annotations
@@ -35,15 +31,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from geoident.fem.yielding.coulomb_cone import CoulombCone
+from geoident.fem.yielding.law import YieldLimits
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
 from geoident.forward.structures.grouted import bar_share
+from geoident.forward.structures.interface_limits import coulomb_cone
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.facets import polygon_shrinkage
-from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint, stacked
 from geoident.model.interfaces import Interface
-from geoident.model.parameter import Scalar
 from geoident.model.structures import (
     Bars,
     Beam,
@@ -64,7 +61,7 @@ _END = np.sqrt(3.0)
 """M at an end less M in the middle, per third stress."""
 
 
-def limits(structure: Structure | Interface, point: ParameterPoint, n_strain: int) -> YieldPlanes:
+def limits(structure: Structure, point: ParameterPoint, n_strain: int) -> YieldPlanes:
     """The planes of a structure that yields, with their derivatives.
 
     Args:
@@ -72,20 +69,14 @@ def limits(structure: Structure | Interface, point: ParameterPoint, n_strain: in
         point: the parameters.
         n_strain: components of a stress of the ground, to which those of members are filled up.
     """
-    if isinstance(structure, Interface):
-        planes = _of_interface(structure, point, solid=n_strain == _SOLID)
-    elif isinstance(structure, Bars):
+    if isinstance(structure, Bars):
         planes = _of_bars(structure, point, solid=n_strain == _SOLID)
     else:
         planes = _of_section(structure, point)
 
-    def filled(directions: Dual) -> Dual:
-        columns = np.zeros((len(planes), n_strain, point.n_columns))
-        columns[:, : directions.columns.shape[1]] = directions.columns
-        return Dual(columns)
-
-    flow = None if planes.flow is None else filled(planes.flow)
-    return replace(planes, normals=filled(planes.normals), flow=flow)
+    normals = np.zeros((len(planes), n_strain, point.n_columns))
+    normals[:, : planes.normals.columns.shape[1]] = planes.normals.columns
+    return replace(planes, normals=Dual(normals))
 
 
 class StructureLaws:
@@ -105,18 +96,23 @@ class StructureLaws:
     ) -> None:
         self._structures = structures
         self._point, self._n_strain = point, n_strain
-        self._laws: dict[str, PolyhedralLaw] = {}
+        self._laws: dict[str, PolyhedralLaw | CoulombCone] = {}
 
     @cached_property
-    def limits(self) -> dict[str, YieldPlanes]:
-        """Planes of all structures that yield."""
+    def limits(self) -> dict[str, YieldLimits]:
+        """Limits of all structures that yield."""
         return {name: self.law(name).planes for name in self._structures}
 
-    def law(self, name: str) -> PolyhedralLaw:
+    def law(self, name: str) -> PolyhedralLaw | CoulombCone:
         """The law of a structure that yields."""
         if name not in self._laws:
-            planes = limits(self._structures[name], self._point, self._n_strain)
-            self._laws[name] = PolyhedralLaw(self.elasticity(name), planes)
+            structure, point = self._structures[name], self._point
+            if isinstance(structure, Interface):
+                n_slips = 2 if self._n_strain == _SOLID else 1
+                self._laws[name] = coulomb_cone(structure, point, n_slips)
+            else:
+                planes = limits(structure, point, self._n_strain)
+                self._laws[name] = PolyhedralLaw(self.elasticity(name), planes)
         return self._laws[name]
 
     def elasticity(self, name: str) -> Dual:
@@ -136,56 +132,6 @@ class StructureLaws:
 
 _SOLID = 6
 """Components of a strain of a solid."""
-
-
-def given_back(interface: Interface, point: ParameterPoint, plastic: Floats) -> Floats:
-    """Normal tractions (n, 1 + n + k), Pa, that come back as an interface closes.
-
-    Plastic opening is a gap, which closes again, but for what slip dilates.
-
-    Args:
-        interface: it yields.
-        point: the parameters.
-        plastic: (dim, n, 1 + n + k) elastic tractions of a step less those at its end, Pa.
-    """
-    if interface.dilation == Scalar(0.0):
-        return np.asarray(plastic[0])
-    stiff, soft = rigidities(interface, point)
-    angle = point.number(interface.dilation)
-    opens = angle.sine() / angle.cosine() * stiff / soft  # by the slip, as tractions
-    if len(plastic) == 2:  # in the plane
-        ways = np.array([[1.0], [-1.0]])
-    else:  # two neighbours of the polygon share a slip between them
-        turns = 2 * np.pi * (np.arange(interface.planes) + 0.5) / interface.planes
-        ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        ways *= polygon_shrinkage(interface.planes, "best") / np.cos(np.pi / interface.planes)
-    nearest = ways[np.argmax(ways @ plastic[1:, :, 0], axis=0)]
-    slip = np.einsum("ni,inc->nc", nearest, plastic[1:])
-    back = plastic[0] - float(opens.value) * slip
-    back[:, 1 : point.n_columns] -= np.outer(slip[:, 0], opens.columns[1:])
-    return np.asarray(back)
-
-
-def _of_interface(given: Interface, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
-    """Coulomb's limit, and the cut-off of tension."""
-    assert given.friction is not None
-    zero, one = point.constant(0.0), point.constant(1.0)
-    part = one if given.R_inter is None else point.number(given.R_inter)
-    angle, dilation = point.number(given.friction), point.number(given.dilation)
-    cohesion = zero if given.cohesion is None else point.number(given.cohesion)
-    reduced, steep = part * cohesion, part * angle.sine() / angle.cosine()
-    ways = _ways(given.planes) if solid else [[1.0], [-1.0]]
-
-    def directions(steep: Dual) -> list[Dual]:
-        return [stacked([steep, *(one.times(x) for x in way)]) for way in ways]
-
-    opening = stacked([one] + [zero] * len(ways[0]))
-    return YieldPlanes(
-        stacked([*directions(steep), opening]),
-        stacked([reduced] * len(ways) + [point.number(given.tensile_strength)]),
-        flow=stacked([*directions(dilation.sine() / dilation.cosine()), opening]),
-        names=(*(f"slip {n}" for n in range(1, 1 + len(ways))), "opening"),
-    )
 
 
 def _ways(sides: int) -> list[list[float]]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
 
 from pydantic import Field
 
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
-    Count,
     Flag,
     FrictionAngle,
     Multiple,
@@ -35,8 +33,8 @@ class InterfaceSection(Section):
 
     one_of = (
         Alternatives(
-            "cohesion? friction dilation? tensile_strength? planes?",
-            "R_inter of dilation? tensile_strength? planes?",
+            "cohesion? friction dilation? tensile_strength?",
+            "R_inter of dilation? tensile_strength?",
             "",
             hint="Give the limit by its own numbers, as a part of that of the ground, or none.",
         ),
@@ -76,22 +74,11 @@ class InterfaceSection(Section):
         description="Largest tension; 0 if missing. Not beyond cohesion / tan(friction).",
         examples=["20 kPa"],
     )
-    planes: Annotated[int, Count()] | None = Field(
-        None,
-        description="Sides of the polygon in place of the circle of shear in a solid; even, 16 if "
-        "missing.",
-    )
     permeable: Flag = Field(
         True,
         description="Whether water of ground that consolidates flows across it; false for a sheet "
         "or a wall face that holds it back.",
     )
-
-    def check(self, faults: SectionFaults) -> None:
-        """A polygon has sides."""
-        if self.planes is not None and (self.planes < 4 or self.planes % 2):
-            message = f"found {self.planes} sides; expected an even number from 4 on"
-            faults.add(("planes",), "out-of-range", message, "Write 16.")
 
     def interface(self, materials: Mapping[str, Material], context: Context) -> Interface | None:
         """The interface; None, with a fault, where the strength of the ground is not known."""

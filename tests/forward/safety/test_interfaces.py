@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin, tan
+from dataclasses import replace
+from math import atan, cos, degrees, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from support.cases import model
 from support.inner_faces import with_inner_faces
-from support.meshes import from_grid
+from support.meshes import from_grid, with_outer_faces
 from support.yielding import NOTHING, mohr, rock
 
 from geoident.forward.safety.search import Search, safety_factors
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.interfaces import Interface
+from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bolts, GroutedBars
 from tests.forward.structures.test_interfaces import held_by_friction, on_level, roof
@@ -154,3 +156,102 @@ def test_a_contact_that_is_pulled(kind):
         stages=(Stage("pull", loads={"pull": load}),),
     )
     assert factor_of(staged).value == pytest.approx(1.5, rel=0.003)
+
+
+# --- a wedge on two joints -----------------------------------------------------------------------
+
+HALF, PLUNGE = radians(45.0), atan(0.5)
+WEDGE = Interface("joint", **STIFF, friction=Scalar(PHI))
+
+
+def wedge(joint: Interface, half: float = HALF, plunge: float = PLUNGE, turn=None):
+    """A symmetric wedge on two joints whose line dips in x; ``turn`` (3, 3) turns all of it."""
+    wide, turn = tan(half), np.eye(3) if turn is None else turn
+    section = 4.0 * np.array(
+        [[0, 0], [wide, 1], [-wide, 1], [2, 1], [2, -1], [-2, -1], [-2, 1]], float
+    )
+    points = np.concatenate([np.insert(section, 0, x, axis=1) for x in (0.0, 8.0)])
+    front = np.array([[0, 1, 2], [0, 3, 1], [0, 4, 3], [0, 5, 4], [0, 6, 5], [0, 2, 6]])
+    cells = np.concatenate([front, front + len(section)], axis=1)
+    groups = {"wedge": np.array([0]), "rock": np.arange(1, 6)}
+    mesh = Mesh(points, (ElementBlock("wedge6", cells, np.arange(1, 7)),), groups=groups)
+    mesh = with_inner_faces(
+        with_outer_faces(mesh), joint=lambda x: abs(abs(x[..., 1]) - wide * x[..., 2]) < 1e-9
+    )
+    return model(
+        replace(mesh, points=mesh.points @ turn.T),
+        materials={"rock": rock(1e10, 0.2, density=2500.0)},
+        groups=dict.fromkeys(groups),
+        supports=tuple(Support(face, (0, 1, 2)) for face in ("y0", "y1", "z0")),
+        gravity=tuple(G * turn @ [sin(plunge), 0.0, -cos(plunge)]),
+        interfaces={"joint": joint},
+        stages=(Stage("cut", install=dict.fromkeys(groups, "rock")),),
+    )
+
+
+def held_on_two_joints(psi: float, half: float = HALF, plunge: float = PLUNGE) -> float:
+    """Factor of safety of a rigid wedge with friction PHI and dilation psi on both joints.
+
+    As it moves by 1 along their line it rises by z = tan(psi) / sqrt(sin^2 h - tan^2(psi) cos^2 h),
+    so that shear has the parts a along the line and b up the joints. With N on each of them
+
+        2 N (sin h - b cos h tan(phi)) = W cos(dip) ,    2 N a tan(phi) = W sin(dip) ;
+
+    without dilation tan(phi) / tan(dip) / sin h: E. Hoek and J. W. Bray, Rock slope engineering.
+    """
+    rise = tan(psi) / sqrt(sin(half) ** 2 - (tan(psi) * cos(half)) ** 2) * cos(half)
+    a, b = np.array([1.0, rise]) / np.hypot(1.0, rise)
+    return tan(PHI) * (a / tan(plunge) + b * cos(half)) / sin(half)
+
+
+@pytest.mark.parametrize(
+    ("half", "plunge", "dilations"),
+    [
+        (HALF, PLUNGE, (0.0, 10.0)),
+        pytest.param(radians(30.0), radians(30.0), (0.0, 5.0, 10.0), marks=pytest.mark.slow),
+    ],
+)
+def test_a_wedge_slides_on_two_joints(half, plunge, dilations, verification):
+    """Shear is against the slide on both: nothing is left across it, with dilation or without."""
+    exact = np.array([held_on_two_joints(radians(psi), half, plunge) for psi in dilations])
+    joints = [replace(WEDGE, dilation=Scalar(radians(psi))) for psi in dilations]
+    found = [
+        factor_of(wedge(joint, half, plunge), guess=factor).value
+        for joint, factor in zip(joints, exact, strict=True)
+    ]
+    np.testing.assert_allclose(found, exact, rtol=0.002)
+    variant = f"joints {2 * degrees(half):.0f} degrees apart, dip {degrees(plunge):.1f} degrees"
+    verification("sliding-wedge", variant, dilations, exact=exact, found=found)
+
+
+def test_a_wedge_moves_alike_however_it_is_turned():
+    """Joints of any direction have slips in directions of their own; strength is alike in all."""
+    joint = replace(WEDGE, friction=Scalar(radians(21.0)), dilation=Scalar(radians(5.0)))
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    whole, turned = (wedge(joint, turn=Q).survey(NOTHING, fields=True) for Q in (None, turn))
+    assert whole.interfaces.slips.any()
+    moved = whole.fields.displacement[-1]
+    np.testing.assert_allclose(
+        turned.fields.displacement[-1], moved @ turn.T, atol=1e-9 * np.abs(moved).max()
+    )
+
+
+def test_a_block_is_held_alike_in_every_direction():
+    """Moved along a joint by prescribed ways between its axes: c - t_n tan(phi), to rounding."""
+    base, top, every = "z0", "z1", (0, 1, 2)
+    joint = Interface("joint", **STIFF, cohesion=Scalar(C), friction=Scalar(PHI))
+    for turn in radians(11.0), radians(37.0), radians(198.0):
+        ways = zip(every, (5e-3 * cos(turn), 5e-3 * sin(turn), -1e-5), strict=True)
+        pushed = Support(top, every, motions=tuple((n, Scalar(way)) for n, way in ways))
+        staged = model(
+            on_level(box("hex8", (1, 1, 2)), 0.5),
+            materials={"rock": rock(1e16, 0.0)},
+            groups={"rock": "rock", "low": "rock"},
+            supports=(Support(base, every), Support(top, every)),
+            interfaces={"joint": joint},
+            stages=(Stage("push", supports={top: pushed}),),
+        )
+        states = staged.survey(NOTHING, fields=False).interfaces
+        held = C - states.normal_traction * tan(PHI)
+        np.testing.assert_allclose(states.shear_traction, held, rtol=1e-9)
