@@ -43,7 +43,7 @@ def soil_constants(material: Material, point: ParameterPoint) -> dict[str, Dual]
 
 
 def past_stress(soil: GivenSoil, point: ParameterPoint) -> tuple[Dual, Dual] | None:
-    """OCR and POP, by which the vertical stress was OCR s_v + POP once; None if it was not higher."""
+    """OCR and POP: the vertical stress was OCR s_v + POP once; None where neither is given."""
     if soil.preconsolidation_stress is not None:
         return point.constant(0.0), point.number(soil.preconsolidation_stress)
     if soil.OCR is None and soil.POP is None:

@@ -52,6 +52,7 @@ from geoident.model.structures import (
     PileContacts,
     PileToes,
     Structure,
+    Struts,
 )
 
 _CHORDS = 8
@@ -138,16 +139,25 @@ _SOLID = 6
 """Components of a strain of a solid."""
 
 
-def given_back(interface: Interface, point: ParameterPoint, plastic: Floats) -> Floats:
-    """Normal tractions (n, 1 + n + k), Pa, that come back as an interface closes.
+def given_back(
+    structure: Structure | Interface, point: ParameterPoint, plastic: Floats
+) -> Floats | None:
+    """What comes back as gaps close (n, 1 + n + k): tractions of an interface, forces of struts.
 
-    Plastic opening is a gap, which closes again, but for what slip dilates.
+    Plastic opening is a gap, which closes again, but for what slip of an interface dilates. None of
+    structures that have no gaps.
 
     Args:
-        interface: it yields.
+        structure: it yields.
         point: the parameters.
-        plastic: (dim, n, 1 + n + k) elastic tractions of a step less those at its end, Pa.
+        plastic: (components, n, 1 + n + k) elastic tractions (Pa) or forces per metre of a step
+            less those at its end.
     """
+    if isinstance(structure, Struts) and structure.compression_only:
+        return np.where(plastic[0, :, :1] > 0.0, plastic[0], 0.0)
+    if not isinstance(structure, Interface):
+        return None
+    interface = structure
     if interface.dilation == Scalar(0.0):
         return np.asarray(plastic[0])
     stiff, soft = rigidities(interface, point)
@@ -212,11 +222,15 @@ def _of_bars(bars: Bars, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
         normals, names = ways, [f"ground beside {n}" for n in range(1, 1 + len(ways))]
         distances = [point.number(bars.strength) / share] * len(ways)
     grouted = isinstance(bars, GroutedBars)
+    presses_only = isinstance(bars, Struts) and bars.compression_only
+    if presses_only:
+        normals, distances, names = [[1.0]], [point.constant(0.0)], ["opening"]
     if bars.capacity is not None:
-        zero = [0.0] * grouted
-        normals += [[1.0, *zero], [-1.0, *zero]]
-        distances += [point.number(bars.capacity) / share] * 2
-        names += ["tension", "compression"]
+        ways = {"tension": 1.0, "compression": -1.0}
+        for name in ways if not presses_only else ("compression",):
+            normals.append([ways[name], *[0.0] * grouted])
+            distances.append(point.number(bars.capacity) / share)
+            names.append(name)
     if isinstance(bars, GroutedBars) and bars.bond is not None:
         normals += [[0.0, 1.0], [0.0, -1.0]]
         distances += [point.number(bars.bond) / share] * 2
