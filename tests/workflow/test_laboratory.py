@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from geoident import check, fit, fit_project
-from geoident.errors import CollapseError
+from geoident.errors import CollapseError, InputError
 from geoident.io.result.file import read_result
 from geoident.report.drawing.album import album
 from geoident.workflow.running.jobs import build_model, load_inputs
@@ -181,6 +181,21 @@ def test_blank_cells_were_not_read(tmp_path):
         ("TX 2 deviator stress", "TX 2 at 1 %"): 150e3,
         ("TX 2 deviator stress", "TX 2 at 2 %"): 250e3,
     }
+
+
+def test_simulated_rows_take_the_place_of_those_that_were_read(tmp_path):
+    """By an override; written beside the tests they are refused."""
+    path = _case(tmp_path, {"TX 1": _triaxial(100, deviator_stress=["1", "2", "3", "4 kPa"])})
+    (tmp_path / "trial.csv").write_text(
+        "gauge,stage,value,unit\nTX 1 deviator stress,TX 1 at 3 %,150,kPa\n"
+    )
+    (read,) = load_inputs(path, overrides=["readings=trial.csv"]).case.readings
+    assert (read.stage, read.value) == ("TX 1 at 3 %", 150e3)
+    (tmp_path / "tests.yaml").write_text(
+        json.dumps({**json.loads((tmp_path / "tests.yaml").read_text()), "readings": "trial.csv"})
+    )
+    with pytest.raises(InputError, match="by an override"):
+        load_inputs(path)
 
 
 def test_shear_box_reaches_the_strength_of_simple_shear(tmp_path, verification):

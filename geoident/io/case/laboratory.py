@@ -570,12 +570,13 @@ def with_tests(places: Places, faults: Faults) -> Places:
         return places
     faults.raise_any()
     for key in data:
-        without_readings = key == "readings" and data[key] == []  # for those who compute them
-        if key not in BESIDE_TESTS and not without_readings:
+        simulated = key == "readings" and places.is_overridden((key,))  # in place of the columns
+        if key not in BESIDE_TESTS and not simulated:
             message = "the case is of 'tests', whose ground and stages are given with them"
             hint = "Remove it. Site and tests are two cases, which a project fits together."
             if key == "readings":
-                hint = "Write the values, also simulated ones, into the columns of the tests."
+                hint = "Write the values into the columns of the tests. Simulated ones take the "
+                hint += "place of all of them by an override of 'readings'."
             faults.add((key,), "no-ground", message, hint, key=True)
     sections: dict[int, type[Section]] = {}
     tests: dict[str, AnyTest] = {}
