@@ -250,9 +250,20 @@ class Struts(Bars):
     ``second_end`` says what holds them there: ``joined``, the mesh; ``fixed``, a place that does
     not move; ``symmetry``, its other half: the strut ends at half its length on a plane of symmetry
     of the model, where it does not move along itself.
+
+    Args:
+        compression_only: they are wedged in, and a pull opens a gap, which closes before they press
+            again; else they pull, too.
     """
 
     sense = -1.0
+
+    compression_only: bool = field(default=False, kw_only=True)
+
+    @property
+    def yields(self) -> bool:
+        """Whether they have a capacity, or bear no pull."""
+        return super().yields or self.compression_only
 
 
 @dataclass(frozen=True)

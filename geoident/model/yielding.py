@@ -327,8 +327,9 @@ class HardeningSoil(_Surface):
         Eoed: tangent modulus of a first loading in the oedometer at p_ref; None: no cap.
         K0nc: stress to the sides by that upwards, in it; None: 1 - sin(phi).
         OCR: highest vertical stress of the past by that in situ; None: 1.
-        POP: highest vertical stress of the past less that in situ; None: 0. Without both the
-            stress itself is the highest that there was.
+        POP: highest vertical stress of the past less that in situ; None: 0.
+        preconsolidation_stress: in place of both, the highest vertical stress of the past. Without
+            any of them the stress itself is the highest that there was.
         G0: shear modulus at the smallest strains, at p_ref; None: that of unloading.
         gamma_07: shear strain at which the secant shear modulus is 0.722 G0; with it.
     """
@@ -348,6 +349,7 @@ class HardeningSoil(_Surface):
     K0nc: Scalar | None = None
     OCR: Scalar | None = None
     POP: Scalar | None = None
+    preconsolidation_stress: Scalar | None = None
     G0: Scalar | None = None
     gamma_07: Scalar | None = None
 
@@ -383,7 +385,7 @@ class HardeningSoil(_Surface):
             or beyond(strengths, "K0nc", 0.05, 1.0)
             or (beyond(strengths, "OCR", 1.0, 1000.0))
             or negative(strengths, "POP")
-            or not_positive(strengths, "G0")
+            or not_positive(strengths, "preconsolidation_stress", "G0")
             or beyond(strengths, "gamma_07", 1e-6, 0.01)
         )
 

@@ -46,6 +46,7 @@ from geoident.workflow.estimating.predictions import (
     correlations,
     predicted_places,
     predicted_stages,
+    pull_findings,
     score,
     strength_findings,
 )
@@ -212,6 +213,7 @@ def _result(
             *gross_findings(gross, estimate.readings, case),
             *(() if wrong else still_findings(case, stated) or sign_findings(case, stated)),
             *strength_findings(survey),
+            *pull_findings(case, survey),
             *alarm_findings(alarms),
             *doubts,
             *(

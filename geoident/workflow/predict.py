@@ -43,6 +43,7 @@ from geoident.workflow.estimating.predictions import (
     correlations,
     predict_stages,
     predicted_places,
+    pull_findings,
     score,
     strength_findings,
 )
@@ -189,6 +190,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
             *_whose_gauges(task),
             *collapse_findings(survey),
             *strength_findings(survey),
+            *pull_findings(model.case, survey),
             *alarm_findings(alarms),
             *inherited,
         ),

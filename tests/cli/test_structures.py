@@ -116,10 +116,13 @@ def test_jacked_strut_and_anchor_from_the_file_to_the_result(lined, run, run_jso
   prop: {kind: strut, EA: 500 MN, spacing: 2 m, second_end: fixed, ends: [[[4, 3.5 m], [3, 3.5 m]]]}
   tie: {kind: anchor, E: 200 GPa, area: 400 mm2, spacing: 2 m, grouted: 0.5 m, prestress: 80 kN,
         ends: [[[4, 2.3 m], [5.4, 1.9 m]]]}
+  shore: {kind: strut, EA: 50 MN, spacing: 2 m, second_end: fixed, ends: [[[4, 3.2 m], [5, 3.2 m]]]}
+  wedged: {kind: strut, EA: 50 MN, spacing: 2 m, ends: [[[4, 3.2 m], [5, 3.2 m]]],
+           second_end: fixed, compression_only: true}
 stages:
 """
     text = text.replace("stages:\n", bars, 1)
-    text = text.replace("build: [nail]}", "build: [nail, prop]}")
+    text = text.replace("build: [nail]}", "build: [nail, prop, shore, wedged]}")
     text = text.replace("build: [wall]}", "build: [wall, tie], prestress: {prop: 50 kN}}")
     case.write_text(text)
     assert run("check", "case.yaml").exit_code == 0
@@ -130,6 +133,12 @@ stages:
     np.testing.assert_allclose(members.axial[[of["prop"], of["tie"]], 1], [-5e4, 8e4], rtol=1e-12)
     np.testing.assert_array_equal(members.prestress[of["prop"]], [np.nan, -5e4])
     assert np.isnan(members.hoop).all()
+    assert members.axial[of["shore"], 1] > 1e3  # the wall leaves it
+    np.testing.assert_allclose(members.axial[of["wedged"]], 0.0, atol=1e-6)
+    (told,) = run_json("show", "case.fit.h5")
+    (pulls,) = [one for one in told["findings"] if one["kind"] == "pull"]
+    assert pulls["subject"] == "shore"
+    assert pulls["numbers"]["force"] == members.axial[of["shore"]].max()
     shown = run("show", "case.fit.h5").stdout
     (row,) = [line.split() for line in shown.splitlines() if line.split()[:2] == ["tie", "second"]]
     assert row[2:] == ["80", "80", "-", "-", "80"]
@@ -142,3 +151,4 @@ stages:
     page = Path("case.fit.html").read_text(encoding="utf-8")
     assert "Forces in struts, anchors and bolts" in page
     assert "Forces in wall" in page
+    assert "second end fixed; only compression" in page

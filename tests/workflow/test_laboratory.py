@@ -1,14 +1,15 @@
 """Tests of soil as cases: against their closed forms, and in one fit with a site."""
 
 import json
+import re
 from math import log, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
 import yaml
 
-from geoident import fit, fit_project
-from geoident.errors import CollapseError
+from geoident import check, fit, fit_project
+from geoident.errors import CollapseError, InputError
 from geoident.io.result.file import read_result
 from geoident.report.drawing.album import album
 from geoident.workflow.running.jobs import build_model, load_inputs
@@ -182,6 +183,21 @@ def test_blank_cells_were_not_read(tmp_path):
     }
 
 
+def test_simulated_rows_take_the_place_of_those_that_were_read(tmp_path):
+    """By an override; written beside the tests they are refused."""
+    path = _case(tmp_path, {"TX 1": _triaxial(100, deviator_stress=["1", "2", "3", "4 kPa"])})
+    (tmp_path / "trial.csv").write_text(
+        "gauge,stage,value,unit\nTX 1 deviator stress,TX 1 at 3 %,150,kPa\n"
+    )
+    (read,) = load_inputs(path, overrides=["readings=trial.csv"]).case.readings
+    assert (read.stage, read.value) == ("TX 1 at 3 %", 150e3)
+    (tmp_path / "tests.yaml").write_text(
+        json.dumps({**json.loads((tmp_path / "tests.yaml").read_text()), "readings": "trial.csv"})
+    )
+    with pytest.raises(InputError, match="by an override"):
+        load_inputs(path)
+
+
 def test_shear_box_reaches_the_strength_of_simple_shear(tmp_path, verification):
     """E. H. Davis (1968): tau = sigma sin(phi) cos(psi) / (1 - sin(phi) sin(psi)) without c."""
     tests = {f"DS {p}": {**SHEAR, "normal_stress": f"{p} kPa"} for p in (50, 100, 200)}
@@ -310,6 +326,103 @@ def test_fit_of_hardening_soil_finds_the_constants_of_published_tests(tmp_path):
     for name, truth in {"E50": 20e6, "Eoed": 16e6, "phi": np.radians(34.0)}.items():
         assert found[name].lower95 < truth < found[name].upper95
         assert found[name].value == pytest.approx(truth, rel=0.05)
+
+
+SAND = {
+    "E": "60 MPa",
+    "nu": 0.2,
+    "yield": {
+        "type": "hardening-soil", "E50": "20 MPa", "Eoed": "16 MPa", "m": 0.65, "K0nc": 0.4408,
+        "cohesion": "0 kPa", "friction": "34 deg", "dilation": "0 deg",
+    },
+}  # fmt: skip
+"""Loose Hostun sand of Schanz, Vermeer & Bonnier (1999)."""
+
+
+def test_the_oedometer_curve_bends_at_the_preconsolidation_stress(tmp_path, verification):
+    """Elastic first, by E (s_3 / p_ref)^m, then a first loading by Eoed (s / p_ref)^m.
+
+    With nu / (1 - nu) = K0nc the specimen comes to the stress of its past as it was there.
+    """
+    K0, nu, m = 0.4408, 0.4408 / 1.4408, 0.65
+    loads = np.array([2, 20, 100, 200, 220, 300])
+    (tmp_path / "rows.csv").write_text("\n".join(["vertical_stress [kPa]", *map(str, loads[1:])]))
+    test = {**OEDOMETER, "seating_stress": "2 kPa", "preconsolidation_stress": "200 kPa"}
+    computed = _computed(_case(tmp_path, {"OED": test}, {**SAND, "nu": nu}, {}))
+    found = [computed["OED axial strain", f"OED at {load} kPa"] for load in loads[1:]]
+    sides = 2 + K0 * (loads - 2)
+    reloaded = (1 + nu) * (1 - 2 * nu) / (1 - nu) / (60e3 * (1 - m) * K0) * 1e2**m
+    exact = reloaded * (sides**0.35 - 2**0.35)
+    exact[4:] = exact[3] + (loads[4:] ** 0.35 - 200**0.35) * 1e2**m / (16e3 * (1 - m))
+    np.testing.assert_allclose(found, exact[1:], rtol=2e-3)
+    assert found[4] - found[3] == pytest.approx(exact[5] - exact[4], rel=1e-3)
+    verification("preconsolidation", "", 1e3 * loads[1:], exact=exact[1:], found=found)
+
+
+def test_samples_have_their_own_past_and_yield_all_around_where_check_says(tmp_path):
+    """Each stress of the past is a material; its volume follows E (p / p_ref)^m up to p_p."""
+    parameters = {"sigma_p": {"start": "100 kPa", "bounds": ["20 kPa", "400 kPa"]}}
+    pasts = {"TX 1": "$sigma_p", "TX 2": "200 kPa", "TX 3": "$sigma_p"}
+    tests = {n: {**_triaxial(90), "preconsolidation_stress": past} for n, past in pasts.items()}
+    words = " ".join(str(check(_case(tmp_path, tests, SAND, parameters))).split())
+    found = re.findall(
+        r"'clay, once under (\S+(?: kPa)?)' once bore (\S+) kPa .*? above (\S+)", words
+    )
+    assert [one[:2] for one in found] == [("$sigma_p", "100"), ("200 kPa", "200")]
+    p_p = float(found[1][2])
+    law = {**SAND["yield"], "preconsolidation_stress": "200 kPa"}
+    case = {
+        "format": "geoident-case/1",
+        "analysis": "axisymmetric",
+        "mesh": {"file": "geoident:specimen"},
+        "materials": {"sand": {**SAND, "yield": law}},
+        "groups": {"specimen": "sand"},
+        "supports": {"bottom": "y"},
+        "in_situ": {"model": "constant", **dict.fromkeys(("xx", "yy", "zz"), "-20 kPa")},
+        "stages": [
+            {
+                "name": f"{p / p_p:.1f}",
+                "loads": {on: {"on": on, "pressure": f"{p - 20} kPa"} for on in ("side", "top")},
+            }
+            for p in (p_p, 1.1 * p_p)
+        ],
+        "gauges": {
+            "V": {
+                "kind": "strain", "point": ["0.5 m", "0.5 m"], "component": "volume",
+                "positive": "compression", "accuracy": "0.01 %",
+            }
+        },
+    }  # fmt: skip
+    (tmp_path / "case.yaml").write_text(json.dumps(case))
+    computed = _computed(tmp_path / "case.yaml")
+    volume = 3 * 0.6 / 60e3 * 1e2**0.65 / 0.35 * np.diff(np.array([20, p_p, 1.1 * p_p]) ** 0.35)
+    assert computed["V", "1.0"] == pytest.approx(volume[0], rel=1e-3)
+    assert computed["V", "1.1"] - computed["V", "1.0"] > 2 * volume[1]
+
+
+@pytest.mark.slow
+def test_derivatives_by_the_preconsolidation_stress(tmp_path):
+    parameters = {
+        "sigma_p": {"start": "150 kPa", "bounds": ["20 kPa", "400 kPa"]},
+        "K0nc": {"start": 0.44, "bounds": [0.3, 0.6]},
+    }
+    tests = {
+        "TX 50": _triaxial(50, "[0.1, 1 %]"),
+        "OED": {**OEDOMETER, "readings": {"vertical_stress": ["60 kPa", "240 kPa"]}},
+    }
+    tests = {n: {**test, "preconsolidation_stress": "$sigma_p"} for n, test in tests.items()}
+    material = {**SAND, "yield": {**SAND["yield"], "K0nc": "$K0nc"}}
+    model, p = _model(_case(tmp_path, tests, material, parameters))
+    pairs = [("OED axial strain", "OED at 240 kPa")]
+    pairs += [
+        (f"TX 50 {column}", f"TX 50 at {row} %")
+        for column in ("deviator stress", "volumetric strain")
+        for row in ("0.1", "1")
+    ]
+    response, accuracy = model.response(pairs), {c.name: c.accuracy for c in model.case.channels}
+    sd = np.array([accuracy[channel] for channel, _ in pairs])
+    slopes = response.evaluate(p)[1] / sd[:, None]
+    assert_slopes(lambda p: response.readings(p) / sd, p, slopes, model.names, step=1e-3)
 
 
 def test_result_of_tests_is_drawn_over_what_was_imposed(tmp_path):

@@ -126,8 +126,8 @@ class StressState:
     Args:
         stress: (n_strain, n_points, k), Pa.
         members: (n_rows, k) forces in linings and bolts.
-        relieved: (n_rows, k) tractions of which interfaces have rid themselves by opening, Pa; they
-            count again as these close (theory 5.15).
+        relieved: (n_rows, k) tractions of which interfaces have rid themselves by opening, Pa, and
+            forces of struts likewise; they count again as these close (theory 5.15).
         hardened: material to the multipliers (y, n_points, k) of its planes so far, where they
             count because it hardens.
         pores: (n_nodes, k) pressure of water in excess of that at rest, Pa; None where all ground

@@ -28,10 +28,9 @@ from geoident.fem.stiffness import StiffnessPattern
 from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.systems import StageSystems
-from geoident.forward.structures.interface_limits import given_back
+from geoident.forward.structures.limits import given_back
 from geoident.forward.structures.strain_points import STRESSES, MemberPoints
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.interfaces import Interface
 
 _MOST_TURNS, _MOST_CUTS = 60, 40
 """Newton steps for rotations, and shares of one that are tried; a few are usual."""
@@ -226,9 +225,9 @@ class StagePoints:
         elastic = carried.members + carried.relieved
         self.members.into_rows(stress[:, self.n_ground :], carried.members)
         for part in self.members.parts:
-            if isinstance(part.structure, Interface):
-                plastic = elastic[part.rows] - carried.members[part.rows]
-                relieved = given_back(part.structure, self._task.point, plastic)
+            plastic = elastic[part.rows] - carried.members[part.rows]
+            relieved = given_back(part.structure, self._task.point, plastic)
+            if relieved is not None:
                 carried.relieved[part.rows[0]] = relieved
 
     def add_stiffness_derivatives(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.hardening_law import cap_constants
+from geoident.fem.yielding.hardening_law import cap_constants, cap_radius, derived
 from geoident.fem.yielding.hardening_soil import HardeningSoil
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
@@ -43,7 +43,9 @@ def soil_constants(material: Material, point: ParameterPoint) -> dict[str, Dual]
 
 
 def past_stress(soil: GivenSoil, point: ParameterPoint) -> tuple[Dual, Dual] | None:
-    """Overconsolidation ratio and pre-overburden pressure; None where neither is given."""
+    """OCR and POP: the vertical stress was OCR s_v + POP once; None where neither is given."""
+    if soil.preconsolidation_stress is not None:
+        return point.constant(0.0), point.number(soil.preconsolidation_stress)
     if soil.OCR is None and soil.POP is None:
         return None
     return point.number(soil.OCR or Scalar(1.0)), point.number(soil.POP or Scalar(0.0))
@@ -66,12 +68,31 @@ def stress_at_rest(material: Material, vertical: Dual, point: ParameterPoint) ->
     k = soil_constants(material, point)
     OCR, POP = past_stress(soil, point) or (point.constant(1.0), point.constant(0.0))
     sine, nu = k["friction"].sine(), k["nu"]
-    highest = vertical * OCR + POP
+    highest = (vertical * OCR + POP - vertical).positive_part() + vertical
     sides = highest * k.get("K0nc", 1.0 - sine) - (highest - vertical) * nu / (1.0 - nu)
     a = k["cohesion"] * k["friction"].cosine() / sine
     passive = (vertical + a) * (1.0 + sine) / (1.0 - sine) - a
     beyond = sides.value > passive.value
     return Dual(np.where(beyond[:, None], passive.columns, sides.columns))
+
+
+def isotropic_past(material: Material, values: Values) -> float:
+    """p_p, Pa: the same stress in all directions that is on the cap of a preconsolidation stress.
+
+    Args:
+        material: a hardening soil that has one.
+        values: of the parameters.
+    """
+    point = ParameterPoint(values, ())
+    assert material.soil is not None
+    assert material.soil.preconsolidation_stress is not None
+    k = soil_constants(material, point)
+    numbers, alpha = derived(k), cap_constants(k)[0]
+    numbers["squared"] = alpha * alpha
+    upright = point.number(material.soil.preconsolidation_stress)
+    sides = upright * k["K0nc"]
+    past = Dual(np.stack([upright.columns, sides.columns, sides.columns])[:, None])
+    return float((cap_radius(past, numbers) - numbers["a"]).value[0])
 
 
 def impossible_soil(material: Material, values: Values) -> str | None:

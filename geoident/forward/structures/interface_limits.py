@@ -42,7 +42,7 @@ def coulomb_cone(interface: Interface, point: ParameterPoint, n_slips: int) -> C
     return CoulombCone(stiff, soft, limits, n_slips)
 
 
-def given_back(interface: Interface, point: ParameterPoint, plastic: Floats) -> Floats:
+def as_it_closes(interface: Interface, point: ParameterPoint, plastic: Floats) -> Floats:
     """Normal tractions (n, 1 + n + k), Pa, that come back as an interface closes.
 
     Plastic opening is a gap, which closes again, but for what slip dilates.

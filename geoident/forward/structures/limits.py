@@ -36,9 +36,10 @@ from geoident.fem.yielding.law import YieldLimits
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
 from geoident.forward.structures.grouted import bar_share
-from geoident.forward.structures.interface_limits import coulomb_cone
+from geoident.forward.structures.interface_limits import as_it_closes, coulomb_cone
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.facets import polygon_shrinkage
+from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint, stacked
 from geoident.model.interfaces import Interface
 from geoident.model.structures import (
@@ -49,6 +50,7 @@ from geoident.model.structures import (
     PileContacts,
     PileToes,
     Structure,
+    Struts,
 )
 
 _CHORDS = 8
@@ -134,6 +136,26 @@ _SOLID = 6
 """Components of a strain of a solid."""
 
 
+def given_back(
+    structure: Structure | Interface, point: ParameterPoint, plastic: Floats
+) -> Floats | None:
+    """What comes back as gaps close (n, 1 + n + k): tractions of an interface, forces of struts.
+
+    None of structures that have no gaps.
+
+    Args:
+        structure: it yields.
+        point: the parameters.
+        plastic: (components, n, 1 + n + k) elastic tractions (Pa) or forces per metre of a step
+            less those at its end.
+    """
+    if isinstance(structure, Interface):
+        return as_it_closes(structure, point, plastic)
+    if isinstance(structure, Struts) and structure.compression_only:
+        return np.where(plastic[0, :, :1] > 0.0, plastic[0], 0.0)
+    return None
+
+
 def _ways(sides: int) -> list[list[float]]:
     """Normals of a polygon in place of the unit circle, of the same size on average."""
     turns = 2 * np.pi * np.arange(sides) / sides
@@ -158,11 +180,15 @@ def _of_bars(bars: Bars, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
         normals, names = ways, [f"ground beside {n}" for n in range(1, 1 + len(ways))]
         distances = [point.number(bars.strength) / share] * len(ways)
     grouted = isinstance(bars, GroutedBars)
+    presses_only = isinstance(bars, Struts) and bars.compression_only
+    if presses_only:
+        normals, distances, names = [[1.0]], [point.constant(0.0)], ["opening"]
     if bars.capacity is not None:
-        zero = [0.0] * grouted
-        normals += [[1.0, *zero], [-1.0, *zero]]
-        distances += [point.number(bars.capacity) / share] * 2
-        names += ["tension", "compression"]
+        ways = {"tension": 1.0, "compression": -1.0}
+        for name in ways if not presses_only else ("compression",):
+            normals.append([ways[name], *[0.0] * grouted])
+            distances.append(point.number(bars.capacity) / share)
+            names.append(name)
     if isinstance(bars, GroutedBars) and bars.bond is not None:
         normals += [[0.0, 1.0], [0.0, -1.0]]
         distances += [point.number(bars.bond) / share] * 2

@@ -11,7 +11,7 @@ from geoident.errors import Fault
 from geoident.fem.yielding.domain import empty_domain
 from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import material_axes
-from geoident.forward.hardening.soils import impossible_soil, stress_at_rest
+from geoident.forward.hardening.soils import impossible_soil, isotropic_past, stress_at_rest
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.surfaces import in_principal_stresses, yield_limits, yield_planes
 from geoident.model.case import Analysis, Case, KeyPath, Material
@@ -82,6 +82,12 @@ def yield_notes(case: Case) -> list[str]:
         f"K0 of '{material.name}' is that of its past, {at_rest:.3g} at a vertical stress of p_ref"
         for material, at_rest in _ratios_at_rest(case)
     )
+    notes += [
+        f"'{material.name}' once bore {past.value(start) / 1e3:.4g} kPa vertically: a cell "
+        f"pressure above {isotropic_past(material, start) / 1e3:.4g} kPa is a first loading"
+        for material in case.materials.values()
+        if material.soil is not None and (past := material.soil.preconsolidation_stress) is not None
+    ]
     for material in _yielding(case):
         notes.append(f"'{material.name}' yields by {_described(case, material)}")
         varied = {growth.surface for growth in material.growths}

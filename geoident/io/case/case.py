@@ -427,8 +427,9 @@ def _check_in_service(section: CaseSection, service: ServiceSection, faults: Sec
             faults.add(("materials", name, "yield"), "yields", message, hint)
         check_creep_in_service(name, material, faults)
     for name, structure in section.structures.items():
-        for attribute, key in (("limits", "yield"), ("capacity", "capacity")):
-            if getattr(structure, attribute, None) is not None:
+        for attribute in ("limits", "capacity", "compression_only"):
+            if getattr(structure, attribute, None):
+                key = "yield" if attribute == "limits" else attribute
                 message = "a structure in service is elastic: its motions are sums"
                 hint = f"Remove '{key}'; it is elastic without."
                 faults.add(("structures", name, key), "yields", message, hint)

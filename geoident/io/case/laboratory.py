@@ -31,12 +31,14 @@ from geoident.io.schema.values import (
     Stress,
 )
 from geoident.io.text.faults import Faults, Places
-from geoident.io.text.yaml_reader import Node
+from geoident.io.text.yaml_reader import Node, Position
+from geoident.model.case import KeyPath
 
 Keys = dict[str, Node]
 """A mapping of a case."""
 
 Pressure = Annotated[CaseNumber, QuantityType("pressure", above=0.0)]
+PastStress = Annotated[CaseNumber, QuantityType("pressure", tied=True, above=0.0)]
 Pressures = Annotated[list[FixedStress], Field(min_length=1), SharesUnit()]
 Strains = Annotated[
     list[Annotated[CaseNumber, QuantityType("strain")]], Field(min_length=1), SharesUnit()
@@ -174,6 +176,17 @@ class TestSection(Section):
         accuracy: Section
 
     material: Name = Field(description="The material that is tested, one of `materials`.")
+    preconsolidation_stress: PastStress | None = Field(
+        None,
+        description="Highest vertical stress that the sample bore in the ground, effective, "
+        "with K0nc of it to the sides: of hardening soil with a cap, in place of `OCR` and `POP`.",
+        examples=["180 kPa", "$sigma_p"],
+    )
+
+    @property
+    def past(self) -> str:
+        """The preconsolidation stress as it is written; empty where none is given."""
+        return "" if self.preconsolidation_stress is None else self.preconsolidation_stress.text
 
     @property
     def initial(self) -> float:
@@ -557,12 +570,13 @@ def with_tests(places: Places, faults: Faults) -> Places:
         return places
     faults.raise_any()
     for key in data:
-        without_readings = key == "readings" and data[key] == []  # for those who compute them
-        if key not in BESIDE_TESTS and not without_readings:
+        simulated = key == "readings" and places.is_overridden((key,))  # in place of the columns
+        if key not in BESIDE_TESTS and not simulated:
             message = "the case is of 'tests', whose ground and stages are given with them"
             hint = "Remove it. Site and tests are two cases, which a project fits together."
             if key == "readings":
-                hint = "Write the values, also simulated ones, into the columns of the tests."
+                hint = "Write the values into the columns of the tests. Simulated ones take the "
+                hint += "place of all of them by an override of 'readings'."
             faults.add((key,), "no-ground", message, hint, key=True)
     sections: dict[int, type[Section]] = {}
     tests: dict[str, AnyTest] = {}
@@ -582,35 +596,107 @@ def with_tests(places: Places, faults: Faults) -> Places:
             faults.add(("tests", name, "drainage"), "no-water", message, hint)
     least = min((test.initial for test in tests.values()), default=0.0)
     first = next(iter(tests), "")
-    for name in sorted({test.material for test in tests.values() if test.initial > least}):
-        of = materials.get(name)
-        strength = of.get("yield") if isinstance(of, dict) else None
-        if isinstance(strength, dict) and "OCR" in strength:
-            low = f"{least / 1e3:g} kPa"
-            message = (
-                f"'{name}' has an OCR, and tests that begin under other stresses than {low}: of "
-                "which of them it is a multiple is not clear"
-            )
-            hint = f"Give 'POP' in its place: the highest vertical stress of the past less {low}."
-            faults.add(("materials", name, "yield", "OCR"), "two-states", message, hint, key=True)
+    _check_pasts(tests, least, materials, faults)
     for name, test in tests.items():
         if _initial_state(test, least) != _initial_state(tests[first], least):
             message = f"'{name}' does not begin in the state in which '{first}' does"
             hint = "Make it a case of its own; a project fits several cases together."
             faults.add(("tests", name), "two-states", message, hint, key=True)
     faults.raise_any()
-    written = _case_of(tests, least)
     full = {test.material for test in tests.values() if test.undrained}
     given = {
         name: {**_WATER, **of} if name in full and isinstance(of, dict) else of
         for name, of in materials.items()
     }
+    given, remembering = _with_pasts(given, tests)
+    written = _case_of(remembering, least)
     written["materials"] = {**given, **cast("Keys", written["materials"])}
     rest = {key: node for key, node in data.items() if key not in ("tests", "materials")}
     head = data.get("report", {})
     if isinstance(head, dict) and "curves" not in head:
         rest["report"] = {**head, "curves": _curves(tests)}
-    return replace(places, data={**written, **rest})
+    made_of = {remembering[name].material: test.material for name, test in tests.items()}
+    document = replace(
+        places.document,
+        keys=_also_of_copies(places.document.keys, made_of),
+        values=_also_of_copies(places.document.values, made_of),
+    )
+    return replace(places, document=document, data={**written, **rest})
+
+
+def _check_pasts(
+    tests: Mapping[str, AnyTest], least: float, materials: Keys, faults: Faults
+) -> None:
+    """The past of each specimen is clear, and its material remembers one.
+
+    Args:
+        tests: by name.
+        least: the least of their initial stresses, Pa.
+        materials: of the case.
+        faults: takes what is wrong.
+    """
+    stressed_more = {test.material for test in tests.values() if test.initial > least}
+    for name, of in materials.items():
+        strength = of.get("yield") if isinstance(of, dict) else None
+        for key in ("OCR", "POP") if isinstance(strength, dict) and name in stressed_more else ():
+            if key in strength:
+                message = (
+                    f"'{name}' has '{key}', and tests that begin under other stresses than "
+                    f"{least / 1e3:g} kPa: which of them it counts from is not clear"
+                )
+                hint = "Give 'preconsolidation_stress' in its place: the highest vertical stress "
+                hint += "of the past, here or for each test."
+                faults.add(("materials", name, "yield", key), "two-states", message, hint, key=True)
+    for name, test in tests.items():
+        if not test.past or test.material not in materials:
+            continue
+        of = materials[test.material]
+        strength = of.get("yield") if isinstance(of, dict) else None
+        path = ("tests", name, "preconsolidation_stress")
+        if not isinstance(strength, dict) or strength.get("type") != "hardening-soil":
+            message = f"'{test.material}' remembers no stress of the past"
+            hint = "Remove it, or make the material a 'hardening-soil' with a cap ('Eoed')."
+            faults.add(path, "no-past", message, hint, key=True)
+            continue
+        for key in ("OCR", "POP", "preconsolidation_stress"):
+            if key in strength:
+                message = f"'{test.material}' has '{key}', which gives the past of its specimens"
+                faults.add(path, "two-pasts", message, "Remove one of them.", key=True)
+
+
+def _with_pasts(
+    materials: Keys, tests: Mapping[str, AnyTest]
+) -> tuple[Keys, Mapping[str, AnyTest]]:
+    """Materials that remember the stress that the samples bore, and tests of them.
+
+    Samples that bore different stresses have one material each: `clay, once under 180 kPa`.
+    """
+    pasts: dict[str, set[str]] = {}
+    for test in tests.values():
+        pasts.setdefault(test.material, set()).add(test.past)
+    given = {name: of for name, of in materials.items() if "" in pasts.get(name, {""})}
+    renamed: dict[str, AnyTest] = {}
+    for name, test in tests.items():
+        own, of = test.material, cast("Keys", materials[test.material])
+        if test.past:
+            own += f", once under {test.past}" if len(pasts[own]) > 1 else ""
+            law = {**cast("Keys", of["yield"]), "preconsolidation_stress": test.past}
+            given[own] = {**of, "yield": law}
+        renamed[name] = test.model_copy(update={"material": own})
+    return given, renamed
+
+
+def _also_of_copies(
+    places: Mapping[KeyPath, Position], made_of: Mapping[str, str]
+) -> Mapping[KeyPath, Position]:
+    """Places of keys, also of those of materials that are made of others, by name."""
+    copied = {
+        ("materials", copy, *path[2:]): place
+        for copy, name in made_of.items()
+        for path, place in places.items()
+        if path[:2] == ("materials", name)
+    }
+    return {**places, **copied}
 
 
 def _initial_state(test: AnyTest, least: float) -> tuple[str, Keys]:

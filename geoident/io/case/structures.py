@@ -26,6 +26,7 @@ from geoident.io.schema.values import (
     FixedPressure,
     FixedSize,
     FixedStrength,
+    Flag,
     FlexuralRigidity,
     Force,
     Line,
@@ -625,6 +626,12 @@ class StrutSection(_StressedBarSection):
         description="What holds the second end: `joined`, the mesh at that point; `fixed`, a place "
         "that does not move; `symmetry`, the plane of symmetry of the model on which the middle of "
         "the whole strut lies (give EA of the strut: half its length follows from the ends).",
+    )
+    compression_only: Flag = Field(
+        False,
+        description="The strut is wedged in and does not pull: where its ends part, a gap opens, "
+        "which closes before it presses again. A jack (`prestress`) closes it. It pulls as it "
+        "presses, as one that is welded or bolted, if missing.",
     )
 
 

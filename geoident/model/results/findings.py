@@ -21,7 +21,7 @@ FindingKind = Literal[
     # of numbers of the case
     "implausible",
     # of structures
-    "strength",
+    "strength", "pull",
     # of the result itself
     "no-reduced-model", "outdated",
 ]  # fmt: skip

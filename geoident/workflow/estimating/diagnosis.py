@@ -190,12 +190,12 @@ def _most_influential(
 
 
 def _in_sd(change: float) -> str:
-    """Two digits, and no power of ten below a million.
+    """Two digits; no number where the change is too large for the linear model that tells it.
 
     >>> _in_sd(0.273), _in_sd(138.2)
-    ('0.27', '140')
+    ('0.27', 'more than 5')
     """
-    return f"{float(f'{change:.2g}'):g}"
+    return "more than 5" if change > 5.0 else f"{change:.2g}"
 
 
 def _far_off(diagnostics: Diagnostics, gauges: GaugeTable) -> Iterator[Finding]:

@@ -30,6 +30,7 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.findings import Finding
 from geoident.model.results.result import GaugeTable
 from geoident.model.results.sections import section_uses
+from geoident.model.structures import Struts
 from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
@@ -453,6 +454,35 @@ def strength_findings(survey: Survey) -> tuple[Finding, ...]:
                 {"utilisation": largest} if np.isfinite(largest) else {},
             )
         )
+    return tuple(findings)
+
+
+_PULL = 1e-3
+"""Part of the largest force of a strut below which a pull is rounding, or none that matters."""
+
+
+def pull_findings(case: Case, survey: Survey) -> tuple[Finding, ...]:
+    """One for every structure of struts that pull, as struts that are wedged in do not."""
+    findings = []
+    for name, struts in case.structures.items():
+        if not isinstance(struts, Struts) or struts.compression_only or survey.members is None:
+            continue
+        own = [n for n, one in enumerate(survey.members.structures) if one == name]
+        forces = np.nan_to_num(survey.members.axial[own])
+        most = forces.max(axis=0)
+        pulls = np.flatnonzero(most > _PULL * np.abs(forces).max())
+        if len(pulls):
+            stages = ", ".join(survey.members.stages[j] for j in pulls)
+            findings.append(
+                Finding(
+                    "pull",
+                    name,
+                    f"{name} pulls, with up to {most.max() / 1e3:.3g} kN (stage"
+                    f"{'s' * (len(pulls) > 1)} {stages}). Struts that are wedged in do not: give "
+                    "them 'compression_only: true'.",
+                    {"force": float(most.max())},
+                )
+            )
     return tuple(findings)
 
 

@@ -14,7 +14,7 @@ from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Anchors, Beam, Bolts, SectionLimits, Struts
 from tests.support.cases import displacement, material, model, rollers
-from tests.support.derivatives import assert_slopes
+from tests.support.derivatives import assert_exact, assert_slopes
 from tests.support.meshes import box, regroup
 from tests.support.tunnels import walled
 from tests.support.yielding import mohr, rock
@@ -176,6 +176,66 @@ def test_struts_bear_their_capacity_and_no_more():
     np.testing.assert_allclose(moved, [first, flows, back], rtol=1e-9)
     forces = -survey.members.axial[:, 1:] * 2 / SPACING
     np.testing.assert_allclose(forces, [[spring * first, bears, left]] * 2, rtol=1e-9)
+
+
+def _wedged(**changes):
+    """Struts that only press, jacked to 30 kN."""
+    given = {"EA": Scalar(EA_BAR), "prestress": Scalar(30e3), **changes}
+    return Struts(PAIR, Scalar(SPACING), second_end="fixed", compression_only=True, **given)
+
+
+def test_a_wedged_strut_keeps_its_gap_and_presses_again():
+    """The wall is a spring E, the struts are another one k as far as they touch it.
+
+    Jacked by P they press it back to u_0 = -P / E, and leave it where u < u_0 - P / k: there they
+    touch it again, however often.
+    """
+    q = np.array([1e5, -3e5, -1e5, 2e5, -5e5, 1e5])
+    survey = _wall(_wedged(), *q).survey(NOTHING, fields=True)
+    P, spring = 2 * 30e3 / SPACING, 2 * EA_BAR / BAR / SPACING
+    touches = q / E > -P / E - P / spring
+    assert touches.tolist() == [True, False, False, True, False, True]
+    u = np.where(touches, (q - P - spring * P / E) / (E + spring), q / E)
+    np.testing.assert_allclose(survey.fields.displacement[2:, -1, 0], u, rtol=1e-9)
+    force = np.where(touches, P + spring * (u + P / E), 0.0)
+    found = -survey.members.axial[:, 1:] * 2 / SPACING
+    np.testing.assert_allclose(found, [force] * 2, rtol=1e-9, atol=1e-5)
+
+
+def test_a_wedged_strut_is_squashed_and_a_jack_closes_its_gap():
+    """What it was squashed by opens sooner; jacked anew it presses with that force at once."""
+    stages = [Stage("build", build=("bars",))]
+    for name, push, more in (
+        ("squash", 3e5, {}), ("open", -1e5, {}), ("touch", 2e5, {}), ("open again", 0.0, {}),
+        ("jack", 0.0, {"prestress": {"bars": Scalar(20e3)}}), ("press", 1e5, {}),
+    ):  # fmt: skip
+        stages.append(Stage(name, loads={"p": Traction("x1", (Scalar(push), ZERO))}, **more))
+    staged = _wall(_wedged(capacity=Scalar(FORCE)), stages=tuple(stages))
+    survey = staged.survey(NOTHING, fields=True)
+    spring, bears, jack = (2 * x / SPACING for x in (EA_BAR / BAR, FORCE, 20e3))
+    squashed = (3e5 - bears) / E
+    touches = squashed - bears / spring
+    again = (2e5 + spring * touches) / (E + spring)
+    pressed = -jack / E + 1e5 / (E + spring)
+    u = [squashed, -1e-3, again, 0.0, -jack / E, pressed]
+    assert 0.0 < touches < again
+    moved = survey.fields.displacement[2:, -1, 0]
+    np.testing.assert_allclose(moved, u, rtol=1e-9, atol=1e-15)
+    force = [bears, 0.0, spring * (again - touches), 0.0, jack, jack + spring * (pressed - u[4])]
+    found = -survey.members.axial[0, 1:] * 2 / SPACING
+    np.testing.assert_allclose(found, force, rtol=1e-9, atol=1e-5)
+
+
+def test_derivatives_of_a_wedged_strut_that_opens_and_closes():
+    values = {"E": E, "EA": EA_BAR, "P": 30e3}
+    staged = _wall(
+        _wedged(EA=_tied("EA"), prestress=_tied("P")), 1e5, -3e5, 2e5,
+        parameters=tuple(Parameter(n, x, 0.5 * x, 2 * x) for n, x in values.items()),
+        materials={"rock": rock(_tied("E"), 0.0)},
+        channels=(displacement("u", (1.0, 1.0), (1.0, 0.0)),),
+    )  # fmt: skip
+    pairs = [("u", f"push {n}") for n in range(3)]
+    assert_exact(staged.response(pairs), np.array(list(values.values())), tuple(values))
 
 
 def test_prestressed_anchors_yield_at_what_is_left_of_their_capacity():

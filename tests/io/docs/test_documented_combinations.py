@@ -214,7 +214,8 @@ WITH: dict[tuple[str, str], dict[str, Any]] = {
     ("Load cell", "point"): {"structure": "wall"},
     ("Load cell", "quantity"): {"structure": "wall", "point": lambda dim: at(dim, 1, 0)},
     **{
-        ("Hardening soil", key): {"E50": "2 GPa", "Eoed": "2 GPa"} for key in ("K0nc", "OCR", "POP")
+        ("Hardening soil", key): {"E50": "2 GPa", "Eoed": "2 GPa"}
+        for key in ("K0nc", "OCR", "POP", "preconsolidation_stress")
     },
     **{("Hardening soil", key): {"E50": "2 GPa"} for key in ("Eoed", "Rf")},
     ("Hardening soil", "G0"): {"gamma_07": "1e-4"},

@@ -379,13 +379,20 @@ class HardeningSoilSection(SurfaceBase):
     OCR: Coefficient | None = Field(
         None,
         description="Highest vertical stress of the past by that in situ, with `Eoed`. Without "
-        "`OCR` and `POP` the stress in situ is the highest that there was.",
+        "`OCR`, `POP` and `preconsolidation_stress` the stress in situ is the highest that there "
+        "was.",
         examples=["1.5", "$OCR"],
     )
     POP: Stress | None = Field(
         None,
         description="Highest vertical stress of the past less that in situ, with `Eoed`.",
         examples=["50 kPa"],
+    )
+    preconsolidation_stress: Stress | None = Field(
+        None,
+        description="Highest vertical stress of the past, with `Eoed` and in place of `OCR` and "
+        "`POP`: effective, compression positive. Less than the stress in situ is without effect.",
+        examples=["180 kPa", "$sigma_p"],
     )
     G0: Stress | None = Field(
         None,
@@ -402,10 +409,14 @@ class HardeningSoilSection(SurfaceBase):
 
     def surface(self, context: Context) -> HardeningSoil:
         """The law; what belongs to a cap needs one."""
-        for key in ("K0nc", "OCR", "POP"):
+        for key in ("K0nc", "OCR", "POP", "preconsolidation_stress"):
             if self.Eoed is None and getattr(self, key) is not None:
                 message = f"'{key}' belongs to the cap, and without 'Eoed' there is none"
                 context.at(key).refuse("no-cap", message, "Add 'Eoed: ...', or remove it.")
+        for key in ("OCR", "POP"):
+            if self.preconsolidation_stress is not None and getattr(self, key) is not None:
+                message = f"'{key}' beside 'preconsolidation_stress', which gives the past alone"
+                context.at(key).refuse("two-pasts", message, "Remove one of them.")
         for key in ("Eoed", "Rf"):
             if self.E50 is None and getattr(self, key) is not None:
                 message = f"'{key}' belongs to soil that hardens, and without 'E50' none does"

@@ -65,6 +65,7 @@ def _details(structure: CaseTexts, numbers: ShownNumbers) -> str:
     details = [f"{key} {numbers.text(structure[key])}" for key in _DETAILS if key in structure]
     end = structure.get("second_end")
     details += [f"second end {end}"] if end and end != "joined" else []
+    details += ["only compression"] if structure.get("compression_only") == "true" else []
     clamped = listed(structure.get("clamped_on"))
     details += [f"clamped on {', '.join(clamped)}"] if clamped else []
     hinges = structure.get("hinges")
