@@ -140,7 +140,7 @@ def test_strength_and_its_growth_are_found_and_shown(tmp_path):
     path = tmp_path / "case.yaml"
     path.write_text(CLAY)
     (tmp_path / "readings.csv").write_text("gauge,stage,value,unit\n")
-    write_mesh(tmp_path / "trench.inp", n=(12, 8))
+    write_mesh(tmp_path / "trench.inp", n=(8, 6))
     given = ("--set", "parameters.su.start=24 kPa", "--set", "parameters.growth.start=4 kPa/m")
     drawn = run_command("simulate", path, *given, "--noise", "--seed", 3)
     assert drawn.exit_code == 0, drawn.output
@@ -156,12 +156,12 @@ def test_strength_and_its_growth_are_found_and_shown(tmp_path):
     assert varied.name == "soil.cohesion"
     assert varied.values == pytest.approx(result.parameters.values @ [np.ones_like(depth), depth])
     checked = " ".join(run_command("check", path).output.split())
-    assert "strength of soil grows with depth: at the start values 25.63 kPa" in checked
+    assert "strength of soil grows with depth: at the start values 25.85 kPa" in checked
     reported = run_command("report", tmp_path / "case.fit.h5", "-o", tmp_path / "report.html")
     assert reported.exit_code == 0, reported.output
     assert "Utilisation of the strength" in (tmp_path / "report.html").read_text()
     scene = Scene(result, result.fields)
     shares, yielded = utilisation(scene, 2), result.fields.yielded[2]
-    assert yielded.sum() > 10
+    assert yielded.sum() > 5
     assert np.mean(shares[yielded]) > 0.9  # some elements yield in a part of their points
     assert np.nanmax(shares) < 1.05

@@ -62,9 +62,11 @@ def given_used(
     """
     B, used = later.columns, _errors_of_used(problem, later)
     variance = later.sd**2 + used.conditional_variance(B)
+    gap = problem.measured - readings
+    known = B @ used.expected_shared(np.column_stack([gap, jacobian]))
     return LaterReadings(
-        np.asarray(B @ used.expected_shared(problem.measured - readings)),
-        later_jacobian - B @ used.expected_shared(jacobian),
+        np.asarray(known[:, 0]),
+        later_jacobian - known[:, 1:],
         np.sqrt(np.maximum(variance, later.sd**2)),
     )
 

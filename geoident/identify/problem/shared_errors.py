@@ -79,9 +79,14 @@ class SharedErrors:
 
         Readings that share nothing are in none.
         """
-        small = self.columns.shape[0] * self.columns.shape[1] <= _SMALL
-        B = self.columns.toarray() if small else self.columns
+        B = self.quick
         return tuple((rows, shared, _block(B, rows, shared)) for rows, shared in self._connected)
+
+    @cached_property
+    def quick(self) -> Columns:
+        """B, dense where it is small: a part of a sparse one takes a hundred times as long."""
+        small = self.columns.shape[0] * self.columns.shape[1] <= _SMALL
+        return self.columns.toarray() if small else self.columns
 
     @cached_property
     def _connected(self) -> tuple[tuple[Ints, Ints], ...]:
@@ -254,11 +259,15 @@ class _ManyReadings(_Factor):
         self._plus, self._C = self.R + one, C
 
     def white(self, own: Floats) -> Floats:
+        if not len(self.R):
+            return own
         inner = solve_triangular(self.R, self._C.T @ own[0], lower=True)
         pulled = solve_triangular(self._plus, inner, lower=True, trans="T")
         return np.asarray(own[0] - self._C @ pulled)[None]
 
     def back(self, white: Floats) -> Floats:
+        if not len(self.R):
+            return white
         inner = solve_triangular(self._plus, self._C.T @ white[0], lower=True)
         pulled = solve_triangular(self.R, inner, lower=True, trans="T")
         return np.asarray(white[0] - self._C @ pulled)[None]
@@ -289,12 +298,16 @@ class _ManyReadings(_Factor):
 def _factor(rows: Ints, shared: Ints, errors: SharedErrors, sd: Floats) -> _Factor:
     """The factor of blocks of equal size: readings (b, m), shared errors (b, k)."""
     b, m, k = *rows.shape, shared.shape[1]
+    B = errors.quick
     if b == 1 and m > max(FEW, k):
-        block = _block(errors.columns, rows[0], shared[0])
+        block = _block(B, rows[0], shared[0])
         return _ManyReadings(rows[0], shared[0], scaled_rows(1.0 / sd[rows[0]], block))
-    entries = errors.columns[rows.ravel()][:, shared.ravel()].tocoo()
-    stacked = np.zeros((b, m, k))
-    stacked[entries.row // m, entries.row % m, entries.col % k] = entries.data
+    if isinstance(B, np.ndarray):
+        stacked = B[rows[:, :, None], shared[:, None, :]]
+    else:
+        entries = B[rows.ravel()][:, shared.ravel()].tocoo()
+        stacked = np.zeros((b, m, k))
+        stacked[entries.row // m, entries.row % m, entries.col % k] = entries.data
     return _FewReadings(rows, shared, stacked / sd[rows][:, :, None])
 
 
@@ -332,8 +345,8 @@ class Covariance:
         self.shared = shared
         blocks, self._wide = shared.parts
         self._blocks = tuple(_factor(rows, errors, shared, sd) for rows, errors in blocks)
-        W = np.asarray(shared.columns[:, self._wide].toarray())
-        W /= sd[:, None]
+        W = shared.quick[:, self._wide]
+        W = (W if isinstance(W, np.ndarray) else W.toarray()) / sd[:, None]
         self._V = _some_at_a_time(self._whitened_in_blocks, W)
         self._top = _ManyReadings(np.arange(len(sd)), self._wide, self._V)
 
@@ -438,8 +451,10 @@ class Covariance:
 
     def conditional_variance(self, columns: sp.csr_array) -> Floats:
         """Variance (l,) that rows (l, K) of shared errors keep, given the g readings."""
-        left = solve_triangular(self._top.R, (columns @ self._given_wide).T, lower=True)
         own = columns.multiply(columns @ self._conditional_in_blocks).sum(axis=1)
+        if not len(self._wide):
+            return np.asarray(np.ravel(own), dtype=np.float64)
+        left = solve_triangular(self._top.R, (columns @ self._given_wide).T, lower=True)
         return np.asarray(np.ravel(own) + np.sum(left**2, axis=0), dtype=np.float64)
 
     def conditional_covariance(self, columns: sp.csr_array) -> Floats:

@@ -21,7 +21,7 @@ one axis. A property with `derived` is written and shown, not read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cache
 from types import MappingProxyType, NoneType
@@ -266,7 +266,8 @@ class Slot:
         return (*self.axes[:first], self.column.part[0], *self.axes[first:])
 
 
-def slots(record: type[Any], group: str = "", prefix: str = "") -> Iterator[Slot]:
+@cache
+def slots(record: type[Any], group: str = "", prefix: str = "") -> tuple[Slot, ...]:
     """All datasets and attributes that records of a type have, with those of the records in them.
 
     Args:
@@ -274,10 +275,11 @@ def slots(record: type[Any], group: str = "", prefix: str = "") -> Iterator[Slot
         group: in which its columns stand that name no other.
         prefix: before their names.
     """
+    found = []
     for one in columns(record):
         home = one.group or group
         if one.of is None:
-            yield Slot(one, home, prefix + one.name, one.axes, _getter(one.field))
+            found.append(Slot(one, home, prefix + one.name, one.axes, _getter(one.field)))
             continue
         for inner in slots(one.of, home, one.prefix):
             blank = BLANK.get(inner.column.kind)
@@ -285,7 +287,8 @@ def slots(record: type[Any], group: str = "", prefix: str = "") -> Iterator[Slot
             optional = (one.rows and one.optional) or inner.column.optional
             outer = one if one.part else inner.column
             joined = replace(inner.column, part=outer.part, labels=outer.labels, optional=optional)
-            yield replace(inner, column=joined, axes=(*one.axes, *inner.axes), get=get)
+            found.append(replace(inner, column=joined, axes=(*one.axes, *inner.axes), get=get))
+    return tuple(found)
 
 
 def _getter(name: str) -> Callable[[Any], Any]:
@@ -399,7 +402,7 @@ def _restored_rows(one: Column, source: Source, group: str) -> tuple[Any, ...] |
         known = restored(of, at_row, group, one.prefix)
         return None if one.gaps and _is_blank(known) else known
 
-    first = next(slots(of, group, one.prefix))
+    first = slots(of, group, one.prefix)[0]
     labelled = whole(first.column, first.group, first.name, first.dataset_axes)
     return None if labelled is None else tuple(row(k) for k in range(len(labelled)))
 

@@ -8,7 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import run_command
-from support.external import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_case
+from support.external import (
+    EXTERNAL,
+    OWN,
+    PROGRAM,
+    PYTHON,
+    READINGS,
+    SCRIPT,
+    trusted,
+    write_case,
+)
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.io.result.file import read_result
@@ -250,8 +259,8 @@ def test_outputs_are_read_at_a_zero(tmp_path):
 
 @pytest.mark.usefixtures("answered_here")
 def test_several_cases_are_trusted_together(tmp_path):
-    cases = [write_case(tmp_path / name) for name in ("a", "b")]
-    # what they find is not looked at
+    # functions, whose calls start no program each; what they find is not looked at
+    cases = [write_case(tmp_path / name, PYTHON, script=SCRIPT) for name in ("a", "b")]
     one = ("-q", "-j", "1", "--set", "fit.model_error=none")
     assert run_command("fit", *cases, *one).exit_code == ExitCode.SOME_FAILED
     done = run_command("fit", *cases, *one, "--trust")

@@ -41,8 +41,8 @@ def run(command, *arguments, code=0):
 DAY = 7.2 * YEAR
 """When something happens, of years of which six are fitted."""
 
-LATER = {
-    "drift.csv": Happening({"P30": lambda t: np.where(t > DAY, (t - DAY) / YEAR, 0.0)}),
+DRIFT = {"drift.csv": Happening({"P30": lambda t: np.where(t > DAY, (t - DAY) / YEAR, 0.0)})}
+FALLS = {
     "rock.csv": Happening(day=DAY, becomes={"E_rock": 0.6 * TRUTH["E_rock"]}),
     "dam.csv": Happening(day=DAY, becomes={"E_dam": 0.75 * TRUTH["E_dam"]}),
 }
@@ -51,7 +51,15 @@ LATER = {
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("dam")
-    return folder, run("fit", write(folder, seed=4, fine=True, also=LATER))
+    return folder, run("fit", write(folder, seed=4, fine=True, also=DRIFT))
+
+
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory):
+    """Of the same dam, readings after a parameter fell: an analysis of the finer mesh each."""
+    folder = tmp_path_factory.mktemp("fallen")
+    write(folder, seed=4, fine=True, also=FALLS)
+    return folder
 
 
 def test_parameters_come_back_with_their_intervals(fitted):
@@ -130,11 +138,10 @@ def test_a_dam_of_other_physics_lies_in_the_intervals(tmp_path):
     assert 0.88 <= np.mean(np.abs(e) < 1.96) <= 0.985
 
 
-def controlled(fitted, tmp_path, name):
+def controlled(fitted, tmp_path, new):
     """The control of readings to which something has happened, and the path of its result."""
-    folder, out = fitted[0], tmp_path / "later.h5"
-    new = folder / name
-    return run("control", folder / "dam.fit.h5", "--readings", new, "-o", out, code=8), out
+    out = tmp_path / "later.h5"
+    return run("control", fitted[0] / "dam.fit.h5", "--readings", new, "-o", out, code=8), out
 
 
 def days(text):
@@ -142,7 +149,7 @@ def days(text):
 
 
 def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
-    said, _ = controlled(fitted, tmp_path, "drift.csv")
+    said, _ = controlled(fitted, tmp_path, fitted[0] / "drift.csv")
     assert said["status"] == "amber"
     assert "parameter_changes" not in said
     (row,) = (one for one in said["changes"] if one["lasts"])
@@ -153,9 +160,9 @@ def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
 
 @pytest.mark.slow  # of a shipped dam: tests/cases/test_dam_in_service.py
 @pytest.mark.parametrize("name", ["rock", "dam"])
-def test_control_names_the_parameter_that_falls(tmp_path, fitted, name):
+def test_control_names_the_parameter_that_falls(tmp_path, fitted, fallen, name):
     """Of all gauges together, of a truth of another mesh: which, how much, and since when."""
-    said, out = controlled(fitted, tmp_path, f"{name}.csv")
+    said, out = controlled(fitted, tmp_path, fallen / f"{name}.csv")
     assert said["status"] == "red"
     (row,) = said["parameter_changes"]
     assert (row["parameter"], row["lasts"]) == (f"E_{name}", True)
