@@ -355,10 +355,24 @@ class _BarSection(Section):
 
     def check(self, faults: SectionFaults) -> None:
         """The bars have a length."""
-        for n, (first, second) in enumerate(self.ends):
-            if _place(first) == _place(second):
+        for n, length in enumerate(self._lengths()):
+            if length == 0.0:
                 message = f"the {self.what} begins and ends at one point"
                 faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
+
+    def _lengths(self) -> list[float]:
+        """Of each bar, m; infinite where its ends have not the same number of coordinates."""
+        ends = [[[x.factor for x in point] for point in pair] for pair in self.ends]
+        return [math.dist(*pair) if len(pair[0]) == len(pair[1]) else math.inf for pair in ends]
+
+    def _require_rest(self, part: CaseNumber, is_so: str, rest: str, faults: SectionFaults) -> None:
+        """A bar of which a part is free, or grouted, is longer than that."""
+        for n, length in enumerate(self._lengths()):
+            if 0.0 < length <= part.factor:
+                message = f"the {self.what} is {length:.6g} m long, of which '{part.text}' are "
+                message += f"{is_so}: no {rest} length is left"
+                hint = "Give head and toe, in this order, or a shorter part."
+                faults.add(("ends", n), "zero-length", message, hint)
 
     def for_model(self, context: Context) -> Bars:
         """The bars; about an axis they are smeared over their ring."""
@@ -503,12 +517,7 @@ class BoltSection(_StressedBarSection):
         if self.head == "free":
             message = "'free' of a bolt whose head is free: a length that bears nothing"
             faults.add(("free",), "wrong-pair", message, "Leave it out, or let 'head: joined'.")
-        for n, (head, toe) in enumerate(self.ends):
-            length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
-            if 0.0 < length <= self.free.factor:
-                message = f"the bolt is {length:.6g} m long, of which '{self.free.text}' are free: "
-                message += "no grouted length is left"
-                faults.add(("ends", n), "zero-length", message, "Give head and toe.")
+        self._require_rest(self.free, "free", "grouted", faults)
 
     def _built(self, context: Context) -> Bars:
         return self.to_model(Bolts if self.k_grout is None else GroutedBars, context)
@@ -643,17 +652,7 @@ class AnchorSection(_StressedBarSection):
     def check(self, faults: SectionFaults) -> None:
         """Before the grout is a free length."""
         super().check(faults)
-        for n, (head, toe) in enumerate(self.ends):
-            length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
-            if 0.0 < length <= self.grouted.factor:
-                message = f"the anchor is {length:.6g} m long, of which '{self.grouted.text}' are "
-                message += "grouted: no free length is left"
-                hint = "Give head and toe, and the grouted length at the toe."
-                faults.add(("ends", n), "zero-length", message, hint)
-
-
-def _place(point: list[CaseNumber]) -> list[float]:
-    return [coordinate.factor for coordinate in point]
+        self._require_rest(self.grouted, "grouted", "free", faults)
 
 
 class OpeningSupportSection(Section):
