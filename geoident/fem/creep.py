@@ -59,12 +59,6 @@ class CreepChain:
         """Whether its strain under a stress that stays comes to an end."""
         return not self.flow.value.any()
 
-    @property
-    def alike(self) -> bool:
-        """Whether shear and volume creep alike, so that one factor multiplies all stress."""
-        same = bool(np.all(self.parts[:, SHEAR] == self.parts[:, VOLUME]))
-        return same and np.array_equal(self.flow.columns[SHEAR], self.flow.columns[VOLUME])
-
     def step(self, h: float) -> CreepStep:
         """What the chain makes of a step.
 

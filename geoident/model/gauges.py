@@ -35,7 +35,10 @@ PARTS = ("reading", "zero", "head", "epoch", "along")
 """What the error of a reading may be made of; see `ErrorParts`."""
 
 
-def named_channels(names: Sequence[str], *, most: int = 6) -> str:
+_NAMED = 6
+
+
+def named_channels(names: Sequence[str]) -> str:
     """Names of channels for a sentence; of many how many they are, and the first ones.
 
     >>> named_channels(["CV", "EX.a5"])
@@ -44,9 +47,9 @@ def named_channels(names: Sequence[str], *, most: int = 6) -> str:
     '24 channels (P1, P2, P3, P4, P5, P6 and 18 more)'
     """
     names = list(dict.fromkeys(names))
-    if len(names) <= most:
+    if len(names) <= _NAMED:
         return ", ".join(names)
-    return f"{len(names)} channels ({', '.join(names[:most])} and {len(names) - most} more)"
+    return f"{len(names)} channels ({', '.join(names[:_NAMED])} and {len(names) - _NAMED} more)"
 
 
 class ErrorParts(Record):

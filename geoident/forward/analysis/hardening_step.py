@@ -39,7 +39,7 @@ from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_points import StagePoints
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
-from geoident.forward.hardening.soils import SoilLaws
+from geoident.forward.hardening.soils import past_stress, soil_constants
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, format_path
@@ -119,12 +119,17 @@ class HardeningSteps:
     ) -> None:
         self._case, self._systems, self._plastic = case, systems, plastic
         self._points = systems.discretization.points
-        self._soils = SoilLaws(dict(case.materials), point, self._points.n_strain)
+        soils = {name: m for name, m in case.materials.items() if m.soil is not None}
+        self._laws = {
+            name: HardeningSoil(soil_constants(material, point), self._points.n_strain)
+            for name, material in soils.items()
+        }
+        self._past = {name: past_stress(m.soil, point) for name, m in soils.items() if m.soil}
         self._vertical = 2 if self._points.n_strain == 6 else 1
 
     def acts(self, state: ConstructionState) -> bool:
         """Whether any material of a state is a hardening soil."""
-        return any(material in self._soils.laws for material in state.materials.values())
+        return any(material in self._laws for material in state.materials.values())
 
     def begin(self, task: StageTask) -> None:
         """Give the points that have no state yet the state that their stress implies.
@@ -151,7 +156,7 @@ class HardeningSteps:
                 path = ("materials", soil.name, "yield")
                 where = self._case.source.locate(path)
                 raise ModelError(msg, hint, location=where, path=format_path(path))
-            past = self._soils.past[soil.name]
+            past = self._past[soil.name]
             states[:, soil.points] = soil.law.begun(stress, before, past, self._vertical)
 
     def step(self, task: StageTask, guess: Floats | None = None) -> tuple[Floats, Bools]:
@@ -205,9 +210,9 @@ class HardeningSteps:
     def _present(self, task: StageTask) -> list[_Soil]:
         n = self._points.n_points
         return [
-            _Soil(name, numbers(points, n), self._soils.laws[name])
+            _Soil(name, numbers(points, n), self._laws[name])
             for name, points in task.system.points_of.items()
-            if name in self._soils.laws
+            if name in self._laws
         ]
 
     def _no_equilibrium(

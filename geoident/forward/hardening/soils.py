@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.fem.yielding.hardening_law import cap_constants, cap_radius, derived
-from geoident.fem.yielding.hardening_soil import HardeningSoil
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic, constants
@@ -121,23 +120,3 @@ def impossible_soil(material: Material, values: Values) -> str | None:
         f"Eoed of {material.name} is {number['Eoed']:.6g} Pa, and no cap gives it with E50 "
         f"{number['E50']:.6g} Pa, E {number['E']:.6g} Pa and K0nc {number['K0nc']:.4g}"
     )
-
-
-class SoilLaws:
-    """The laws of the hardening soils of a case at one parameter vector, each made once.
-
-    Args:
-        materials: of the case, by name.
-        point: the parameters.
-        n_strain: number s of strain components of the analysis.
-    """
-
-    def __init__(
-        self, materials: dict[str, Material], point: ParameterPoint, n_strain: int
-    ) -> None:
-        self.laws: dict[str, HardeningSoil] = {}
-        self.past: dict[str, tuple[Dual, Dual] | None] = {}
-        for name, material in materials.items():
-            if material.soil is not None:
-                self.laws[name] = HardeningSoil(soil_constants(material, point), n_strain)
-                self.past[name] = past_stress(material.soil, point)

@@ -47,12 +47,6 @@ from geoident.model.parameter import Scalar
 AT_FACE, BY_PLASTIC, BEHIND = 1.0 / 3.0, 0.15, 1.5
 """Constants of Vlachopoulos and Diederichs: s_0 = AT_FACE exp(-BY_PLASTIC R*), 3/2 behind it."""
 
-PANET = (Scalar(0.25), Scalar(0.75))
-"""Panet's alpha, the part at the face, and m, the length of its influence in radii."""
-
-CHERN = (Scalar(1.10), Scalar(1.7))
-"""Chern's reach of the face, in radii, and exponent."""
-
 _PART = "released part"
 """Name of lambda among those to differentiate by; no parameter can have it, with its blank."""
 

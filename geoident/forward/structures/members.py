@@ -350,13 +350,6 @@ class Structures:
         """The parts that are interfaces."""
         return tuple(part for part in self.parts if part.joint is not None)
 
-    def stiff(self, state: ConstructionState) -> Bools:
-        """(n_rows,) members that work with their stiffness at a state."""
-        stiff = np.zeros(self.n_rows, dtype=bool)
-        for _, part in self._stiff(state):
-            stiff[part.rows] = True
-        return stiff
-
     def given(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) to which bars are brought at a state; others zero."""
         return self._forces_given(state.stressed, point)

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from geoident.io.cluster.sections import ClusterSection
 from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.run_file import Settings, ValuePath
-from geoident.io.schema.section import Alternatives, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults, optional
 from geoident.io.schema.values import Count, Flag, Name, Text, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.units import NUMBER_PATTERN
@@ -37,18 +37,15 @@ Sampled = Annotated[
 class SpanSection(Section):
     """How one value is sampled: between two ends, or about a middle."""
 
-    from_: Sampled | None = Field(None, alias="from", description="Lower end, with its unit.")
-    to: Sampled | None = Field(None, description="Upper end, in the same unit.")
+    from_: Sampled | None = optional("Lower end, with its unit.", alias="from")
+    to: Sampled | None = optional("Upper end, in the same unit.")
     scale: Literal["linear", "log"] = Field(
         "linear", description="Between two ends: evenly in the value, or in its logarithm."
     )
-    mean: Sampled | None = Field(
-        None, description="Mean of a normal value, median of a lognormal one."
-    )
-    sd: Sampled | None = Field(
-        None,
-        description="Its standard deviation, in the same unit; of a lognormal one that of the "
-        "logarithm times the median.",
+    mean: Sampled | None = optional("Mean of a normal value, median of a lognormal one.")
+    sd: Sampled | None = optional(
+        "Its standard deviation, in the same unit; of a lognormal one that of the "
+        "logarithm times the median."
     )
     kind: Literal["normal", "lognormal"] = Field("normal", description="Its distribution.")
 
@@ -104,24 +101,21 @@ class VariationsSection(Section):
     """What varies from run to run."""
 
     one_of = (Alternatives("table", "rows", "product", "sample", hint="Write one of them."),)
-    table: Text | None = Field(
-        None,
-        description="Path of a CSV file: its first line names values of the case by their paths, "
+    table: Text | None = optional(
+        "Path of a CSV file: its first line names values of the case by their paths, "
         "each further line is a run. An empty cell leaves the value of the base case. The column "
         "'run' names the runs; without it they are numbered.",
         examples=["runs.csv"],
     )
-    rows: list[Settings] | None = Field(
-        None,
-        description="The same in place: one mapping of paths to values a run.",
+    rows: list[Settings] | None = optional(
+        "The same in place: one mapping of paths to values a run.",
         examples=[[{"parameters.E_rock.start": "5 GPa"}, {"in_situ.K0": 1.5}]],
     )
-    product: dict[ValuePath, Annotated[list[Any], Field(min_length=1)]] | None = Field(
-        None,
-        description="Path to its values: one run for each combination, the last path fastest.",
+    product: dict[ValuePath, Annotated[list[Any], Field(min_length=1)]] | None = optional(
+        "Path to its values: one run for each combination, the last path fastest.",
         examples=[{"in_situ.K0": [0.8, 1.0, 1.5], "materials.rock.nu": [0.2, 0.3]}],
     )
-    sample: SampleSection | None = Field(None, description="Runs that fill a space.")
+    sample: SampleSection | None = optional("Runs that fill a space.")
 
 
 class CampaignSection(Section):
@@ -136,8 +130,8 @@ class CampaignSection(Section):
         description="Path of the base case; of `predict`, the case to predict.",
         examples=["case.yaml"],
     )
-    result: Text | None = Field(
-        None, description="Of `predict`: path of the fit to predict from.", examples=["case.fit.h5"]
+    result: Text | None = optional(
+        "Of `predict`: path of the fit to predict from.", examples=["case.fit.h5"]
     )
     set: Settings = Field(
         {},
@@ -147,22 +141,18 @@ class CampaignSection(Section):
     variations: VariationsSection = Field(description="What varies from run to run.")
     seed: Annotated[int, Count(0)] = Field(0, description="Seed of random numbers of each run.")
     solver: _SOLVERS = Field("auto", description="Sparse solver.")
-    max_time: GivenTime | None = Field(
-        None,
-        description="Time after which the search of a run ends with what it has.",
-        examples=["10 min"],
+    max_time: GivenTime | None = optional(
+        "Time after which the search of a run ends with what it has.", examples=["10 min"]
     )
-    time_limit: GivenTime | None = Field(
-        None,
-        description="Time after which a run counts as hanging: its process is ended, and it is "
-        "restarted.",
+    time_limit: GivenTime | None = optional(
+        "Time after which a run counts as hanging: its process is ended, and it is restarted.",
         examples=["1 h"],
     )
     retries: Annotated[int, Count(0)] = Field(
         2, description="Times that a run is restarted after its process was lost."
     )
-    cluster: ClusterSection | None = Field(
-        None, description="Cluster that computes the runs; the command line may name another."
+    cluster: ClusterSection | None = optional(
+        "Cluster that computes the runs; the command line may name another."
     )
     noise: Flag = Field(False, description="Of `simulate`: add noise of each gauge's accuracy.")
     draw: Flag = Field(False, description="Of `simulate`: draw what varies from place to place.")

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from geoident.io.case.frames import refuse_no_direction
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -78,7 +78,7 @@ class FallSection(Section):
     )
     end: Coordinates = Field(alias="to", description="Where it has fallen to `level`.")
     level: Length = Field(description="Level of the water there.")
-    drain: DrainSection | None = Field(None, description="Drains between the two.")
+    drain: DrainSection | None = optional("Drains between the two.")
 
     def check(self, faults: SectionFaults) -> None:
         """The line has a length, and its drain is between its ends."""
@@ -98,10 +98,8 @@ class WaterLoadSection(Section):
     """Pressure of water on a face, growing with depth below a level; above it the face is dry."""
 
     level: Length = Field(description="Level of the water.", examples=["120 m", "$level"])
-    unit_weight: UnitWeight | None = Field(None, description=_WATER_WEIGHT)
-    falls: FallSection | None = Field(
-        None, description="Uplift: how the level falls along the face."
-    )
+    unit_weight: UnitWeight | None = optional(_WATER_WEIGHT)
+    falls: FallSection | None = optional("Uplift: how the level falls along the face.")
 
 
 class LoadSection(Section):
@@ -124,41 +122,32 @@ class LoadSection(Section):
         ),
     )
 
-    on: Name | None = Field(
-        None,
-        description="Group of lines (2-D) or surfaces (solid) in the mesh; for a force a group of "
-        "nodes, which share it equally; for a pull or push a structure.",
+    on: Name | None = optional(
+        "Group of lines (2-D) or surfaces (solid) in the mesh; for a force a group of "
+        "nodes, which share it equally; for a pull or push a structure."
     )
-    at: Coordinates | None = Field(None, description="Point on which a force acts.")
-    pressure: Stress | None = Field(None, description="Positive pushes onto the ground.")
-    traction: Stresses | None = Field(
-        None, description="Force per area in the coordinate directions."
+    at: Coordinates | None = optional("Point on which a force acts.")
+    pressure: Stress | None = optional("Positive pushes onto the ground.")
+    traction: Stresses | None = optional("Force per area in the coordinate directions.")
+    water: WaterLoadSection | None = optional("Pressure of water on the faces.")
+    force: Forces | None = optional(
+        "Force in the coordinate directions (solid; axisymmetric: of all around)."
     )
-    water: WaterLoadSection | None = Field(None, description="Pressure of water on the faces.")
-    force: Forces | None = Field(
-        None, description="Force in the coordinate directions (solid; axisymmetric: of all around)."
+    line_force: LineForces | None = optional(
+        "Force per metre out of plane in the directions x, y (plane strain)."
     )
-    line_force: LineForces | None = Field(
-        None, description="Force per metre out of plane in the directions x, y (plane strain)."
-    )
-    seismic: Coefficients | None = Field(
-        None,
-        description="Parts of its own weight that act on all ground in the coordinate directions.",
+    seismic: Coefficients | None = optional(
+        "Parts of its own weight that act on all ground in the coordinate directions.",
         examples=["[0.1, 0]"],
     )
-    pull: Force | None = Field(
-        None,
-        description="Force on each head of grouted bolts or piles, out of the ground.",
-        examples=["80 kN"],
+    pull: Force | None = optional(
+        "Force on each head of grouted bolts or piles, out of the ground.", examples=["80 kN"]
     )
-    push: Force | None = Field(
-        None,
-        description="The same into the ground, or along a `direction`.",
-        examples=["600 kN"],
+    push: Force | None = optional(
+        "The same into the ground, or along a `direction`.", examples=["600 kN"]
     )
-    direction: DirectionVector | None = Field(
-        None,
-        description="Along which heads of piles that bend are pushed, in place of along the pile.",
+    direction: DirectionVector | None = optional(
+        "Along which heads of piles that bend are pushed, in place of along the pile.",
         examples=[["1", "0"]],
     )
 
@@ -228,16 +217,13 @@ class WaterSection(Section):
         "full of still water.",
         examples=["250 m", "water-table"],
     )
-    unit_weight: UnitWeight | None = Field(None, description=_WATER_WEIGHT)
-    groups: list[Name] | None = Field(
-        None,
-        description="Element groups with water in their pores, and interfaces with water in them; "
-        "all if missing. An interface has water where the ground of a side has.",
+    unit_weight: UnitWeight | None = optional(_WATER_WEIGHT)
+    groups: list[Name] | None = optional(
+        "Element groups with water in their pores, and interfaces with water in them; "
+        "all if missing. An interface has water where the ground of a side has."
     )
-    falls: FallSection | None = Field(
-        None,
-        description="How the level of the table falls along a line: seepage, and uplift in "
-        "interfaces.",
+    falls: FallSection | None = optional(
+        "How the level of the table falls along a line: seepage, and uplift in interfaces."
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -252,14 +238,13 @@ class TemperatureFieldSection(Section):
 
     builds = TemperatureField
 
-    points: list[Coordinates] | None = Field(None, description="Coordinates of the points.")
-    values: TemperatureValues | None = Field(None, description="Change at each point.")
-    file: Text | None = Field(
-        None,
-        description="In place of points and values: a CSV file whose first line names the columns "
-        "with their units, such as 'x [m], y [m], change [K]' (and z [m] in a solid).",
+    points: list[Coordinates] | None = optional("Coordinates of the points.")
+    values: TemperatureValues | None = optional("Change at each point.")
+    file: Text | None = optional(
+        "In place of points and values: a CSV file whose first line names the columns "
+        "with their units, such as 'x [m], y [m], change [K]' (and z [m] in a solid)."
     )
-    factor: Coefficient | None = Field(None, description="Multiplies all changes; 1 if missing.")
+    factor: Coefficient | None = optional("Multiplies all changes; 1 if missing.")
 
     def check(self, faults: SectionFaults) -> None:
         """Points and values, as many of both, or a file."""

@@ -63,7 +63,7 @@ from geoident.io.case.supports.section import SupportValue, build_supports
 from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.case.yielding.hardening_checks import check_hardening
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     Accelerations,
     CaseNumber,
@@ -174,12 +174,11 @@ class CaseSection(Section):
 
     format: Literal["geoident-case/1"] = Field(description="Type and version of this file.")
     title: Text = Field("", description="Free text.")
-    model: ElsewhereSection | None = Field(
-        None,
-        description="A program, a function of Python, a table of runs, a law of convergence or of "
+    model: ElsewhereSection | None = optional(
+        "A program, a function of Python, a table of runs, a law of convergence or of "
         "settlement that gives the readings, in place of `mesh`, ground and supports: of a stage "
         "only its name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, "
-        "`materials` and `groups` are required without it.",
+        "`materials` and `groups` are required without it."
     )
     analysis: Annotated[
         Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")
@@ -189,10 +188,9 @@ class CaseSection(Section):
         description="Kind of analysis. Axisymmetric: the mesh is half a section, x is the radius "
         "(>= 0), y the axis; the stresses xx, yy, zz, xy are radial, axial, hoop and shear rz.",
     )
-    mesh: MeshSection | None = Field(
-        None,
-        description="The finite element mesh. Without it the case is a circular opening that "
-        "`fit.closed-form` gives, computed by formulas: all that the stages excavate.",
+    mesh: MeshSection | None = optional(
+        "The finite element mesh. Without it the case is a circular opening that "
+        "`fit.closed-form` gives, computed by formulas: all that the stages excavate."
     )
     parameters: dict[ParameterName, ParameterSection] = Field(
         {}, description="What is identified; $NAME refers to it elsewhere in the case."
@@ -218,19 +216,18 @@ class CaseSection(Section):
         "from the stages on that build on the virgin state.",
         examples=[{"bottom": "fixed", "outer": {"x": "1 mm"}}],
     )
-    in_situ: InSituSection | None = Field(
-        None, description="In-situ stress of the ground, before the first stage."
+    in_situ: InSituSection | None = optional(
+        "In-situ stress of the ground, before the first stage."
     )
-    water: WaterSection | None = Field(None, description="Water in the pores in the initial state.")
+    water: WaterSection | None = optional("Water in the pores in the initial state.")
     drained: dict[Name, DrainedSection] = Field(
         {},
         description="Group of faces (lines in 2-D, surfaces in a solid) at which the water of "
         "consolidating ground leaves freely; all other edges are closed.",
         examples=[{"top": {}}, {"well": {"head": "-4 m"}}],
     )
-    initial_temperature: CelsiusTemperature | None = Field(
-        None,
-        description="Of all ground before the first stage. With it the ground conducts heat in its "
+    initial_temperature: CelsiusTemperature | None = optional(
+        "Of all ground before the first stage. With it the ground conducts heat in its "
         "stages, which last, and all materials have `conductivity` and `heat_capacity`.",
         examples=["11 degC", "$T_0"],
     )
@@ -240,10 +237,8 @@ class CaseSection(Section):
         "temperature, or to what the faces exchange heat with; all other edges are adiabatic.",
         examples=[{"surface": {"temperature": "8 degC", "film": "12 W/m2K"}}],
     )
-    gravity: Gravity | None = Field(
-        None,
-        description="Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.",
-        examples=["9.81 m/s2"],
+    gravity: Gravity | None = optional(
+        "Acceleration, downwards (-y in 2-D, -z in a solid), or a vector.", examples=["9.81 m/s2"]
     )
     loads: dict[Name, LoadValue] = Field(
         {},
@@ -263,9 +258,8 @@ class CaseSection(Section):
         "contact of a wall.",
         examples=[{"fault": {"along": "fault", "k_n": "10 GPa/m", "k_s": "1 GPa/m"}}],
     )
-    face: FaceSection | None = Field(
-        None,
-        description="How the distance of a section to the tunnel face (`distance` of stages) "
+    face: FaceSection | None = optional(
+        "How the distance of a section to the tunnel face (`distance` of stages) "
         "becomes a part of the stress of the tunnel that is released: a longitudinal displacement "
         "profile, in plane strain.",
         examples=[{"profile": "vlachopoulos-diederichs", "radius": "4 m"}],
@@ -276,16 +270,14 @@ class CaseSection(Section):
         description="Construction, step by step; without it a model elsewhere has one, named "
         f"{ONE_STAGE}.",
     )
-    time_steps: Annotated[int, Count(most=1000)] | None = Field(
-        None,
-        description="Steps in time before they double in length, in stages that last: 6 if missing "
+    time_steps: Annotated[int, Count(most=1000)] | None = optional(
+        "Steps in time before they double in length, in stages that last: 6 if missing "
         "where water flows, 3 where ground creeps without. Twice as many leave a quarter of the "
         "error by the steps, which a fit tells.",
         examples=[12],
     )
-    service: ServiceSection | None = Field(
-        None,
-        description="The structure is in service from the last stage on: water level and "
+    service: ServiceSection | None = optional(
+        "The structure is in service from the last stage on: water level and "
         "temperatures of `loads` act on it day by day.",
         examples=[{"since": "2010-04-01", "faces": {"wetted": ["upstream"], "air": ["crest"]}}],
     )
@@ -295,22 +287,20 @@ class CaseSection(Section):
         description="Stage (or 'virgin') to the date of its end, for dated readings and drift.",
         examples=[{"heading": "2024-03-01", "bench 1": "2024-04-15"}],
     )
-    readings: Readings | None = Field(
-        None,
-        description="Path of a CSV file (gauge,stage,value,unit), a description of a file, or a "
-        "list of files and readings.",
+    readings: Readings | None = optional(
+        "Path of a CSV file (gauge,stage,value,unit), a description of a file, or a "
+        "list of files and readings."
     )
     bad: list[BadSection] = Field(
         [], description="Readings known to be wrong: shown with the reason, and not used."
     )
-    decision: Decisions | None = Field(
-        None,
-        description="What is to be done if a reading is beyond a value, or a list of that. A fit "
+    decision: Decisions | None = optional(
+        "What is to be done if a reading is beyond a value, or a list of that. A fit "
         "says how probable it is, and which reading at an earlier stage would make it so.",
         examples=[{"if": "CV1 > 40 mm at bench 5", "then": "install the second row of bolts"}],
     )
     fit: FitSection = Field(default_factory=FitSection)
-    report: ReportSection | None = Field(None, description="The head of the report.")
+    report: ReportSection | None = optional("The head of the report.")
 
     @property
     def service_stage(self) -> str | None:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -75,8 +75,8 @@ class KelvinSection(Section):
 
     one_of = (Alternatives("G", "K", hint="In shear its modulus is G, in volume alone K."),)
 
-    G: Modulus | None = Field(None, description="Shear modulus of its spring.")
-    K: Modulus | None = Field(None, description="Bulk modulus of its spring, `in: volume`.")
+    G: Modulus | None = optional("Shear modulus of its spring.")
+    K: Modulus | None = optional("Bulk modulus of its spring, `in: volume`.")
     viscosity: Viscosity = Field(
         description="Of its dashpot.", examples=["5e14 Pa s", "2 GPa d", "$eta_K"]
     )
@@ -101,31 +101,26 @@ class CreepSection(Section):
         ),
     )
 
-    share: Coefficient | None = Field(
-        None,
-        description="The creep coefficient: that part of the elastic strain is added in the end.",
+    share: Coefficient | None = optional(
+        "The creep coefficient: that part of the elastic strain is added in the end.",
         examples=["0.8", "$phi"],
     )
-    time: Time | None = Field(None, description="In which it comes.", examples=["30 d", "$tau"])
-    law: Literal["exponential", "logarithmic"] | None = Field(
-        None,
-        description="`exponential` if missing, `share` (1 - exp(-t / `time`)); `logarithmic`: "
-        "`share` log(1 + t / `time`), which goes on.",
+    time: Time | None = optional("In which it comes.", examples=["30 d", "$tau"])
+    law: Literal["exponential", "logarithmic"] | None = optional(
+        "`exponential` if missing, `share` (1 - exp(-t / `time`)); `logarithmic`: "
+        "`share` log(1 + t / `time`), which goes on."
     )
-    kelvin: KelvinSection | None = Field(
-        None,
-        description="A Kelvin element by its own constants.",
-        examples=["{G: 200 MPa, viscosity: 5e14 Pa s}"],
+    kelvin: KelvinSection | None = optional(
+        "A Kelvin element by its own constants.", examples=["{G: 200 MPa, viscosity: 5e14 Pa s}"]
     )
-    maxwell: DashpotSection | None = Field(
-        None, description="The dashpot of a Maxwell element.", examples=["{viscosity: 2e17 Pa s}"]
+    maxwell: DashpotSection | None = optional(
+        "The dashpot of a Maxwell element.", examples=["{viscosity: 2e17 Pa s}"]
     )
-    part: Literal["shear", "volume", "both"] | None = Field(
-        None,
-        alias="in",
-        description="Which part of the stress makes it creep. Missing: both for a `share`, shear "
+    part: Literal["shear", "volume", "both"] | None = optional(
+        "Which part of the stress makes it creep. Missing: both for a `share`, shear "
         "for `kelvin` and `maxwell`. With `both` these are given by their shear, and take the same "
         "part of the elastic strain in volume.",
+        alias="in",
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -201,30 +196,24 @@ class AgeingSection(Section):
 
     one_of = (Alternatives("share time law?", "curve", "code s?", hint="Give one of these."),)
 
-    curve: Annotated[dict[Age, Modulus], Field(min_length=2)] | None = Field(
-        None,
-        description="Age to Young's modulus; linear in between, constant before the first and "
-        "after the last.",
+    curve: Annotated[dict[Age, Modulus], Field(min_length=2)] | None = optional(
+        "Age to Young's modulus; linear in between, constant before the first and after the last.",
         examples=["{1 d: 12 GPa, 7 d: 25 GPa, 28 d: 30 GPa}"],
     )
-    code: Literal["eurocode-2", "fib"] | None = Field(
-        None,
-        description="Of concrete: `eurocode-2`, E exp(s (1 - sqrt(28 d / t)))^0.3, E being that at "
-        "28 days; `fib`, ^0.5. An age below an hour counts as an hour.",
+    code: Literal["eurocode-2", "fib"] | None = optional(
+        "Of concrete: `eurocode-2`, E exp(s (1 - sqrt(28 d / t)))^0.3, E being that at "
+        "28 days; `fib`, ^0.5. An age below an hour counts as an hour."
     )
-    s: Coefficient | None = Field(
-        None,
-        description="Of the cement: 0.2 rapid, 0.25 normal (if missing), 0.38 slow.",
-        examples=["0.2", "$s"],
+    s: Coefficient | None = optional(
+        "Of the cement: 0.2 rapid, 0.25 normal (if missing), 0.38 slow.", examples=["0.2", "$s"]
     )
-    share: Coefficient | None = Field(
-        None, description="The part of E by which the modulus grows.", examples=["0.2"]
+    share: Coefficient | None = optional(
+        "The part of E by which the modulus grows.", examples=["0.2"]
     )
-    time: Time | None = Field(None, description="In which it grows.", examples=["2 years"])
-    law: Literal["exponential", "logarithmic"] | None = Field(
-        None,
-        description="Of `share` and `time`: `exponential` if missing, or `logarithmic`, `share` "
-        "log(1 + t / `time`).",
+    time: Time | None = optional("In which it grows.", examples=["2 years"])
+    law: Literal["exponential", "logarithmic"] | None = optional(
+        "Of `share` and `time`: `exponential` if missing, or `logarithmic`, `share` "
+        "log(1 + t / `time`)."
     )
 
     def check(self, faults: SectionFaults) -> None:

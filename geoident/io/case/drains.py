@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from geoident.io.schema.section import Alternatives, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults, optional
 from geoident.io.schema.values import CaseNumber, Multiple, Permeability, Size
 from geoident.model.drains import VerticalDrains
 
@@ -28,24 +28,19 @@ class VerticalDrainsSection(Section):
     pattern: Literal["triangle", "square"] = Field(
         "triangle", description="How they stand: a drain has 1.05 or 1.13 spacings around it."
     )
-    diameter: Size | None = Field(None, description="Of a drain.", examples=["66 mm"])
-    width: Size | None = Field(
-        None,
-        description="Of a strip, whose diameter is half the sum of width and thickness.",
-        examples=["100 mm"],
+    diameter: Size | None = optional("Of a drain.", examples=["66 mm"])
+    width: Size | None = optional(
+        "Of a strip, whose diameter is half the sum of width and thickness.", examples=["100 mm"]
     )
-    thickness: Size | None = Field(None, description="Of a strip.", examples=["4 mm"])
-    smear: Size | None = Field(
-        None, description="Diameter of the ground that was disturbed around it.", examples=["0.2 m"]
+    thickness: Size | None = optional("Of a strip.", examples=["4 mm"])
+    smear: Size | None = optional(
+        "Diameter of the ground that was disturbed around it.", examples=["0.2 m"]
     )
-    smear_ratio: Multiple | None = Field(
-        None,
-        description="Permeability of the ground by that of the disturbed ground.",
-        examples=["3", "$smear"],
+    smear_ratio: Multiple | None = optional(
+        "Permeability of the ground by that of the disturbed ground.", examples=["3", "$smear"]
     )
-    permeability: Permeability | None = Field(
-        None,
-        description="Of the ground, for water that flows to the drains; that of the ground along x "
+    permeability: Permeability | None = optional(
+        "Of the ground, for water that flows to the drains; that of the ground along x "
         "if missing, in a solid the geometric mean of those along x and y.",
         examples=["$k_h"],
     )

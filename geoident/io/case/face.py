@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from geoident.io.schema.section import Alternatives, Context, Section
+from geoident.io.schema.section import Alternatives, Context, Section, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -34,31 +34,27 @@ class FaceBase(Section):
     constants: ClassVar[tuple[str, ...]] = ()
     """Keys of those constants of the profile that may be parameters."""
 
-    radius: Size | None = Field(
-        None,
-        description="Radius of the tunnel, or of the circle of its area; without a mesh that of "
+    radius: Size | None = optional(
+        "Radius of the tunnel, or of the circle of its area; without a mesh that of "
         "`fit.closed-form` if missing.",
         examples=["4 m"],
     )
-    groups: list[Name] | None = Field(
-        None,
-        min_length=1,
-        description="Element groups that the tunnel fills; what the stages with a `distance` "
+    groups: list[Name] | None = optional(
+        "Element groups that the tunnel fills; what the stages with a `distance` "
         "excavate if missing.",
+        min_length=1,
     )
-    centre: Coordinates | None = Field(
-        None,
-        description="Where the in-situ stress is taken for the reaction curve; the middle of the "
-        "groups if missing.",
+    centre: Coordinates | None = optional(
+        "Where the in-situ stress is taken for the reaction curve; the middle of the "
+        "groups if missing."
     )
-    conversion: Conversion | None = Field(
-        None,
-        description="How the part s of its final motion that the wall has made becomes a part of "
+    conversion: Conversion | None = optional(
+        "How the part s of its final motion that the wall has made becomes a part of "
         "the stress that is released, where the ground yields. reaction-curve (the default): on "
         "the reaction curve of the circular opening without support, so that its wall has moved "
         "by that part. mesh: so that the wall of the tunnel in the mesh, without support, has "
         "moved by that part in the mean, whatever its shape, its ground and the in-situ stress; it "
-        "takes some analyses more. direct: the part s itself. In elastic ground all are the same.",
+        "takes some analyses more. direct: the part s itself. In elastic ground all are the same."
     )
 
 
@@ -93,8 +89,8 @@ class BesideVlachopoulosDiederichsSection(OtherProfilesSection):
 
     one_of = (Alternatives("panet chern?", "chern", hint=_NAME_ONE),)
 
-    panet: Coefficient | None = Field(None, description=_PANET, examples=["$w_panet"])
-    chern: Coefficient | None = Field(None, description=_CHERN, examples=["$w_chern"])
+    panet: Coefficient | None = optional(_PANET, examples=["$w_panet"])
+    chern: Coefficient | None = optional(_CHERN, examples=["$w_chern"])
 
 
 class BesidePanetSection(OtherProfilesSection):
@@ -102,10 +98,10 @@ class BesidePanetSection(OtherProfilesSection):
 
     one_of = (Alternatives("vlachopoulos-diederichs chern?", "chern", hint=_NAME_ONE),)
 
-    vlachopoulos_diederichs: Coefficient | None = Field(
-        None, alias="vlachopoulos-diederichs", description=_VLACHOPOULOS_DIEDERICHS
+    vlachopoulos_diederichs: Coefficient | None = optional(
+        _VLACHOPOULOS_DIEDERICHS, alias="vlachopoulos-diederichs"
     )
-    chern: Coefficient | None = Field(None, description=_CHERN)
+    chern: Coefficient | None = optional(_CHERN)
 
 
 class BesideChernSection(OtherProfilesSection):
@@ -113,10 +109,10 @@ class BesideChernSection(OtherProfilesSection):
 
     one_of = (Alternatives("vlachopoulos-diederichs panet?", "panet", hint=_NAME_ONE),)
 
-    vlachopoulos_diederichs: Coefficient | None = Field(
-        None, alias="vlachopoulos-diederichs", description=_VLACHOPOULOS_DIEDERICHS
+    vlachopoulos_diederichs: Coefficient | None = optional(
+        _VLACHOPOULOS_DIEDERICHS, alias="vlachopoulos-diederichs"
     )
-    panet: Coefficient | None = Field(None, description=_PANET)
+    panet: Coefficient | None = optional(_PANET)
 
 
 _AVERAGED = (
@@ -133,10 +129,9 @@ class VlachopoulosDiederichsSection(FaceBase):
     """
 
     profile: Literal["vlachopoulos-diederichs"]
-    averaged_with: BesideVlachopoulosDiederichsSection | None = Field(None, description=_AVERAGED)
-    plastic_radius: Size | None = Field(
-        None,
-        description="Plastic radius Rp around the tunnel without support, far from its face; by "
+    averaged_with: BesideVlachopoulosDiederichsSection | None = optional(_AVERAGED)
+    plastic_radius: Size | None = optional(
+        "Plastic radius Rp around the tunnel without support, far from its face; by "
         "the closed form of the opening if missing.",
         examples=["10.5 m"],
     )
@@ -148,7 +143,7 @@ class PanetSection(FaceBase):
     constants = ("alpha", "m")
 
     profile: Literal["panet"]
-    averaged_with: BesidePanetSection | None = Field(None, description=_AVERAGED)
+    averaged_with: BesidePanetSection | None = optional(_AVERAGED)
     alpha: Coefficient = Field(
         CaseNumber("0.25", 0.25, None, "dimensionless"),
         description="Part of its final motion that the wall has made at the face.",
@@ -167,7 +162,7 @@ class ChernSection(FaceBase):
     constants = ("reach", "exponent")
 
     profile: Literal["chern"]
-    averaged_with: BesideChernSection | None = Field(None, description=_AVERAGED)
+    averaged_with: BesideChernSection | None = optional(_AVERAGED)
     reach: Multiple = Field(
         CaseNumber("1.10", 1.10, None, "dimensionless"),
         description="How far the face reaches, in radii.",

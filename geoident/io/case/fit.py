@@ -16,7 +16,7 @@ from geoident.io.case.gauges.accuracy import EstimatedKinds
 from geoident.io.case.ladder import LadderEntry
 from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.case.readings import read_case_date
-from geoident.io.schema.section import Section
+from geoident.io.schema.section import Section, optional
 from geoident.io.schema.values import (
     AnyQuantity,
     CaseNumber,
@@ -113,7 +113,7 @@ class AxisSection(Section):
 
     start: AnyQuantity = Field(alias="from", description="First value.")
     stop: AnyQuantity = Field(alias="to", description="Last value.")
-    points: Annotated[int, Count(least=2)] | None = Field(None, description="Number of values.")
+    points: Annotated[int, Count(least=2)] | None = optional("Number of values.")
 
     def scan_axis(self, points: int) -> ScanAxis:
         """The axis, with this number of values where it does not give its own."""
@@ -123,37 +123,34 @@ class AxisSection(Section):
 class FitBase(Section):
     """How the parameters are identified."""
 
-    method: TextOrList[MethodName, Annotated[list[MethodName], Field(min_length=1)]] | None = Field(
-        None,
-        description=f"A method, or several that follow each other; without it {DEFAULT_METHOD}, "
-        f"and {DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters and no stage "
-        "lasts: its many trials are of minutes each where ground yields in time.",
+    method: TextOrList[MethodName, Annotated[list[MethodName], Field(min_length=1)]] | None = (
+        optional(
+            f"A method, or several that follow each other; without it {DEFAULT_METHOD}, and "
+            f"{DEFAULT_FOR_STRENGTHS} where strengths of yield limits are parameters and no "
+            "stage lasts: its many trials are of minutes each where ground yields in time."
+        )
     )
-    stages: Annotated[list[Name], Field(min_length=1)] | None = Field(
-        None, description="Stages whose readings are used (all if missing); others are predicted."
+    stages: Annotated[list[Name], Field(min_length=1)] | None = optional(
+        "Stages whose readings are used (all if missing); others are predicted."
     )
-    predict_gauges: Annotated[list[Name], Field(min_length=1)] | None = Field(
-        None,
-        description="Gauges, or channels such as X.a, whose readings are not used: they are "
+    predict_gauges: Annotated[list[Name], Field(min_length=1)] | None = optional(
+        "Gauges, or channels such as X.a, whose readings are not used: they are "
         "predicted with bands, and the result says how many lie inside.",
         examples=[["D-E"]],
     )
-    until: DateOrMoment | None = Field(
-        None,
-        description="Readings after this date are not used; they are predicted and judged. A stage "
+    until: DateOrMoment | None = optional(
+        "Readings after this date are not used; they are predicted and judged. A stage "
         "stands for its end, and `STAGE + TIME` for a moment of a stage that lasts.",
         examples=["2024-12-31", "fill 2 + 60 d"],
     )
 
-    accuracies: EstimatedKinds | None = Field(
-        None,
-        description="What is to be estimated from the residuals, with the parameters: `estimate` "
+    accuracies: EstimatedKinds | None = optional(
+        "What is to be estimated from the residuals, with the parameters: `estimate` "
         "for the accuracies of all gauges, or kinds of gauges, as in {inclinometer: estimate}. "
-        "What the gauges state then gives the ratios, and the factor of each kind is estimated.",
+        "What the gauges state then gives the ratios, and the factor of each kind is estimated."
     )
-    model_error: ModelErrorValue | None = Field(
-        None,
-        description="How far the ground may differ from the model: `estimate` from the residuals "
+    model_error: ModelErrorValue | None = optional(
+        "How far the ground may differ from the model: `estimate` from the residuals "
         "(the default where they are enough), `none`, a part of the computed motion, "
         "or {size: , length: , time: }. Intervals and bands of later stages follow.",
         examples=["estimate", "none", "15 %", {"size": "15 %", "length": "20 m"}],
@@ -179,9 +176,8 @@ class FitBase(Section):
         "and `simulate` ask without a new evaluation.",
         examples=["keep"],
     )
-    ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = Field(
-        None,
-        description="Models to be fitted one after the other, from the simplest on, and compared: "
+    ladder: Annotated[list[LadderEntry], Field(min_length=2)] | None = optional(
+        "Models to be fitted one after the other, from the simplest on, and compared: "
         "symmetries of the elasticity of the material whose moduli are parameters, or names with "
         "changes to the case.",
         examples=[["isotropic", "transversely-isotropic", "orthotropic"]],

@@ -27,7 +27,7 @@ from geoident.io.case.yielding.sections import (
     fields_of_yields,
     growths_of_yields,
 )
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
@@ -60,60 +60,51 @@ _VECTOR = "in x, y, z (z is out of plane in 2-D and may be left out); its length
 
 
 class _MaterialBase(Section):
-    density: Density | None = Field(
-        None, description="Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
+    density: Density | None = optional(
+        "Mass per volume, for gravity; 0 if missing.", examples=["2650 kg/m3"]
     )
-    expansion: Expansion | None = Field(
-        None, description="Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
+    expansion: Expansion | None = optional(
+        "Thermal expansion per degree; 0 if missing.", examples=["1e-5 1/K"]
     )
-    conductivity: Conductivity | None = Field(
-        None,
-        description="Of heat, for a structure in service and for stages that conduct it.",
+    conductivity: Conductivity | None = optional(
+        "Of heat, for a structure in service and for stages that conduct it.",
         examples=["2.5 W/mK", "$k"],
     )
-    heat_capacity: HeatCapacity | None = Field(
-        None, description="Heat per volume and degree.", examples=["2.2 MJ/m3K"]
+    heat_capacity: HeatCapacity | None = optional(
+        "Heat per volume and degree.", examples=["2.2 MJ/m3K"]
     )
-    specific_heat: SpecificHeat | None = Field(
-        None,
-        description="Heat per mass and degree, in place of `heat_capacity`: times the density.",
+    specific_heat: SpecificHeat | None = optional(
+        "Heat per mass and degree, in place of `heat_capacity`: times the density.",
         examples=["900 J/kgK"],
     )
-    hydration: HydrationSection | None = Field(
-        None,
-        description="Heat that the material sets free as it hardens, in stages that conduct heat.",
+    hydration: HydrationSection | None = optional(
+        "Heat that the material sets free as it hardens, in stages that conduct heat.",
         examples=["{rise: 38 K, time: 1.2 d}"],
     )
-    creep: CreepSections | None = Field(
-        None,
-        description="Further strain under stress: an element, or a list of elements in a row with "
+    creep: CreepSections | None = optional(
+        "Further strain under stress: an element, or a list of elements in a row with "
         "the elastic spring. Stages in which it comes have `lasts`. Of a structure in service one "
         "`share`: the loads are those of the stages and the water as it was day by day.",
         examples=["{share: $phi, time: 30 d}", "{share: 0.1, time: 1 d, law: logarithmic}"],
     )
-    ageing: AgeingSection | None = Field(
-        None,
-        description="The modulus grows with the age: what is loaded later strains less. In "
+    ageing: AgeingSection | None = optional(
+        "The modulus grows with the age: what is loaded later strains less. In "
         "service it grows by a `share` with the time under load.",
         examples=["{code: eurocode-2, s: 0.2}", "{curve: {1 d: 12 GPa, 28 d: 30 GPa}}"],
     )
-    softening: TimeCurveSection | None = Field(
-        None,
-        description="Of a structure in service: its modulus falls, and what is loaded strains "
-        "further.",
+    softening: TimeCurveSection | None = optional(
+        "Of a structure in service: its modulus falls, and what is loaded strains further.",
         examples=["{share: $loss, time: 10 years}"],
     )
-    hydraulic: HydraulicValue | None = Field(
-        None,
-        description="Water in its pores that takes time to leave, in stages that last; `impervious`"
+    hydraulic: HydraulicValue | None = optional(
+        "Water in its pores that takes time to leave, in stages that last; `impervious`"
         " for a material that holds none and lets none through. Without it water leaves at once.",
         examples=["{permeability: 1e-9 m/s}"],
     )
-    yields: YieldSections | None = Field(
-        None,
-        alias="yield",
-        description="How it yields: one yield surface, or a list of surfaces that all hold; it "
+    yields: YieldSections | None = optional(
+        "How it yields: one yield surface, or a list of surfaces that all hold; it "
         "stays elastic if missing. Exact surfaces need isotropic elasticity.",
+        alias="yield",
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -131,14 +122,13 @@ class IsotropicSection(_MaterialBase):
     one_of = (Alternatives("E nu", "K G", hint="Give exactly one of the pairs."),)
 
     elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
-    E: YoungModulus | None = Field(
-        None,
-        description="Young's modulus; of a rock mass also by GSI (`hoek-diederichs`).",
+    E: YoungModulus | None = optional(
+        "Young's modulus; of a rock mass also by GSI (`hoek-diederichs`).",
         examples=["15 GPa", "$E_rock"],
     )
-    nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
-    K: ModulusOrVaried | None = Field(None, description="Bulk modulus.")
-    G: ModulusOrVaried | None = Field(None, description="Shear modulus.")
+    nu: Ratio | None = optional("Poisson's ratio, between -1 and 0.5.")
+    K: ModulusOrVaried | None = optional("Bulk modulus.")
+    G: ModulusOrVaried | None = optional("Shear modulus.")
 
     def build_elastic(self, context: Context) -> Isotropic:
         """By the pair that is given."""
@@ -151,15 +141,13 @@ class _InclinedBase(_MaterialBase):
     In a solid x is east, y north, z up. A plane section is seen looking north: x is east, y up.
     """
 
-    dip: Angle | None = Field(
-        None,
-        description="Inclination of the strata (of the plane of axes 1 and 2), from the horizontal "
+    dip: Angle | None = optional(
+        "Inclination of the strata (of the plane of axes 1 and 2), from the horizontal "
         "downwards. In 2-D without `dip_direction`: the apparent dip, falling towards +x.",
         examples=["35 deg", "$dip"],
     )
-    dip_direction: Angle | None = Field(
-        None,
-        description="Azimuth of the line of dip, clockwise from north (y) in a solid: 90 deg is "
+    dip_direction: Angle | None = optional(
+        "Azimuth of the line of dip, clockwise from north (y) in a solid: 90 deg is "
         "+x. In 2-D clockwise from the direction in which the section is seen; 90 deg (towards "
         "+x) if missing. Strata that strike obliquely to the section are refused.",
         examples=["120 deg"],
@@ -179,31 +167,22 @@ class TransverselyIsotropicSection(_InclinedBase):
     )
 
     elastic: Literal["transversely-isotropic"] = Field(description="Symmetry of the elasticity.")
-    normal: DirectionVector | None = Field(
-        None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
+    normal: DirectionVector | None = optional(
+        f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
     )
-    E_p: ModulusOrVaried | None = Field(
-        None, description="Young's modulus in the plane of the strata."
+    E_p: ModulusOrVaried | None = optional("Young's modulus in the plane of the strata.")
+    nu_p: Coefficient | None = optional("Poisson's ratio in the plane.")
+    E_n: ModulusOrVaried | None = optional("Young's modulus along the normal.")
+    nu_np: Coefficient | None = optional(
+        "Poisson's ratio for a stress along the normal: -strain in the plane / strain "
+        "along the normal; so nu_pn = nu_np E_p / E_n."
     )
-    nu_p: Coefficient | None = Field(None, description="Poisson's ratio in the plane.")
-    E_n: ModulusOrVaried | None = Field(None, description="Young's modulus along the normal.")
-    nu_np: Coefficient | None = Field(
-        None,
-        description="Poisson's ratio for a stress along the normal: -strain in the plane / strain "
-        "along the normal; so nu_pn = nu_np E_p / E_n.",
-    )
-    G_np: ModulusOrVaried | None = Field(
-        None, description="Shear modulus between normal and plane."
-    )
-    A: ModulusOrVaried | None = Field(
-        None, description="Love's A = c11 = c22, axis 3 being the normal."
-    )
-    C: ModulusOrVaried | None = Field(None, description="Love's C = c33.")
-    F: Stress | None = Field(None, description="Love's F = c13 = c23.")
-    L: ModulusOrVaried | None = Field(
-        None, description="Love's L, shear modulus of normal and plane."
-    )
-    N: ModulusOrVaried | None = Field(None, description="Love's N, shear modulus in the plane.")
+    G_np: ModulusOrVaried | None = optional("Shear modulus between normal and plane.")
+    A: ModulusOrVaried | None = optional("Love's A = c11 = c22, axis 3 being the normal.")
+    C: ModulusOrVaried | None = optional("Love's C = c33.")
+    F: Stress | None = optional("Love's F = c13 = c23.")
+    L: ModulusOrVaried | None = optional("Love's L, shear modulus of normal and plane.")
+    N: ModulusOrVaried | None = optional("Love's N, shear modulus in the plane.")
 
     def build_elastic(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
@@ -233,15 +212,11 @@ class OrthotropicSection(_InclinedBase):
     G_12: ModulusOrVaried = Field(description="Shear modulus between axes 1 and 2.")
     G_13: ModulusOrVaried = Field(description="Shear modulus between axes 1 and 3.")
     G_23: ModulusOrVaried = Field(description="Shear modulus between axes 2 and 3.")
-    rotation: Angle | None = Field(
-        None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
+    rotation: Angle | None = optional(
+        "Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
-    axis_1: DirectionVector | None = Field(
-        None, description=f"Axis 1 in place of the angles, {_VECTOR}"
-    )
-    axis_2: DirectionVector | None = Field(
-        None, description=f"Axis 2, at a right angle to 1, {_VECTOR}"
-    )
+    axis_1: DirectionVector | None = optional(f"Axis 1 in place of the angles, {_VECTOR}")
+    axis_2: DirectionVector | None = optional(f"Axis 2, at a right angle to 1, {_VECTOR}")
 
     def build_elastic(self, context: Context) -> Orthotropic:
         """By nine constants, and angles or axes."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, Tag
 
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     TEXT_LIST_OR_MAPPING,
     CaseNumber,
@@ -67,13 +67,12 @@ class HydrationSection(Section):
 
     one_of = (Alternatives("rise time", "curve", hint="Give the rise and its time, or a table."),)
 
-    rise: TemperatureChange | None = Field(
-        None, description="In the end: `rise` (1 - exp(-age / `time`)).", examples=["38 K", "$rise"]
+    rise: TemperatureChange | None = optional(
+        "In the end: `rise` (1 - exp(-age / `time`)).", examples=["38 K", "$rise"]
     )
-    time: Time | None = Field(None, description="In which it comes.", examples=["1.2 d"])
-    curve: Rises | None = Field(
-        None,
-        description="Age to the rise until then: linear in between, from nothing at placing on, "
+    time: Time | None = optional("In which it comes.", examples=["1.2 d"])
+    curve: Rises | None = optional(
+        "Age to the rise until then: linear in between, from nothing at placing on, "
         "constant after the last.",
         examples=["{12 h: 8 K, 1 d: 20 K, 3 d: 32 K, 28 d: 40 K}"],
     )
@@ -105,9 +104,8 @@ class HeatSection(Section):
         "between, constant before the first and after the last.",
         examples=["-30 degC", "$brine", "{0 d: 20 degC, 3 d: -25 degC}"],
     )
-    film: FilmCoefficient | None = Field(
-        None,
-        description="Coefficient of the exchange with air or water. Without it the ground has the "
+    film: FilmCoefficient | None = optional(
+        "Coefficient of the exchange with air or water. Without it the ground has the "
         "temperature itself.",
         examples=["12 W/m2K", "$film"],
     )

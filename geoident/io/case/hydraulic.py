@@ -9,7 +9,7 @@ from pydantic import Field, Tag
 
 from geoident.io.case.drains import VerticalDrainsSection
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     TEXT_LIST_OR_MAPPING,
     CaseNumber,
@@ -40,28 +40,23 @@ class HydraulicSection(Section):
         "model.",
         examples=["1e-9 m/s", "$k", "[2e-9, 5e-10 m/s]"],
     )
-    storage: Compressibility | None = Field(
-        None,
-        description="Water that ground of unchanged volume takes in by pressure (1 / Biot's "
+    storage: Compressibility | None = optional(
+        "Water that ground of unchanged volume takes in by pressure (1 / Biot's "
         "modulus); `porosity` / `water_modulus` if missing.",
         examples=["2e-7 1/kPa"],
     )
-    porosity: Coefficient | None = Field(
-        None, description="Part of the volume that is water; 0.4 if missing.", examples=["0.5"]
+    porosity: Coefficient | None = optional(
+        "Part of the volume that is water; 0.4 if missing.", examples=["0.5"]
     )
-    water_modulus: Modulus | None = Field(
-        None,
-        description="Bulk modulus of the water; 2.2 GPa if missing, that of water without air.",
+    water_modulus: Modulus | None = optional(
+        "Bulk modulus of the water; 2.2 GPa if missing, that of water without air.",
         examples=["200 MPa"],
     )
-    biot: Coefficient | None = Field(
-        None,
-        description="Biot's coefficient, 1 (grains keep their volume) if missing.",
-        examples=["0.8"],
+    biot: Coefficient | None = optional(
+        "Biot's coefficient, 1 (grains keep their volume) if missing.", examples=["0.8"]
     )
-    drains: VerticalDrainsSection | None = Field(
-        None,
-        description="Vertical drains in the ground of this material. A stage installs them where it"
+    drains: VerticalDrainsSection | None = optional(
+        "Vertical drains in the ground of this material. A stage installs them where it"
         " changes ground to it.",
         examples=[{"spacing": "1.2 m", "diameter": "66 mm", "smear": "0.2 m", "smear_ratio": "3"}],
     )
@@ -98,9 +93,8 @@ class DrainedSection(Section):
 
     builds = Drained
 
-    head: Length | None = Field(
-        None,
-        description="Level to which the water would rise there; that of `water` if missing.",
+    head: Length | None = optional(
+        "Level to which the water would rise there; that of `water` if missing.",
         examples=["-4 m", "$head"],
     )
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
@@ -58,19 +58,15 @@ RatioByGroup = TextOrMapping[Coefficient, dict[Name, Coefficient]]
 Equilibrium = Literal["required", "accept"]
 
 
-_ACROSS: Any = Field(
-    None,
-    description="Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing.",
+_ACROSS: Any = optional(
+    "Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing."
 )
-_AZIMUTH: Any = Field(
-    None,
-    description="Solid: direction of K0, clockwise from north (y); along x if missing.",
+_AZIMUTH: Any = optional(
+    "Solid: direction of K0, clockwise from north (y); along x if missing.",
     examples=["35 deg", "$azimuth"],
 )
-_TECTONIC: Any = Field(
-    None,
-    description="Horizontal stress added everywhere, tension positive: xx, zz (2-D); "
-    "xx, yy, xy (solid).",
+_TECTONIC: Any = optional(
+    "Horizontal stress added everywhere, tension positive: xx, zz (2-D); xx, yy, xy (solid)."
 )
 
 
@@ -90,10 +86,10 @@ def _components(section: Section, context: Context) -> Components:
 class TectonicSection(Section):
     """Horizontal components of a stress, tension positive; 0 if missing."""
 
-    xx: Stress | None = Field(None, description="Normal stress along x.")
-    yy: Stress | None = Field(None, description="Normal stress along y (solid only).")
-    zz: Stress | None = Field(None, description="Normal stress out of plane (2-D only).")
-    xy: Stress | None = Field(None, description="Shear stress (solid only).")
+    xx: Stress | None = optional("Normal stress along x.")
+    yy: Stress | None = optional("Normal stress along y (solid only).")
+    zz: Stress | None = optional("Normal stress out of plane (2-D only).")
+    xy: Stress | None = optional("Shear stress (solid only).")
 
     def for_model(self, context: Context) -> Components:
         """Only horizontal components."""
@@ -109,12 +105,12 @@ class TectonicSection(Section):
 class StressSection(Section):
     """Components of a stress, tension positive; 0 if missing."""
 
-    xx: Stress | None = Field(None, description="Normal stress along x.")
-    yy: Stress | None = Field(None, description="Normal stress along y.")
-    zz: Stress | None = Field(None, description="Normal stress along z (out of plane in 2-D).")
-    xy: Stress | None = Field(None, description="Shear stress.")
-    yz: Stress | None = Field(None, description="Shear stress (solid only).")
-    xz: Stress | None = Field(None, description="Shear stress (solid only).")
+    xx: Stress | None = optional("Normal stress along x.")
+    yy: Stress | None = optional("Normal stress along y.")
+    zz: Stress | None = optional("Normal stress along z (out of plane in 2-D).")
+    xy: Stress | None = optional("Shear stress.")
+    yz: Stress | None = optional("Shear stress (solid only).")
+    xz: Stress | None = optional("Shear stress (solid only).")
 
     def for_model(self, context: Context) -> Components:
         """The six components."""
@@ -124,12 +120,12 @@ class StressSection(Section):
 class GradientSection(Section):
     """Change of each component per metre of depth, tension positive; 0 if missing."""
 
-    xx: UnitWeight | None = Field(None, description="Of the normal stress along x.")
-    yy: UnitWeight | None = Field(None, description="Of the normal stress along y.")
-    zz: UnitWeight | None = Field(None, description="Of the normal stress along z.")
-    xy: UnitWeight | None = Field(None, description="Of the shear stress.")
-    yz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
-    xz: UnitWeight | None = Field(None, description="Of the shear stress (solid only).")
+    xx: UnitWeight | None = optional("Of the normal stress along x.")
+    yy: UnitWeight | None = optional("Of the normal stress along y.")
+    zz: UnitWeight | None = optional("Of the normal stress along z.")
+    xy: UnitWeight | None = optional("Of the shear stress.")
+    yz: UnitWeight | None = optional("Of the shear stress (solid only).")
+    xz: UnitWeight | None = optional("Of the shear stress (solid only).")
 
     def for_model(self, context: Context) -> Components:
         """The six components."""
@@ -143,10 +139,10 @@ class ConstantModel(Section):
     xx: Stress = Field(description="Normal stress along x, tension positive.")
     yy: Stress = Field(description="Normal stress along y, tension positive.")
     zz: Stress = Field(description="Normal stress along z (out of plane in 2-D).")
-    xy: Stress | None = Field(None, description="Shear stress; 0 if missing.")
-    yz: Stress | None = Field(None, description="Shear stress (solid only); 0 if missing.")
-    xz: Stress | None = Field(None, description="Shear stress (solid only); 0 if missing.")
-    held: Flag | None = Field(None, description=_HELD)
+    xy: Stress | None = optional("Shear stress; 0 if missing.")
+    yz: Stress | None = optional("Shear stress (solid only); 0 if missing.")
+    xz: Stress | None = optional("Shear stress (solid only); 0 if missing.")
+    held: Flag | None = optional(_HELD)
 
     def for_model(self, context: Context) -> ConstantStress:
         """The same everywhere."""
@@ -181,17 +177,15 @@ class HeimModel(Section):
     )
     K0_across: Coefficient | None = _ACROSS
     azimuth: Angle | None = _AZIMUTH
-    vertical: Stress | None = Field(
-        None, description="Vertical pressure, compression positive, the same everywhere."
+    vertical: Stress | None = optional(
+        "Vertical pressure, compression positive, the same everywhere."
     )
-    unit_weight: UnitWeight | None = Field(
-        None, description="Weight of the ground: the pressure grows with depth below `surface`."
+    unit_weight: UnitWeight | None = optional(
+        "Weight of the ground: the pressure grows with depth below `surface`."
     )
-    surface: LevelOrGroup | None = Field(
-        None, description=_SURFACE, examples=["300 m", "topography"]
-    )
+    surface: LevelOrGroup | None = optional(_SURFACE, examples=["300 m", "topography"])
     tectonic: TectonicSection | None = _TECTONIC
-    held: Flag | None = Field(None, description=_HELD)
+    held: Flag | None = optional(_HELD)
 
     def for_model(self, context: Context) -> HeimStress:
         """Vertical, and horizontal in parts of it."""
@@ -214,7 +208,7 @@ class ProfileModel(Section):
         default_factory=GradientSection,
         description="Change per metre of depth; yy: -26 kN/m3 is the weight of the ground in 2-D.",
     )
-    held: Flag | None = Field(None, description=_HELD)
+    held: Flag | None = optional(_HELD)
 
 
 class GeostaticModel(Section):
@@ -226,34 +220,30 @@ class GeostaticModel(Section):
     """
 
     model: Literal["geostatic"]
-    K0: RatioByGroup | None = Field(
-        None,
-        description="Ratio of horizontal to vertical (effective) stress, along x or along "
+    K0: RatioByGroup | None = optional(
+        "Ratio of horizontal to vertical (effective) stress, along x or along "
         "`azimuth`: one number, or one for each element group. Hardening soil for which it is "
         "missing has that of its `K0nc`, `OCR` and `POP`.",
         examples=["0.5", {"clay": 0.6, "sand": 0.45}],
     )
     K0_across: RatioByGroup | None = _ACROSS
     azimuth: Angle | None = _AZIMUTH
-    surface: LevelOrGroup | None = Field(
-        None,
-        description="Surface of the ground: a level, or a group of lines (2-D) or surfaces (solid)"
+    surface: LevelOrGroup | None = optional(
+        "Surface of the ground: a level, or a group of lines (2-D) or surfaces (solid)"
         "; the top of the mesh if missing. Where it lies above the top of the mesh, `cover` gives "
         "its unit weight.",
         examples=["300 m", "topography"],
     )
-    cover: UnitWeight | None = Field(
-        None,
-        description="Unit weight of the ground between the top of the mesh and `surface`; it lies "
-        "on the ground until that is excavated.",
+    cover: UnitWeight | None = optional(
+        "Unit weight of the ground between the top of the mesh and `surface`; it lies "
+        "on the ground until that is excavated."
     )
-    surcharge: Stress | None = Field(
-        None,
-        description="Pressure on the surface, compression positive; it lies on the ground until "
-        "that is excavated. Give here or as a load what acts from the beginning, not both.",
+    surcharge: Stress | None = optional(
+        "Pressure on the surface, compression positive; it lies on the ground until "
+        "that is excavated. Give here or as a load what acts from the beginning, not both."
     )
     tectonic: TectonicSection | None = _TECTONIC
-    held: Flag | None = Field(None, description=_HELD)
+    held: Flag | None = optional(_HELD)
 
     def check(self, faults: SectionFaults) -> None:
         """A cover reaches up to a surface."""

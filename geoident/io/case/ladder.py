@@ -17,7 +17,7 @@ from pydantic import Field
 
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.parameters import ParameterSection
-from geoident.io.schema.section import Context, Section
+from geoident.io.schema.section import Context, Section, optional
 from geoident.io.schema.values import NAME_PATTERN, Angle, CaseNumber, Name, Text, TextOrMapping
 from geoident.io.text.wording import listing
 from geoident.model.case import Analysis, KeyPath, Rung, format_path
@@ -32,15 +32,11 @@ attitude of the strata has no effect, and so no slope."""
 class RungSection(Section):
     """A model of the ladder: a name with changes to the case, or a symmetry of a material."""
 
-    name: Name | None = Field(None, description="Of the model; that of the symmetry if missing.")
-    elastic: Symmetry | None = Field(None, description="Symmetry of the elasticity of a material.")
-    material: Name | None = Field(
-        None, description="Which; the one whose moduli are parameters if missing."
-    )
-    dip: Angle | None = Field(
-        None, description="Of strata or axes; that of the material, or sought, if missing."
-    )
-    dip_direction: Angle | None = Field(None, description="Likewise, in a solid.")
+    name: Name | None = optional("Of the model; that of the symmetry if missing.")
+    elastic: Symmetry | None = optional("Symmetry of the elasticity of a material.")
+    material: Name | None = optional("Which; the one whose moduli are parameters if missing.")
+    dip: Angle | None = optional("Of strata or axes; that of the material, or sought, if missing.")
+    dip_direction: Angle | None = optional("Likewise, in a solid.")
     set: dict[Text, Any] = Field(
         {},
         description="Path of a key to its value for this model, as with --set; a parameter whose "

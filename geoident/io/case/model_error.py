@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
-from geoident.io.schema.section import Section
+from geoident.io.schema.section import Section, optional
 from geoident.io.schema.values import CaseNumber, FixedDuration, FixedSize, TextOrMapping
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
@@ -59,15 +59,13 @@ class ModelErrorSection(Section):
         description="Part of the computed motion by which the model is wrong; `estimate` from the "
         "residuals, or `none`.",
     )
-    length: FixedSize | None = Field(
-        None,
-        description="Distance over which it is correlated; without it, how far the gauges are "
+    length: FixedSize | None = optional(
+        "Distance over which it is correlated; without it, how far the gauges are "
         "spread. The results hardly depend on it.",
         examples=["20 m"],
     )
-    time: FixedDuration | None = Field(
-        None,
-        description="Time over which it is correlated: errors then last, and are those of what "
+    time: FixedDuration | None = optional(
+        "Time over which it is correlated: errors then last, and are those of what "
         "is read since the zero. Without it a third of the time of the readings, where the model "
         "is a program, a function, a table or a law; of other models each stage has an "
         "error of its own beside that of all. Needs dates.",

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import AnyQuantity, Bounds, CaseNumber, Text
 from geoident.model.case import KeyPath
 from geoident.model.parameter import Parameter, Prior
@@ -32,14 +32,11 @@ class ParameterSection(Section):
     scale: Literal["linear", "log"] = Field(
         "linear", description="log works on the logarithm, as is right for moduli."
     )
-    prior: PriorSection | None = Field(
-        None,
-        description="Prior knowledge; without it all values within the bounds are equally likely.",
+    prior: PriorSection | None = optional(
+        "Prior knowledge; without it all values within the bounds are equally likely."
     )
-    describe: Text | None = Field(
-        None,
-        description="What it is, in words for readers of results and reports.",
-        examples=["modulus of the clay"],
+    describe: Text | None = optional(
+        "What it is, in words for readers of results and reports.", examples=["modulus of the clay"]
     )
 
     def check(self, faults: SectionFaults) -> None:

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from geoident.io.case.durations import require_no_negative
 from geoident.io.case.gauges.accuracy import computable
 from geoident.io.case.site_files.file import ReadingsFileSection
-from geoident.io.schema.section import Section
+from geoident.io.schema.section import Section, optional
 from geoident.io.schema.values import (
     TEXT_LIST_OR_MAPPING,
     AnyQuantity,
@@ -56,26 +56,23 @@ class ReadingSection(Section):
     """One reading."""
 
     gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
-    stage: Name | None = Field(
-        None,
-        description="Stage at whose end it was read. Required where there are several. "
-        "`STAGE + TIME` for a moment of a stage that lasts.",
+    stage: Name | None = optional(
+        "Stage at whose end it was read. Required where there are several. "
+        "`STAGE + TIME` for a moment of a stage that lasts."
     )
-    time: Annotated[FixedTime, AfterValidator(require_no_negative)] | None = Field(
-        None,
-        description="When it was read, since the beginning of its stage, which lasts; at its end "
-        "if missing.",
+    time: Annotated[FixedTime, AfterValidator(require_no_negative)] | None = optional(
+        "When it was read, since the beginning of its stage, which lasts; at its end if missing.",
         examples=["12 d"],
     )
     value: AnyQuantity | None = Field(description="What was read; empty if it is missing.")
-    accuracy: ReadAccuracy | None = Field(None, description="Its own standard deviation.")
+    accuracy: ReadAccuracy | None = optional("Its own standard deviation.")
 
 
 class BadSection(Section):
     """Readings that are known to be wrong: kept, shown with the reason, and not used."""
 
     gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
-    stage: Name | None = Field(None, description="Stage; all stages if missing.")
+    stage: Name | None = optional("Stage; all stages if missing.")
     reason: Text = Field(description="Why, such as 'head hit by blast'.")
 
 

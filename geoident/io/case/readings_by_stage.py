@@ -141,8 +141,7 @@ def read_all(
     read.notes += checks.begun_with_zero(read.readings)
     read.notes += checks.copies(read.readings)
     read.notes += checks.drifts(read.readings)
-    reasons = _BadReasons(section, calendar)
-    read.readings = [replace(r, bad=r.bad or reasons.of(r)) for r in read.readings]
+    read.readings = [replace(r, bad=r.bad or _why_bad(r, section, calendar)) for r in read.readings]
     read.by_stage = when_read(read.dated, calendar)
     if read.by_stage and not faults.found and section.in_stages:
         read.notes += gaps(read.dated, read.by_stage, calendar, read.readings)
@@ -262,11 +261,8 @@ def _reduced_rows(
     part: _FileRows, checks: ReadingChecks, read: ReadReadings
 ) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
-    rows, described, calendar = (
-        _in_stages(part.rows, checks.calendar),
-        part.described,
-        checks.calendar,
-    )
+    described, calendar = part.described, checks.calendar
+    rows = _in_stages(part.rows, calendar)
     dated = any(row.time is not None for row in rows)
     usual = "last" if checks.section.service_stage is None else "all"
     by_time = dated or any(row.since is not None for row in rows)
@@ -340,25 +336,17 @@ def _on_one_clock(rows: list[Reading], notes: list[str]) -> list[Reading]:
     ]
 
 
-class _BadReasons:
-    """Why readings are said to be bad by the key `bad`.
+def _why_bad(row: Reading, section: CaseSection, calendar: Calendar) -> str:
+    """Why the key `bad` says that a reading is bad; empty for a good one.
 
-    Args:
-        section: the case.
-        calendar: to which stages its states belong.
+    Of a stage all moments are meant.
     """
-
-    def __init__(self, section: CaseSection, calendar: Calendar) -> None:
-        self._entries, self._owners = section.bad, calendar.owners
-
-    def of(self, row: Reading) -> str:
-        """Why a reading is bad; empty for a good one. Of a stage all moments are meant."""
-        stages = {None, row.stage, self._owners.get(row.stage)}
-        for entry in self._entries:
-            whole_gauge = row.channel.startswith(f"{entry.gauge}.")
-            if entry.stage in stages and (entry.gauge == row.channel or whole_gauge):
-                return entry.reason
-        return ""
+    stages = {None, row.stage, calendar.owners.get(row.stage)}
+    for entry in section.bad:
+        whole_gauge = row.channel.startswith(f"{entry.gauge}.")
+        if entry.stage in stages and (entry.gauge == row.channel or whole_gauge):
+            return entry.reason
+    return ""
 
 
 def _by_stage(

@@ -6,7 +6,7 @@ section, the sequence of stages in `stages`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 
 from geoident.io.case.actions import LoadSection, WaterSection
@@ -110,17 +110,23 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
             faults.add(("materials", name), "no-density", message, hint, key=True)
 
 
+def _loads(section: CaseSection) -> Iterator[tuple[KeyPath, LoadSection]]:
+    """The loads of the case and of its stages, each with its path."""
+    for name, load in section.loads.items():
+        if isinstance(load, LoadSection):
+            yield ("loads", name), load
+    for n, stage in enumerate(section.stages):
+        for name, load in stage.loads.items():
+            yield ("stages", n, "loads", name), load
+
+
 def _check_seismic(section: CaseSection, faults: Faults) -> None:
     """A seismic load is a part of the weight."""
-    lasting = {n: load for n, load in section.loads.items() if isinstance(load, LoadSection)}
-    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), lasting)]
-    loads += [(("stages", n, "loads"), stage.loads) for n, stage in enumerate(section.stages)]
-    for path, given in loads:
-        for name, load in given.items():
-            if load.seismic is not None and section.gravity is None:
-                message = "a seismic load is a part of the weight, and there is no gravity"
-                place = (*path, name, "seismic")
-                faults.add(place, "no-gravity", message, "Add 'gravity: 9.81 m/s2'.", key=True)
+    for path, load in _loads(section):
+        if load.seismic is not None and section.gravity is None:
+            message = "a seismic load is a part of the weight, and there is no gravity"
+            hint = "Add 'gravity: 9.81 m/s2'."
+            faults.add((*path, "seismic"), "no-gravity", message, hint, key=True)
 
 
 def _check_compression(section: CaseSection, faults: Faults) -> None:
@@ -227,32 +233,28 @@ def _check_structures(section: CaseSection, faults: Faults) -> None:
 
 def _check_heads(section: CaseSection, faults: Faults) -> None:
     """Pulls and pushes act on free heads of grouted bars."""
-    lasting = {n: load for n, load in section.loads.items() if isinstance(load, LoadSection)}
-    loads: list[tuple[KeyPath, Mapping[str, LoadSection]]] = [(("loads",), lasting)]
-    loads += [(("stages", n, "loads"), stage.loads) for n, stage in enumerate(section.stages)]
-    for path, given in loads:
-        for name, load in given.items():
-            if (load.pull is None and load.push is None) or load.on is None:
-                continue
-            place, bars = (*path, name, "on"), section.structures.get(load.on)
-            if bars is None:
-                faults.add_unknown(place, "structure", load.on, section.structures)
-            elif not (
-                isinstance(bars, PileSection)
-                or (isinstance(bars, BoltSection) and bars.k_grout is not None)
-            ):
-                message = f"'{load.on}' are no grouted bolts or piles, whose heads a load pulls"
-                hint = "Bars that are held at their ends are stressed by 'prestress'."
-                faults.add(place, "wrong-structure", message, hint)
-            elif bars.head != "free":
-                message = f"the heads of '{load.on}' are joined to the ground, which a load on "
-                message += "them loads"
-                hint = "Write 'head: free' in the structure, or load the ground there."
-                faults.add(place, "wrong-structure", message, hint)
-            elif load.direction is not None and getattr(bars, "k_lateral", None) is None:
-                message = f"'{load.on}' bear no force across themselves"
-                hint = "Give the piles 'k_lateral', or remove the direction: a push along them."
-                faults.add((*path, name, "direction"), "wrong-structure", message, hint)
+    for path, load in _loads(section):
+        if (load.pull is None and load.push is None) or load.on is None:
+            continue
+        place, bars = (*path, "on"), section.structures.get(load.on)
+        if bars is None:
+            faults.add_unknown(place, "structure", load.on, section.structures)
+        elif not (
+            isinstance(bars, PileSection)
+            or (isinstance(bars, BoltSection) and bars.k_grout is not None)
+        ):
+            message = f"'{load.on}' are no grouted bolts or piles, whose heads a load pulls"
+            hint = "Bars that are held at their ends are stressed by 'prestress'."
+            faults.add(place, "wrong-structure", message, hint)
+        elif bars.head != "free":
+            message = f"the heads of '{load.on}' are joined to the ground, which a load on "
+            message += "them loads"
+            hint = "Write 'head: free' in the structure, or load the ground there."
+            faults.add(place, "wrong-structure", message, hint)
+        elif load.direction is not None and getattr(bars, "k_lateral", None) is None:
+            message = f"'{load.on}' bear no force across themselves"
+            hint = "Give the piles 'k_lateral', or remove the direction: a push along them."
+            faults.add((*path, "direction"), "wrong-structure", message, hint)
 
 
 def _check_interfaces(section: CaseSection, faults: Faults) -> None:

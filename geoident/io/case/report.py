@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, Field, ValidationError
 
 from geoident.io.schema.faults import add_schema_faults
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import AnyQuantity, Flag, Name, Text
 from geoident.io.text.faults import Faults
 from geoident.io.text.overrides import apply_overrides
@@ -67,8 +67,8 @@ class ReportSection(Section):
         description="Path of a picture, .png or .svg, relative to the case.",
         examples=["logo.svg"],
     )
-    curves: list[CurvesSection] | None = Field(
-        None, description="Figures of gauges over a number of each stage; those of a fit are kept."
+    curves: list[CurvesSection] | None = optional(
+        "Figures of gauges over a number of each stage; those of a fit are kept."
     )
 
 

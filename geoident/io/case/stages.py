@@ -31,7 +31,7 @@ from geoident.io.case.structures import (
     unstressed,
 )
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_supports
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     CelsiusTemperature,
@@ -82,9 +82,8 @@ class StageSection(Section):
         "(convergence-confinement).",
         examples=[{"heading": 0.4}],
     )
-    distance: Length | None = Field(
-        None,
-        description="How far the section is behind the tunnel face at the end of the stage "
+    distance: Length | None = optional(
+        "How far the section is behind the tunnel face at the end of the stage "
         "(negative: ahead of it), which releases the stress of the tunnel as `face` says.",
         examples=["2.5 m"],
     )
@@ -111,8 +110,8 @@ class StageSection(Section):
         "is locked off at its end. Overrides the `prestress` with which the stage builds it.",
         examples=[{"anchors": "350 kN"}],
     )
-    water: WaterSection | None = Field(
-        None, description="Water in the pores from this stage on; as before if missing."
+    water: WaterSection | None = optional(
+        "Water in the pores from this stage on; as before if missing."
     )
     drained: dict[Name, StageDrainedValue] = Field(
         {},
@@ -150,26 +149,21 @@ class StageSection(Section):
         "independent (or on `base`), and nothing builds on it that does not name it. Gauges read "
         "the motion since their zero all the same.",
     )
-    base: Name | None = Field(
-        None, description="Earlier stage, or 'virgin', on which this one builds."
-    )
-    lasts: Annotated[CaseNumber, DurationOrDates()] | None = Field(
-        None,
-        description="How long the stage lasts, from the end of the stage on which it builds; "
+    base: Name | None = optional("Earlier stage, or 'virgin', on which this one builds.")
+    lasts: Annotated[CaseNumber, DurationOrDates()] | None = optional(
+        "How long the stage lasts, from the end of the stage on which it builds; "
         f"`{BY_DATES}` for what `dates` say; as long as all that takes time needs if missing (all "
         "water has drained, all creep has ended). 0 d for a stage in which no time passes.",
         examples=["12 d", BY_DATES],
     )
-    moments: Annotated[list[Moment], SharesUnit()] | None = Field(
-        None,
-        description="Times since the beginning of a stage that lasts for which it is computed, "
+    moments: Annotated[list[Moment], SharesUnit()] | None = optional(
+        "Times since the beginning of a stage that lasts for which it is computed, "
         "beside those of its readings and its end; about ten, ever farther apart, if missing. 0 d "
         "is the beginning, when all that the stage does is done and no time has passed.",
         examples=[["1 d", "3 d", "10 d"]],
     )
-    over: FixedTime | None = Field(
-        None,
-        description="Of a stage that lasts: the time, from its beginning on, in which all that it "
+    over: FixedTime | None = optional(
+        "Of a stage that lasts: the time, from its beginning on, in which all that it "
         "does comes evenly (a fill that is placed in three days); at once if missing.",
         examples=["3 d"],
     )

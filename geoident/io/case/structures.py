@@ -13,7 +13,7 @@ from pydantic import Field
 
 from geoident.io.case.creep import AgeingSection
 from geoident.io.case.frames import refuse_no_direction
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     Area,
     AxialStiffness,
@@ -78,28 +78,24 @@ class BeamYieldSection(Section):
         ),
     )  # fmt: skip
 
-    N: WallStiffness | None = Field(
-        None,
-        description="Limit of the axial force per metre, pull and push alike; none if missing.",
+    N: WallStiffness | None = optional(
+        "Limit of the axial force per metre, pull and push alike; none if missing.",
         examples=["2 MN/m"],
     )
-    M: WallMoment | None = Field(
-        None,
-        description="Limit of the bending moment per metre, both ways alike; none if missing.",
+    M: WallMoment | None = optional(
+        "Limit of the bending moment per metre, both ways alike; none if missing.",
         examples=["150 kNm/m"],
     )
-    interaction: Literal["section", "linear", "none"] | None = Field(
-        None,
-        description="How N and M use up the section together: `section`, |M|/M_p + (N/N_p)^2 <= 1, "
+    interaction: Literal["section", "linear", "none"] | None = optional(
+        "How N and M use up the section together: `section`, |M|/M_p + (N/N_p)^2 <= 1, "
         "of a rectangle alike in tension and compression, which is taken if missing; `linear`, "
-        "|M|/M_p + |N|/N_p <= 1; `none`, each by itself.",
+        "|M|/M_p + |N|/N_p <= 1; `none`, each by itself."
     )
-    compressive_strength: Modulus | None = Field(
-        None, description="Compressive strength of the rectangular section.", examples=["20 MPa"]
+    compressive_strength: Modulus | None = optional(
+        "Compressive strength of the rectangular section.", examples=["20 MPa"]
     )
-    tensile_strength: Pressure | None = Field(
-        None,
-        description="Tensile strength beside it; 0 if missing: then N must press where M bends.",
+    tensile_strength: Pressure | None = optional(
+        "Tensile strength beside it; 0 if missing: then N must press where M bends.",
         examples=["2 MPa"],
     )
 
@@ -128,19 +124,16 @@ class BeamSection(Section):
 
     kind: Literal["beam"]
     on: Name = Field(description="Group of lines of the mesh on which it is built.")
-    E: Modulus | None = Field(None, description="Young's modulus.")
-    thickness: Size | None = Field(None, description="Thickness.", examples=["0.2 m"])
-    nu: Ratio | None = Field(
-        None,
-        description="Poisson's ratio: E / (1 - nu^2) is taken; E itself if missing. Of a shell of "
-        "revolution a number, no parameter.",
+    E: Modulus | None = optional("Young's modulus.")
+    thickness: Size | None = optional("Thickness.", examples=["0.2 m"])
+    nu: Ratio | None = optional(
+        "Poisson's ratio: E / (1 - nu^2) is taken; E itself if missing. Of a shell of "
+        "revolution a number, no parameter."
     )
-    EA: WallStiffness | None = Field(
-        None, description="Axial stiffness per metre out of plane, in place of E and thickness."
+    EA: WallStiffness | None = optional(
+        "Axial stiffness per metre out of plane, in place of E and thickness."
     )
-    EI: BendingStiffness | None = Field(
-        None, description="Bending stiffness per metre out of plane, with EA."
-    )
+    EI: BendingStiffness | None = optional("Bending stiffness per metre out of plane, with EA.")
     clamped_on: list[Name] = Field(
         [],
         description="Groups on whose nodes the beam does not turn: planes of symmetry, abutments.",
@@ -151,37 +144,29 @@ class BeamSection(Section):
         "or groups of the mesh.",
         examples=[["[3 m, -2 m]"]],
     )
-    density: Density | None = Field(
-        None, description="Density, with the thickness; its weight acts with gravity."
+    density: Density | None = optional("Density, with the thickness; its weight acts with gravity.")
+    weight: Pressure | None = optional(
+        "Weight of a square metre of it, in place of the density.", examples=["8 kN/m2"]
     )
-    weight: Pressure | None = Field(
-        None,
-        description="Weight of a square metre of it, in place of the density.",
-        examples=["8 kN/m2"],
-    )
-    compressive_strength: FixedStrength | None = Field(
-        None,
-        description="Compressive strength of its rectangular section, with the thickness: results "
+    compressive_strength: FixedStrength | None = optional(
+        "Compressive strength of its rectangular section, with the thickness: results "
         "then say which part of the strength N and M use together. Divide it by the safety factors "
         "that are to be kept.",
         examples=["20 MPa"],
     )
-    tensile_strength: FixedPressure | None = Field(
-        None,
-        description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
+    tensile_strength: FixedPressure | None = optional(
+        "Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
         "sprayed concrete; what fibres bear in the crack; of steel that in compression.",
         examples=["0.8 MPa"],
     )
-    limits: BeamYieldSection | None = Field(
-        None,
-        alias="yield",
-        description="What its section bears before it yields, as hinges do; it is elastic if "
+    limits: BeamYieldSection | None = optional(
+        "What its section bears before it yields, as hinges do; it is elastic if "
         "missing. Not of shells of revolution.",
+        alias="yield",
         examples=["{N: 2 MN/m, M: 150 kNm/m}"],
     )
-    ageing: AgeingSection | None = Field(
-        None,
-        description="Its stiffness grows since it was built, as that of sprayed concrete. Stages "
+    ageing: AgeingSection | None = optional(
+        "Its stiffness grows since it was built, as that of sprayed concrete. Stages "
         "in which it stands have `lasts`.",
         examples=["{code: eurocode-2, s: 0.2}"],
     )
@@ -263,28 +248,23 @@ class ShellSection(Section):
         description="Groups on planes of symmetry that cross the shell: at their nodes it turns "
         "about the normal of the plane only. The planes are at right angles to x, y or z.",
     )
-    density: Density | None = Field(None, description="Density; its weight acts with gravity.")
-    weight: Pressure | None = Field(
-        None,
-        description="Weight of a square metre of it, in place of the density.",
-        examples=["8 kN/m2"],
+    density: Density | None = optional("Density; its weight acts with gravity.")
+    weight: Pressure | None = optional(
+        "Weight of a square metre of it, in place of the density.", examples=["8 kN/m2"]
     )
-    compressive_strength: FixedStrength | None = Field(
-        None,
-        description="Compressive strength of its rectangular section: results then say which part "
+    compressive_strength: FixedStrength | None = optional(
+        "Compressive strength of its rectangular section: results then say which part "
         "of the strength n and m use together, along axis 1, along axis 2 and in the direction in "
         "which it is most. Divide it by the safety factors that are to be kept.",
         examples=["20 MPa"],
     )
-    tensile_strength: FixedPressure | None = Field(
-        None,
-        description="Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
+    tensile_strength: FixedPressure | None = optional(
+        "Tensile strength beside `compressive_strength`: 0 if missing, as of plain "
         "concrete; what fibres bear in the crack, or bars by the thickness.",
         examples=["0.8 MPa"],
     )
-    ageing: AgeingSection | None = Field(
-        None,
-        description="Its stiffness grows since it was built, as that of sprayed concrete. Stages "
+    ageing: AgeingSection | None = optional(
+        "Its stiffness grows since it was built, as that of sprayed concrete. Stages "
         "in which it stands have `lasts`.",
         examples=["{code: eurocode-2, s: 0.2}"],
     )
@@ -331,35 +311,45 @@ class _BarSection(Section):
         "structures.",
         examples=[[["[3, 0 m]", "[7, 0 m]"]]],
     )
-    spacing: Size | None = Field(
-        None,
-        description="Distance between bars: out of plane in plane strain; about an axis along the "
-        "circumference through their first ends.",
+    spacing: Size | None = optional(
+        "Distance between bars: out of plane in plane strain; about an axis along the "
+        "circumference through their first ends."
     )
-    number: Multiple | None = Field(
-        None, description="Axisymmetric: number of bars around the axis, in place of the spacing."
+    number: Multiple | None = optional(
+        "Axisymmetric: number of bars around the axis, in place of the spacing."
     )
-    E: Modulus | None = Field(None, description="Young's modulus.")
-    diameter: Size | None = Field(None, description="Diameter of the bar.", examples=["25 mm"])
-    area: Area | None = Field(
-        None, description="Area of its section, in place of the diameter.", examples=["600 mm2"]
+    E: Modulus | None = optional("Young's modulus.")
+    diameter: Size | None = optional("Diameter of the bar.", examples=["25 mm"])
+    area: Area | None = optional(
+        "Area of its section, in place of the diameter.", examples=["600 mm2"]
     )
-    EA: AxialStiffness | None = Field(
-        None, description="Axial stiffness of one bar, in place of E and diameter."
-    )
-    capacity: AxialStiffness | None = Field(
-        None,
-        description="Force of one bar at which it yields, pull and push alike: it keeps it then. "
+    EA: AxialStiffness | None = optional("Axial stiffness of one bar, in place of E and diameter.")
+    capacity: AxialStiffness | None = optional(
+        "Force of one bar at which it yields, pull and push alike: it keeps it then. "
         "It is elastic if missing.",
         examples=["250 kN"],
     )
 
     def check(self, faults: SectionFaults) -> None:
         """The bars have a length."""
-        for n, (first, second) in enumerate(self.ends):
-            if _place(first) == _place(second):
+        for n, length in enumerate(self._lengths()):
+            if length == 0.0:
                 message = f"the {self.what} begins and ends at one point"
                 faults.add(("ends", n, 1), "zero-length", message, "Let its ends differ.")
+
+    def _lengths(self) -> list[float]:
+        """Of each bar, m; infinite where its ends have not the same number of coordinates."""
+        ends = [[[x.factor for x in point] for point in pair] for pair in self.ends]
+        return [math.dist(*pair) if len(pair[0]) == len(pair[1]) else math.inf for pair in ends]
+
+    def _require_rest(self, part: CaseNumber, is_so: str, rest: str, faults: SectionFaults) -> None:
+        """A bar of which a part is free, or grouted, is longer than that."""
+        for n, length in enumerate(self._lengths()):
+            if 0.0 < length <= part.factor:
+                message = f"the {self.what} is {length:.6g} m long, of which '{part.text}' are "
+                message += f"{is_so}: no {rest} length is left"
+                hint = "Give head and toe, in this order, or a shorter part."
+                faults.add(("ends", n), "zero-length", message, hint)
 
     def for_model(self, context: Context) -> Bars:
         """The bars; about an axis they are smeared over their ring."""
@@ -407,9 +397,8 @@ class _BarSection(Section):
 class _StressedBarSection(_BarSection):
     """A kind of bars that jacks stress: bolts, struts or anchors, with the keys of all of them."""
 
-    prestress: Force | None = Field(
-        None,
-        description="Force to which one bar is stressed at the stage that builds it: a pull, of a "
+    prestress: Force | None = optional(
+        "Force to which one bar is stressed at the stage that builds it: a pull, of a "
         "strut the push of its jack. It is held during that stage and locked off at its end.",
         examples=["300 kN"],
     )
@@ -466,26 +455,23 @@ class BoltSection(_StressedBarSection):
     what, builds = "bolt", Bolts
 
     kind: Literal["bolt"]
-    k_grout: Modulus | None = Field(
-        None,
-        description="Stiffness of the grout: force per length of one bar and per slip of it "
+    k_grout: Modulus | None = optional(
+        "Stiffness of the grout: force per length of one bar and per slip of it "
         "against the ground. Without it the bar is held at its ends only.",
         examples=["500 MPa"],
     )
-    bond: WallStiffness | None = Field(
-        None,
-        description="Strength of the grout: force per length of one bar at which it slips. It "
+    bond: WallStiffness | None = optional(
+        "Strength of the grout: force per length of one bar at which it slips. It "
         "never does if missing.",
         examples=["150 kN/m"],
     )
-    free: FixedSize | None = Field(
-        None,
-        description="Length from the head that touches nothing; none if missing. A grouted bolt "
+    free: FixedSize | None = optional(
+        "Length from the head that touches nothing; none if missing. A grouted bolt "
         "that is stressed has one.",
         examples=["0.5 m"],
     )
-    head: Literal["joined", "free"] | None = Field(None, description=_HEAD)
-    pieces: Pieces | None = Field(None, description=_PIECES)
+    head: Literal["joined", "free"] | None = optional(_HEAD)
+    pieces: Pieces | None = optional(_PIECES)
 
     def check(self, faults: SectionFaults) -> None:
         """What grout has needs grout; a free length leaves a part of the bar, and has a plate."""
@@ -504,12 +490,7 @@ class BoltSection(_StressedBarSection):
         if self.head == "free":
             message = "'free' of a bolt whose head is free: a length that bears nothing"
             faults.add(("free",), "wrong-pair", message, "Leave it out, or let 'head: joined'.")
-        for n, (head, toe) in enumerate(self.ends):
-            length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
-            if 0.0 < length <= self.free.factor:
-                message = f"the bolt is {length:.6g} m long, of which '{self.free.text}' are free: "
-                message += "no grouted length is left"
-                faults.add(("ends", n), "zero-length", message, "Give head and toe.")
+        self._require_rest(self.free, "free", "grouted", faults)
 
     def _built(self, context: Context) -> Bars:
         return self.to_model(Bolts if self.k_grout is None else GroutedBars, context)
@@ -538,46 +519,38 @@ class PileSection(_BarSection):
         "against the ground.",
         examples=["60 MPa"],
     )
-    skin_friction: WallStiffness | None = Field(
-        None,
-        description="Strength of the shaft: force per length of one pile at which it slips. It "
+    skin_friction: WallStiffness | None = optional(
+        "Strength of the shaft: force per length of one pile at which it slips. It "
         "never does if missing.",
         examples=["120 kN/m"],
     )
-    k_base: WallStiffness | None = Field(
-        None,
-        description="Stiffness of the toe: force per motion of it into the ground there; nothing "
+    k_base: WallStiffness | None = optional(
+        "Stiffness of the toe: force per motion of it into the ground there; nothing "
         "presses on it if missing.",
         examples=["50 MN/m"],
     )
-    base_capacity: AxialStiffness | None = Field(
-        None,
-        description="Force at which the toe sinks in; it never does if missing.",
-        examples=["800 kN"],
+    base_capacity: AxialStiffness | None = optional(
+        "Force at which the toe sinks in; it never does if missing.", examples=["800 kN"]
     )
-    k_lateral: Modulus | None = Field(
-        None,
-        description="Stiffness of the ground beside it: force per length of one pile and per "
+    k_lateral: Modulus | None = optional(
+        "Stiffness of the ground beside it: force per length of one pile and per "
         "motion across it against the ground.",
         examples=["40 MPa"],
     )
-    lateral_resistance: WallStiffness | None = Field(
-        None,
-        description="Force per length of one pile at which the ground beside it yields; it never "
+    lateral_resistance: WallStiffness | None = optional(
+        "Force per length of one pile at which the ground beside it yields; it never "
         "does if missing.",
         examples=["180 kN/m"],
     )
-    EI: FlexuralRigidity | None = Field(
-        None,
-        description="Bending stiffness of one pile, with `k_lateral`; that of a full round section "
-        "by E and diameter if missing.",
+    EI: FlexuralRigidity | None = optional(
+        "Bending stiffness of one pile, with `k_lateral`; that of a full round section "
+        "by E and diameter if missing."
     )
-    head: Literal["joined", "free", "clamped"] | None = Field(
-        None,
-        description=f"{_HEAD} `clamped`, joined and turned by nothing, as in a stiff slab; only of "
-        "piles that bend.",
+    head: Literal["joined", "free", "clamped"] | None = optional(
+        f"{_HEAD} `clamped`, joined and turned by nothing, as in a stiff slab; only of "
+        "piles that bend."
     )
-    pieces: Pieces | None = Field(None, description=_PIECES)
+    pieces: Pieces | None = optional(_PIECES)
 
     def check(self, faults: SectionFaults) -> None:
         """What a toe bears needs a toe, what bends a stiffness."""
@@ -650,17 +623,7 @@ class AnchorSection(_StressedBarSection):
     def check(self, faults: SectionFaults) -> None:
         """Before the grout is a free length."""
         super().check(faults)
-        for n, (head, toe) in enumerate(self.ends):
-            length = math.dist(_place(head), _place(toe)) if len(head) == len(toe) else math.inf
-            if 0.0 < length <= self.grouted.factor:
-                message = f"the anchor is {length:.6g} m long, of which '{self.grouted.text}' are "
-                message += "grouted: no free length is left"
-                hint = "Give head and toe, and the grouted length at the toe."
-                faults.add(("ends", n), "zero-length", message, hint)
-
-
-def _place(point: list[CaseNumber]) -> list[float]:
-    return [coordinate.factor for coordinate in point]
+        self._require_rest(self.grouted, "grouted", "free", faults)
 
 
 class OpeningSupportSection(Section):
@@ -691,21 +654,17 @@ class RingSection(OpeningSupportSection):
         description="Young's modulus; where it hardens that of old concrete.", examples=["25 GPa"]
     )
     thickness: Size = Field(description="Thickness.", examples=["0.2 m"])
-    nu: Ratio | None = Field(None, description="Poisson's ratio; 0.2 if missing.")
-    strength: Modulus | None = Field(
-        None,
-        description="Uniaxial compressive strength; without it the ring carries all.",
-        examples=["25 MPa"],
+    nu: Ratio | None = optional("Poisson's ratio; 0.2 if missing.")
+    strength: Modulus | None = optional(
+        "Uniaxial compressive strength; without it the ring carries all.", examples=["25 MPa"]
     )
-    hardening_time: Time | None = Field(
-        None,
-        description="T: stiffness and strength have grown to 1 - exp(-t / T) at the age t. Needs "
+    hardening_time: Time | None = optional(
+        "T: stiffness and strength have grown to 1 - exp(-t / T) at the age t. Needs "
         "`dates` of the stages.",
         examples=["3 day"],
     )
-    hardening_distance: Size | None = Field(
-        None,
-        description="The same by the way of the face since the ring was built, in place of the "
+    hardening_distance: Size | None = optional(
+        "The same by the way of the face since the ring was built, in place of the "
         "time; needs a `distance` of the stages.",
         examples=["6 m"],
     )
@@ -725,8 +684,8 @@ class RibsSection(OpeningSupportSection):
     E: Modulus = Field(description="Young's modulus.", examples=["210 GPa"])
     area: Area = Field(description="Area of the section of one rib.", examples=["54 cm2"])
     spacing: Size = Field(description="Distance of the ribs along the opening.", examples=["1 m"])
-    strength: Modulus | None = Field(
-        None, description="Yield strength; without it they carry all.", examples=["355 MPa"]
+    strength: Modulus | None = optional(
+        "Yield strength; without it they carry all.", examples=["355 MPa"]
     )
 
 
@@ -746,17 +705,12 @@ class BoltPatternSection(OpeningSupportSection):
     diameter: Size = Field(description="Diameter of a bolt.", examples=["25 mm"])
     length: Size = Field(description="Free length of a bolt.", examples=["4 m"])
     spacing: Size = Field(description="Distance of the bolts around the wall.", examples=["1.5 m"])
-    rows: Size | None = Field(
-        None, description="Distance of the rows along the opening; the spacing if missing."
+    rows: Size | None = optional("Distance of the rows along the opening; the spacing if missing.")
+    capacity: AxialStiffness | None = optional(
+        "Force that one bolt with head and end carries; all if missing.", examples=["200 kN"]
     )
-    capacity: AxialStiffness | None = Field(
-        None,
-        description="Force that one bolt with head and end carries; all if missing.",
-        examples=["200 kN"],
-    )
-    head_stiffness: WallStiffness | None = Field(
-        None,
-        description="Force per displacement of head and end in a pull-out test, beside the bar; "
+    head_stiffness: WallStiffness | None = optional(
+        "Force per displacement of head and end in a pull-out test, beside the bar; "
         "rigid if missing.",
         examples=["7 MN/m"],
     )
@@ -772,8 +726,8 @@ class SupportLineSection(OpeningSupportSection):
     stiffness: WallSubgrade = Field(
         description="Pressure on the wall per motion of the wall inwards.", examples=["80 MPa/m"]
     )
-    capacity: Modulus | None = Field(
-        None, description="Largest pressure; no limit if missing.", examples=["0.6 MPa"]
+    capacity: Modulus | None = optional(
+        "Largest pressure; no limit if missing.", examples=["0.6 MPa"]
     )
 
 

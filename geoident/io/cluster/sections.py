@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from geoident.io.schema.duration import GivenTime
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import Count, Flag, Name, Text
 
 CHOICES = ("address", "local", "slurm", "pbs", "lsf", "sge")
@@ -30,24 +30,21 @@ class SecuritySection(Section):
 class ClusterSection(Section):
     """Where runs are computed: a scheduler of dask, this machine, or jobs of a queue system."""
 
-    address: Text | None = Field(
-        None,
-        description="Address of a scheduler that runs, which can run any program here as you; "
+    address: Text | None = optional(
+        "Address of a scheduler that runs, which can run any program here as you; "
         "it needs trust before it is connected to.",
         examples=["tcp://node1:8786"],
     )
     local: Flag = Field(False, description="A scheduler and workers on this machine.")
-    slurm: _Jobs | None = Field(
-        None, description=_QUEUE.format("Slurm", "SLURMCluster"), examples=[_EXAMPLE]
+    slurm: _Jobs | None = optional(_QUEUE.format("Slurm", "SLURMCluster"), examples=[_EXAMPLE])
+    pbs: _Jobs | None = optional(_QUEUE.format("PBS", "PBSCluster"))
+    lsf: _Jobs | None = optional(_QUEUE.format("LSF", "LSFCluster"))
+    sge: _Jobs | None = optional(_QUEUE.format("SGE", "SGECluster"))
+    jobs: Annotated[int, Count()] | None = optional(
+        "Number of jobs of the queue system; by default 1.", examples=[10]
     )
-    pbs: _Jobs | None = Field(None, description=_QUEUE.format("PBS", "PBSCluster"))
-    lsf: _Jobs | None = Field(None, description=_QUEUE.format("LSF", "LSFCluster"))
-    sge: _Jobs | None = Field(None, description=_QUEUE.format("SGE", "SGECluster"))
-    jobs: Annotated[int, Count()] | None = Field(
-        None, description="Number of jobs of the queue system; by default 1.", examples=[10]
-    )
-    security: SecuritySection | None = Field(
-        None, description="Of a scheduler at an address `tls://...`: the files for encryption."
+    security: SecuritySection | None = optional(
+        "Of a scheduler at an address `tls://...`: the files for encryption."
     )
     patience: GivenTime = Field(
         60.0, description="Time that a scheduler which was lost is waited for.", examples=["10 min"]

@@ -12,7 +12,7 @@ from geoident.io.case.parameters import ParameterSection
 from geoident.io.project.formula import parse_formula
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.run_file import Settings
-from geoident.io.schema.section import Section
+from geoident.io.schema.section import Section, optional
 from geoident.io.schema.values import (
     AnyQuantity,
     CaseNumber,
@@ -60,9 +60,7 @@ class ScatterSize(SizeOrWord):
 class SiteSection(Section):
     """A section: a case, and what is known of the section beside it."""
 
-    name: Name | None = Field(
-        None, description="Name of the section; by default that of the file of its case."
-    )
+    name: Name | None = optional("Name of the section; by default that of the file of its case.")
     case: Text = Field(description="Path of its case.", examples=["km-1.yaml"])
     set: Settings = Field(
         {},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,16 +61,16 @@ def structure_series(
     members: MemberForces | None, shells: ShellForces | None, interfaces: InterfaceStates | None
 ) -> dict[str, list[StructureCells]]:
     """Lines of structures, faces of shells and interfaces at all states, of what there is."""
-    kinds = {}
-    if members is not None:
-        states = range(len(members.stages) + 1)
-        kinds["structures"] = [structure_lines(members, state) for state in states]
-    if shells is not None:
-        kinds["shells"] = [shell_faces(shells, s) for s in range(len(shells.stages) + 1)]
-    if interfaces is not None:
-        states = range(len(interfaces.stages) + 1)
-        kinds["interfaces"] = [interface_faces(interfaces, state) for state in states]
-    return kinds
+    kinds: dict[str, tuple[Any, Callable[[Any, int], StructureCells]]] = {
+        "structures": (members, structure_lines),
+        "shells": (shells, shell_faces),
+        "interfaces": (interfaces, interface_faces),
+    }
+    return {
+        kind: [cells(given, state) for state in range(len(given.stages) + 1)]
+        for kind, (given, cells) in kinds.items()
+        if given is not None
+    }
 
 
 def structure_lines(forces: MemberForces, state: int) -> StructureCells:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
 from geoident.io.schema.values import CaseNumber, Components
@@ -22,6 +22,16 @@ T = TypeVar("T", bound="DataclassInstance")
 
 SECTION_FAULTS = "section_faults"
 """Type of the pydantic error that carries several faults of one section."""
+
+
+def optional(description: str, **given: Any) -> Any:
+    """A key that may be left out: None then.
+
+    Args:
+        description: what it says, in sentences for the page of keys.
+        **given: see `pydantic.Field`, such as ``examples``.
+    """
+    return Field(None, description=description, **given)
 
 
 class Alternatives:

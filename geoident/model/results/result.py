@@ -672,7 +672,7 @@ class SupportReactions(Record):
     )
 
     @property
-    def holding(self) -> list[list[int]]:
+    def standing(self) -> list[list[int]]:
         """Numbers of each support and state where it holds."""
         places: list[list[int]] = np.argwhere(np.isfinite(self.force).any(axis=2)).tolist()
         return places

@@ -218,15 +218,17 @@ def labelled(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def stage_ticks(axes: Axes, stages: tuple[str, ...], *, most: int = 14) -> None:
+_MOST_TICKS = 14
+
+
+def stage_ticks(axes: Axes, stages: tuple[str, ...]) -> None:
     """Names of the stages along x, at an angle; of many, every second, third, ...
 
     Args:
         axes: where to draw.
         stages: their names.
-        most: names at most.
     """
-    every = -(-len(stages) // most)
+    every = -(-len(stages) // _MOST_TICKS)
     places = range(0, len(stages), every)
     names = [short(stages[k], 14) for k in places]
     axes.set_xticks(list(places), names, rotation=55, ha="right", rotation_mode="anchor")

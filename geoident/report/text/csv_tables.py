@@ -16,7 +16,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from geoident.model.results.columns import LABELS, ROW
-from geoident.model.results.result import Result
+from geoident.model.results.interfaces import InterfaceStates
+from geoident.model.results.result import Result, SupportReactions
+from geoident.model.results.shells import ShellForces
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import predictions, step_parameters
 from geoident.report.text.gauges import each_reading, predicted_readings
@@ -151,28 +153,11 @@ def _structures(result: Result) -> CsvTable:
     return sheet(forces, "stage", "member", rows=np.argwhere(np.isfinite(forces.axial.T)).tolist())
 
 
-def _shells(result: Result) -> CsvTable:
-    """Forces in shells, kN/m and kNm/m: means over the faces, with the middles of these."""
-    forces = result.shells
-    if forces is None:
-        return CsvTable()
-    return sheet(forces, "stage", "face", rows=forces.standing)
-
-
-def _interfaces(result: Result) -> CsvTable:
-    """Tractions of interfaces in kPa, openings and slips in mm, at their points."""
-    states = result.interfaces
-    if states is None:
-        return CsvTable()
-    return sheet(states, "stage", "joint", rows=states.standing)
-
-
-def _reactions(result: Result) -> CsvTable:
-    """Resultants of supports on the ground, kN."""
-    reactions = result.reactions
-    if reactions is None:
-        return CsvTable()
-    return sheet(reactions, "support", "state", rows=reactions.holding)
+def _standing(
+    table: ShellForces | InterfaceStates | SupportReactions | None, *axes: str
+) -> CsvTable:
+    """What shells, interfaces and supports bear while they stand."""
+    return CsvTable() if table is None else sheet(table, *axes, rows=table.standing)
 
 
 def _opening(result: Result) -> CsvTable:
@@ -245,9 +230,9 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "correlation": _correlation,
     "sensitivity": _sensitivity,
     "structures": _structures,
-    "shells": _shells,
-    "interfaces": _interfaces,
-    "reactions": _reactions,
+    "shells": lambda result: _standing(result.shells, "stage", "face"),
+    "interfaces": lambda result: _standing(result.interfaces, "stage", "joint"),
+    "reactions": lambda result: _standing(result.reactions, "support", "state"),
     "alarms": lambda result: sheet(
         result.alarms, ROW, labels={**LABELS, "stage": result.gauges.stages}
     ),

@@ -120,7 +120,7 @@ def _parts(result: Result, proof: Certificate | None) -> dict[str, Any]:
         "structures": result.members and structures_list(result.members),
         "shells": shells and objects(shells, "stage", "face", rows=shells.standing),
         "interfaces": joints and objects(joints, "stage", "joint", rows=joints.standing),
-        "reactions": reactions and objects(reactions, "support", "state", rows=reactions.holding),
+        "reactions": reactions and objects(reactions, "support", "state", rows=reactions.standing),
         "yielded": result.yielded and objects(result.yielded, "state"),
         "alarms": result.alarms and alarms_list(result),
         "decisions": result.decisions and objects(result.decisions, ROW),

@@ -33,7 +33,7 @@ def reaction_table(reactions: SupportReactions | None) -> TextTable:
     axes, force = "xyz"[: reactions.force.shape[2]], _without_rounding(reactions)
     rows = [
         [reactions.supports[i], reactions.states[j], *map(_force, force[i, j])]
-        for i, j in reactions.holding
+        for i, j in reactions.standing
     ]
     header = ("support", "stage", *(f"R_{axis}" for axis in axes))
     return TextTable(header, rows, right="ll" + "r" * len(axes))

@@ -13,7 +13,7 @@ from geoident.io.case.external.settlement_section import SettlementLawSection
 from geoident.io.case.in_service.seasonal import SeasonalModelSection
 from geoident.io.case.readings import Date
 from geoident.io.schema.duration import GivenTime
-from geoident.io.schema.section import Alternatives, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     Coefficient,
     Count,
@@ -109,71 +109,55 @@ class OutputSection(Section):
         ),
     )
 
-    gauges: list[Name] | None = Field(
-        None, description="Gauges whose readings are found like this; all if missing."
+    gauges: list[Name] | None = optional(
+        "Gauges whose readings are found like this; all if missing."
     )
-    stages: list[Name] | None = Field(None, description="Stages at which they are; all if missing.")
-    unit: Text | None = Field(
-        None,
-        description="In which the program writes them. Required but for readings without unit.",
-        examples=["mm"],
+    stages: list[Name] | None = optional("Stages at which they are; all if missing.")
+    unit: Text | None = optional(
+        "In which the program writes them. Required but for readings without unit.", examples=["mm"]
     )
-    file: Text | None = Field(
-        None, description="File in the folder of the run.", examples=["out.csv"]
+    file: Text | None = optional("File in the folder of the run.", examples=["out.csv"])
+    column: Text | None = optional(
+        "CSV: name of the column, in the first row.", examples=["u_wall"]
     )
-    column: Text | None = Field(
-        None, description="CSV: name of the column, in the first row.", examples=["u_wall"]
-    )
-    row: TableRow | None = Field(
-        None,
-        description="CSV: number of the row below the names (-1: the last, which is the default), "
+    row: TableRow | None = optional(
+        "CSV: number of the row below the names (-1: the last, which is the default), "
         "or the values of other columns in it.",
         examples=[1, {"stage": "{stage}"}],
     )
-    pointer: Text | None = Field(
-        None, description="JSON: pointer to the number (RFC 6901).", examples=["/{stage}/{gauge}"]
+    pointer: Text | None = optional(
+        "JSON: pointer to the number (RFC 6901).", examples=["/{stage}/{gauge}"]
     )
-    dataset: Text | None = Field(None, description="HDF5: path of the dataset.")
-    index: list[Annotated[int, Count(least=0)]] | None = Field(
-        None, description="HDF5: index of the number, from 0."
+    dataset: Text | None = optional("HDF5: path of the dataset.")
+    index: list[Annotated[int, Count(least=0)]] | None = optional(
+        "HDF5: index of the number, from 0."
     )
-    line: TextLine | None = Field(
-        None,
-        description="Text: number of the line (-1: the last), or a regular expression that first "
+    line: TextLine | None = optional(
+        "Text: number of the line (-1: the last), or a regular expression that first "
         "matches in it.",
         examples=["DISPLACEMENTS"],
     )
-    after: Annotated[int, Count(least=0)] | None = Field(
-        None, description="Text: number of lines below `line`."
-    )
-    word: Annotated[int, Count()] | None = Field(
-        None, description="Text: number of the word in the line."
-    )
+    after: Annotated[int, Count(least=0)] | None = optional("Text: number of lines below `line`.")
+    word: Annotated[int, Count()] | None = optional("Text: number of the word in the line.")
     columns: Annotated[list[Annotated[int, Count()]], Field(min_length=2, max_length=2)] | None = (
-        Field(None, description="Text: first and last column of the number in the line.")
+        optional("Text: first and last column of the number in the line.")
     )
-    find: Pattern | None = Field(
-        None,
-        description="Text: a regular expression whose one group is the number.",
-        examples=["u = *([-+.0-9eE]+)"],
+    find: Pattern | None = optional(
+        "Text: a regular expression whose one group is the number.", examples=["u = *([-+.0-9eE]+)"]
     )
-    occurrence: CountedPlace | None = Field(
-        None, description="Text: which match of `find`, from 1; -1 for the last. Default 1."
+    occurrence: CountedPlace | None = optional(
+        "Text: which match of `find`, from 1; -1 for the last. Default 1."
     )
-    instructions: Text | None = Field(
-        None,
-        description="Text: an instruction file of PEST (`pif ~`) beside the case.",
-        examples=["opening.ins"],
+    instructions: Text | None = optional(
+        "Text: an instruction file of PEST (`pif ~`) beside the case.", examples=["opening.ins"]
     )
-    observation: Text | None = Field(
-        None,
-        description="Name of the observation in `instructions`. Default `{gauge}`.",
+    observation: Text | None = optional(
+        "Name of the observation in `instructions`. Default `{gauge}`.",
         examples=["{gauge}_{number}"],
     )
-    function: Called | None = Field(
-        None,
-        description="`module:function` in a file beside the case, called with the folder of the "
-        "run, gauge and stage.",
+    function: Called | None = optional(
+        "`module:function` in a file beside the case, called with the folder of the "
+        "run, gauge and stage."
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -230,8 +214,8 @@ class ExternalModelSection(Section):
     outputs: list[OutputSection] = Field(
         min_length=1, description="How the readings are found in what a run leaves."
     )
-    time_limit: GivenTime | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
-    at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
+    time_limit: GivenTime | None = optional(_TIME_LIMIT, examples=["10 min"])
+    at_once: Annotated[int, Count()] | None = optional(_AT_ONCE)
     keep: Literal["failed", "all"] = Field(
         "failed", description="Of which runs the folders are kept."
     )
@@ -247,10 +231,9 @@ class PythonModelSection(Section):
         "numbers), or an array (gauges, stages).",
         examples=["mymodel:readings"],
     )
-    jacobian: Called | None = Field(
-        None,
-        description="A function of the same file that gives the derivatives, an array (gauges, "
-        "stages, parameters); without it differences are taken.",
+    jacobian: Called | None = optional(
+        "A function of the same file that gives the derivatives, an array (gauges, "
+        "stages, parameters); without it differences are taken."
     )
     files: list[Text] = Field(
         [],
@@ -259,8 +242,8 @@ class PythonModelSection(Section):
         "from beside the case.",
         examples=[["profile.csv"]],
     )
-    time_limit: GivenTime | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
-    at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
+    time_limit: GivenTime | None = optional(_TIME_LIMIT, examples=["10 min"])
+    at_once: Annotated[int, Count()] | None = optional(_AT_ONCE)
 
 
 class TableModelSection(Section):
@@ -292,13 +275,11 @@ class TunnelSectionSection(Section):
     """A section of the tunnel whose convergence is measured."""
 
     chainage: FixedLength = Field(description="Where it is along the tunnel.", examples=["1250 m"])
-    excavated: Date | None = Field(
-        None,
-        description="When the face passed it; if missing, between two stages by `face` and "
-        "`dates`.",
+    excavated: Date | None = optional(
+        "When the face passed it; if missing, between two stages by `face` and `dates`."
     )
-    gauges: list[Name] | None = Field(
-        None, description="Its gauges; all of them if missing, where there is one section."
+    gauges: list[Name] | None = optional(
+        "Its gauges; all of them if missing, where there is one section."
     )
 
 
@@ -330,12 +311,12 @@ class ConvergenceLawSection(Section):
         examples=["$C_inf"],
     )
     X: ByGauge[Size] = Field(description="Length of the influence of the face.", examples=["$X"])
-    m: ByGauge[Coefficient] | None = Field(
-        None, description="Part of `C_inf` that time adds in the end.", examples=["$m"]
+    m: ByGauge[Coefficient] | None = optional(
+        "Part of `C_inf` that time adds in the end.", examples=["$m"]
     )
-    T: ByGauge[Time] | None = Field(None, description="Time of the growth.", examples=["$T"])
-    n: ByGauge[Multiple] | None = Field(
-        None, description="Exponent of the growth in time, often 0.3.", examples=["0.3"]
+    T: ByGauge[Time] | None = optional("Time of the growth.", examples=["$T"])
+    n: ByGauge[Multiple] | None = optional(
+        "Exponent of the growth in time, often 0.3.", examples=["0.3"]
     )
 
 

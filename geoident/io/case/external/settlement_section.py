@@ -11,7 +11,7 @@ from geoident.io.case.drains import check_smear
 from geoident.io.case.external.by_gauge import ByGauge, LikeReading
 from geoident.io.case.in_service.series import DatedTableSection
 from geoident.io.case.readings import Date
-from geoident.io.schema.section import Alternatives, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -44,16 +44,12 @@ class LiftSection(Section):
     )
 
     date: Date = Field(description="Day on which it is placed, or on which that begins.")
-    height: FixedLength | None = Field(
-        None, description="Thickness of the whole fill after it.", examples=["2.5 m"]
+    height: FixedLength | None = optional(
+        "Thickness of the whole fill after it.", examples=["2.5 m"]
     )
-    load: FixedStress | None = Field(
-        None, description="Load of the whole fill after it.", examples=["45 kPa"]
-    )
-    lasts: FixedDuration | None = Field(
-        None,
-        description="Time over which it is placed evenly; at once if missing.",
-        examples=["10 days"],
+    load: FixedStress | None = optional("Load of the whole fill after it.", examples=["45 kPa"])
+    lasts: FixedDuration | None = optional(
+        "Time over which it is placed evenly; at once if missing.", examples=["10 days"]
     )
 
 
@@ -62,12 +58,10 @@ class FillFileSection(DatedTableSection):
 
     one_of = (Alternatives("height", "load", hint="Name the column of one of them."),)
 
-    height: Text | None = Field(
-        None, description="Name of the column with the thickness of the fill.", examples=["height"]
+    height: Text | None = optional(
+        "Name of the column with the thickness of the fill.", examples=["height"]
     )
-    load: Text | None = Field(
-        None, description="Name of the column with the load of the fill.", examples=["load"]
-    )
+    load: Text | None = optional("Name of the column with the load of the fill.", examples=["load"])
 
 
 Lifts = Annotated[list[LiftSection], Field(min_length=1)]
@@ -111,17 +105,13 @@ class DrainsSection(Section):
         description="Of a drain; of a strip half the sum of width and thickness.",
         examples=["66 mm"],
     )
-    smear: FixedSize | None = Field(
-        None, description="Diameter of the ground that was disturbed around it.", examples=["0.2 m"]
+    smear: FixedSize | None = optional(
+        "Diameter of the ground that was disturbed around it.", examples=["0.2 m"]
     )
-    smear_ratio: ByGauge[Multiple] | None = Field(
-        None,
-        description="Permeability of the ground by that of the disturbed ground.",
-        examples=["3"],
+    smear_ratio: ByGauge[Multiple] | None = optional(
+        "Permeability of the ground by that of the disturbed ground.", examples=["3"]
     )
-    installed: Date | None = Field(
-        None, description="When they were installed; before the fill if missing."
-    )
+    installed: Date | None = optional("When they were installed; before the fill if missing.")
 
     def check(self, faults: SectionFaults) -> None:
         """Drains are apart from each other, and what is disturbed lies between."""
@@ -159,9 +149,8 @@ class SettlementLawSection(Section):
     law: Literal["asaoka", "hyperbola", "consolidation"] = Field(
         description="What the settlement follows in time."
     )
-    since: Date | None = Field(
-        None,
-        description="From when on the law applies: the end of loading. Earlier readings are not "
+    since: Date | None = optional(
+        "From when on the law applies: the end of loading. Earlier readings are not "
         "used. Consolidation applies from the first lift on.",
         examples=["2024-06-01"],
     )
@@ -170,70 +159,56 @@ class SettlementLawSection(Section):
         "fill, without creep. Positive where readings are.",
         examples=[{"P1": "$S_1", "P2": "$S_2"}],
     )
-    T: ByGauge[Time] | None = Field(
-        None,
-        description="Time after which 63 % of `S` (asaoka) or half of it (hyperbola) has come.",
-        examples=["$T"],
+    T: ByGauge[Time] | None = optional(
+        "Time after which 63 % of `S` (asaoka) or half of it (hyperbola) has come.", examples=["$T"]
     )
-    m: ByGauge[Coefficient] | None = Field(
-        None,
-        description="Of `hyperbola`: shape between that (1, if missing) and `asaoka` (0), S [1 - "
+    m: ByGauge[Coefficient] | None = optional(
+        "Of `hyperbola`: shape between that (1, if missing) and `asaoka` (0), S [1 - "
         "(1 + m t / T)^(-1 / m)]. As a parameter with bounds 0 and 1 it says what is not known of "
         "the shape.",
         examples=["$m"],
     )
-    fill: Fills | None = Field(
-        None,
-        description="The lifts, for all gauges or by gauge: a list, or a file with a row for each.",
+    fill: Fills | None = optional(
+        "The lifts, for all gauges or by gauge: a list, or a file with a row for each.",
         examples=[[{"date": "2024-03-01", "height": "1 m"}]],
     )
-    unit_weight: FixedUnitWeight | None = Field(
-        None, description="Of the fill, where it is given by height.", examples=["19 kN/m3"]
+    unit_weight: FixedUnitWeight | None = optional(
+        "Of the fill, where it is given by height.", examples=["19 kN/m3"]
     )
-    stress: ByGauge[Modulus] | None = Field(
-        None,
-        description="Effective stress in the middle of the clay before the fill: the parts that "
+    stress: ByGauge[Modulus] | None = optional(
+        "Effective stress in the middle of the clay before the fill: the parts that "
         "lifts have in `S` then go by the logarithm of the stress. Without it they go by load.",
         examples=["30 kPa"],
     )
-    c_v: ByGauge[Diffusivity] | None = Field(
-        None,
-        description="Coefficient of consolidation for water that flows up and down.",
-        examples=["$c_v"],
+    c_v: ByGauge[Diffusivity] | None = optional(
+        "Coefficient of consolidation for water that flows up and down.", examples=["$c_v"]
     )
-    path: ByGauge[Size] | None = Field(
-        None,
-        description="Longest way of this water: half the clay where it drains on both sides.",
-        examples=["4 m"],
+    path: ByGauge[Size] | None = optional(
+        "Longest way of this water: half the clay where it drains on both sides.", examples=["4 m"]
     )
-    drains: DrainsSection | None = Field(None, description="Vertical drains.")
-    creep: ByGauge[Coefficient] | None = Field(
-        None,
-        description="Creep of a lift in a tenfold of time, as a part of its `S`: C_alpha.",
+    drains: DrainsSection | None = optional("Vertical drains.")
+    creep: ByGauge[Coefficient] | None = optional(
+        "Creep of a lift in a tenfold of time, as a part of its `S`: C_alpha.",
         examples=["$C_alpha"],
     )
-    creep_time: ByGauge[Time] | None = Field(
-        None,
-        description="Time after a lift from which on creep counts: log10(1 + t / creep_time).",
+    creep_time: ByGauge[Time] | None = optional(
+        "Time after a lift from which on creep counts: log10(1 + t / creep_time).",
         examples=["30 days"],
     )
-    forecast: Dates | None = Field(
-        None, description="Days to be predicted, beside those of reading.", examples=["2030-01-01"]
+    forecast: Dates | None = optional(
+        "Days to be predicted, beside those of reading.", examples=["2030-01-01"]
     )
-    until: Date | None = Field(
-        None,
-        description="When settlement counts as final; the end of all consolidation if missing. "
+    until: Date | None = optional(
+        "When settlement counts as final; the end of all consolidation if missing. "
         "Creep has no end, so that it needs a date.",
         examples=["2055-01-01"],
     )
-    degree: Degrees | None = Field(
-        None,
-        description="Parts of the final settlement; a fit says when each gauge reaches them.",
+    degree: Degrees | None = optional(
+        "Parts of the final settlement; a fit says when each gauge reaches them.",
         examples=[["90 %", "95 %"]],
     )
-    remaining_after: Dates | None = Field(
-        None,
-        description="Dates; a fit says how much settlement comes after each: of the opening, say.",
+    remaining_after: Dates | None = optional(
+        "Dates; a fit says how much settlement comes after each: of the opening, say.",
         examples=["2026-05-01"],
     )
 

@@ -14,10 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
-
 from geoident.io.schema.estimated import ESTIMATE
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     QuantityType,
@@ -205,28 +203,22 @@ class ErrorsSection(Section):
     but of a plain reading, of which nothing is usual.
     """
 
-    reading: AccuracyPart | None = Field(
-        None, description="Of each single reading.", examples=["0.1 mm"]
-    )
-    zero: AccuracyPart | None = Field(
-        None,
-        description="Of the zero, which all later readings of a channel share; without it that of "
+    reading: AccuracyPart | None = optional("Of each single reading.", examples=["0.1 mm"])
+    zero: AccuracyPart | None = optional(
+        "Of the zero, which all later readings of a channel share; without it that of "
         "one reading, of a gauge that reads a value none.",
         examples=["0.1 mm"],
     )
-    head: AccuracyPart | None = Field(
-        None,
-        description="Of the head, which all channels of the gauge share on a day of a stage.",
+    head: AccuracyPart | None = optional(
+        "Of the head, which all channels of the gauge share on a day of a stage.",
         examples=["0.05 mm"],
     )
-    epoch: AccuracyPart | None = Field(
-        None,
-        description="Of the set-up, which all readings of a survey share on a day of a stage.",
+    epoch: AccuracyPart | None = optional(
+        "Of the set-up, which all readings of a survey share on a day of a stage.",
         examples=["0.2 mm"],
     )
-    along: Annotated[CaseNumber, StandardDeviationOf(None, per_root_length=True)] | None = Field(
-        None,
-        description="What adds up along a casing, as a random walk from its reference end.",
+    along: Annotated[CaseNumber, StandardDeviationOf(None, per_root_length=True)] | None = optional(
+        "What adds up along a casing, as a random walk from its reference end.",
         examples=["0.2 mm/sqrt(m)"],
     )
 

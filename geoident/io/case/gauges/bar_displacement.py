@@ -10,7 +10,7 @@ from geoident.io.case.frames import refuse_no_direction
 from geoident.io.case.gauges.gauge import GaugeBase
 from geoident.io.case.gauges.on_structure import on_structure
 from geoident.io.case.gauges.value import unit_direction
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import Coordinates, Count, DirectionVector, Name
 from geoident.model.gauges import Channel
 
@@ -29,23 +29,19 @@ class BarDisplacementSection(GaugeBase):
 
     kind: Literal["bar-displacement"]
     structure: Name = Field(description="The bolts or piles.")
-    bar: Annotated[int, Count()] | None = Field(
-        None,
-        description="Which of its bars, counted from 1; may be missing if it has one, or where a "
-        "`point` on grouted bars tells.",
+    bar: Annotated[int, Count()] | None = optional(
+        "Which of its bars, counted from 1; may be missing if it has one, or where a "
+        "`point` on grouted bars tells."
     )
-    point: Coordinates | None = Field(
-        None, description="Where on the bar; where its grout begins if missing."
-    )
+    point: Coordinates | None = optional("Where on the bar; where its grout begins if missing.")
     against: Literal["fixed", "ground"] = Field(
         "fixed", description="A place that does not move, or the ground at that point: the slip."
     )
-    positive: Literal["out", "in"] | None = Field(
-        None, description="Which motion has positive readings: out of the ground, or into it."
+    positive: Literal["out", "in"] | None = optional(
+        "Which motion has positive readings: out of the ground, or into it."
     )
-    direction: DirectionVector | None = Field(
-        None,
-        description="Along which the motion of a pile that bends is read, in place of its own.",
+    direction: DirectionVector | None = optional(
+        "Along which the motion of a pile that bends is read, in place of its own.",
         examples=[["1", "0"]],
     )
 

@@ -17,7 +17,7 @@ from geoident.io.case.gauges.value import (
     unit_direction,
 )
 from geoident.io.schema.estimated import ESTIMATE
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import CaseNumber, Coordinates, Count, DirectionVector, Flag, Name
 from geoident.model.gauges import Channel, Reads
 
@@ -42,18 +42,12 @@ class StressGaugeSection(ValueGauge):
 
     kind: Literal["stress"]
     point: Coordinates = Field(description="Where it is read.")
-    components: list[StressComponent] | None = Field(
-        None,
+    components: list[StressComponent] | None = optional(
+        "Components that are read; zz of a section is out of plane, about an axis the hoop stress.",
         min_length=1,
-        description="Components that are read; zz of a section is out of plane, about an axis the "
-        "hoop stress.",
     )
-    principal: list[Principal] | None = Field(
-        None, min_length=1, description="Principal values that are read."
-    )
-    direction: DirectionVector | None = Field(
-        None, description="Normal of the plane whose normal stress is read."
-    )
+    principal: list[Principal] | None = optional("Principal values that are read.", min_length=1)
+    direction: DirectionVector | None = optional("Normal of the plane whose normal stress is read.")
     effective: Flag = Field(
         False, description="Of the skeleton alone; else of skeleton and water together."
     )
@@ -117,11 +111,9 @@ class PressureCellSection(ValueGauge):
 
     kind: Literal["pressure-cell"]
     point: Coordinates = Field(description="Where it is read.")
-    normal: DirectionVector | None = Field(
-        None, description="Normal of the plane on which the pressure is read."
-    )
-    on: Name | None = Field(None, description="Beam or shell on which the pressure is read.")
-    towards: Coordinates | None = Field(None, description=TOWARDS)
+    normal: DirectionVector | None = optional("Normal of the plane on which the pressure is read.")
+    on: Name | None = optional("Beam or shell on which the pressure is read.")
+    towards: Coordinates | None = optional(TOWARDS)
 
     def check(self, faults: SectionFaults) -> None:
         """The normal has a direction."""
@@ -186,25 +178,22 @@ class LoadCellSection(ValueGauge):
 
     kind: Literal["load-cell"]
     structure: Name = Field(description="The structure whose force is read.")
-    bar: Annotated[int, Count()] | None = Field(
-        None,
-        description="Which of its bars, counted from 1; may be missing if it has one, or where a "
-        "`point` on grouted bars tells.",
+    bar: Annotated[int, Count()] | None = optional(
+        "Which of its bars, counted from 1; may be missing if it has one, or where a "
+        "`point` on grouted bars tells."
     )
-    point: Coordinates | None = Field(
-        None,
-        description="Where on a beam or a shell; on a grouted bar, where its grout begins if "
-        "missing.",
+    point: Coordinates | None = optional(
+        "Where on a beam or a shell; on a grouted bar, where its grout begins if missing."
     )
     quantity: Literal["N", "M", "Q", "n_11", "n_22", "n_12", "m_11", "m_22", "m_12"] = Field(
         "N",
         description="Axial force, bending moment or shear force of a beam or a pile; of a shell "
         "a normal force, shear force in its plane or moment along its axes 1 and 2.",
     )
-    sign: Literal["tension", "compression"] | None = Field(
-        None, description="Which axial force has positive readings."
+    sign: Literal["tension", "compression"] | None = optional(
+        "Which axial force has positive readings."
     )
-    towards: Coordinates | None = Field(None, description=TOWARDS)
+    towards: Coordinates | None = optional(TOWARDS)
 
     @property
     def dimension(self) -> str:

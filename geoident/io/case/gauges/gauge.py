@@ -32,7 +32,7 @@ from geoident.io.case.gauges.accuracy import (
     usual_examples,
 )
 from geoident.io.schema.estimated import ESTIMATE
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
@@ -96,10 +96,9 @@ class GaugeBase(Section):
         description="Standard deviation of one reading, whose errors are then independent; or what "
         "its errors are made of, where readings share some."
     )
-    survey: Name | None = Field(
-        None,
-        description="Survey to which the gauge belongs, if several are read with one set-up: they "
-        "share its error, `epoch`.",
+    survey: Name | None = optional(
+        "Survey to which the gauge belongs, if several are read with one set-up: they "
+        "share its error, `epoch`."
     )
     zero: ZeroValue = Field(
         VIRGIN,
@@ -107,40 +106,33 @@ class GaugeBase(Section):
         "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
         "stage readings count from its placing on.",
     )
-    ratio: Multiple | None = Field(
-        None,
-        description="What the gauge reads, by what the model says: a bias that is alike in all its "
+    ratio: Multiple | None = optional(
+        "What the gauge reads, by what the model says: a bias that is alike in all its "
         "readings. `$NAME` finds it; give it a prior. Gauges, or sections of a project that share "
         "the parameter, have one bias.",
         examples=["$bias", "1.05"],
     )
-    offset: LikeReading | None = Field(
-        None,
-        description="Added to all readings after the zero (without a zero, to all): a misread "
+    offset: LikeReading | None = optional(
+        "Added to all readings after the zero (without a zero, to all): a misread "
         "zero, a head that slipped.",
         examples=["$off1"],
     )
-    drift: LikeReading | None = Field(
-        None,
-        description="Drift of the gauge with time since its zero, without `zero` since the date of "
+    drift: LikeReading | None = optional(
+        "Drift of the gauge with time since its zero, without `zero` since the date of "
         f"'{VIRGIN}'; needs dates.",
         examples=["$drift1"],
     )
-    drift_per_stage: LikeReading | None = Field(
-        None, description="Drift of the gauge per stage since its zero."
-    )
-    alarm: dict[Name, AlarmValue] | None = Field(
-        None,
-        description="Reading from which on an alarm is given, or several with their names. A fit "
+    drift_per_stage: LikeReading | None = optional("Drift of the gauge per stage since its zero.")
+    alarm: dict[Name, AlarmValue] | None = optional(
+        "Reading from which on an alarm is given, or several with their names. A fit "
         "says when it was reached, and when and how probably predicted readings reach it; in "
         "service `geoident control` says how probably one of the next year does. A negative value "
-        "is reached by readings below it.",
+        "is reached by readings below it."
     )
-    limits: dict[Name, AlarmValue] | None = Field(
-        None,
-        description="Size of a reading, with either sign, that is not to be reached: the alarm "
+    limits: dict[Name, AlarmValue] | None = optional(
+        "Size of a reading, with either sign, that is not to be reached: the alarm "
         "values of the design, whichever way the gauge moves. One value, or several with their "
-        "names.",
+        "names."
     )
 
     branch: Flag = Field(

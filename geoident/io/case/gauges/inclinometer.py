@@ -19,7 +19,7 @@ from geoident.io.case.gauges.gauge import (
     subtract,
     unit_vector,
 )
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
@@ -57,17 +57,15 @@ class InclinometerSection(GaugeBase):
         description="Points of the casing from its top to its bottom; straight between them.",
         examples=[["[12, 0 m]", "[12, -20 m]"]],
     )
-    depths: DepthList | None = Field(
-        None, description="Where it is read, measured along the casing from its top."
-    )
-    interval: FixedSize | None = Field(
-        None, description="In place of depths: read every so far.", examples=["0.5 m"]
+    depths: DepthList | None = optional("Where it is read, measured along the casing from its top.")
+    interval: FixedSize | None = optional(
+        "In place of depths: read every so far.", examples=["0.5 m"]
     )
     axes: list[Literal["A", "B"]] = Field(
         ["A"], min_length=1, max_length=2, description="Axes that are read; B in a solid only."
     )
-    A: DirectionVector | None = Field(
-        None, description="Horizontal direction of axis A; if missing: x in a plane model."
+    A: DirectionVector | None = optional(
+        "Horizontal direction of axis A; if missing: x in a plane model."
     )
     reads_as: Literal["cumulated", "incremental"] = Field(
         "cumulated",
@@ -81,9 +79,8 @@ class InclinometerSection(GaugeBase):
     rings: DepthList = Field(
         [], description="Depths of magnetic rings, whose settlement along the casing is read."
     )
-    ring_accuracy: LengthAccuracy | None = Field(
-        None,
-        description="Accuracy of the settlement of a ring, which another probe reads than that "
+    ring_accuracy: LengthAccuracy | None = optional(
+        "Accuracy of the settlement of a ring, which another probe reads than that "
         "across the casing; needed with rings.",
         examples=["1 mm"],
     )

@@ -9,7 +9,7 @@ from pydantic import Field
 from geoident.io.case.frames import refuse_no_direction
 from geoident.io.case.gauges.gauge import GaugeBase, Motion
 from geoident.io.case.gauges.value import unit_direction
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Context, SectionFaults, optional
 from geoident.io.schema.values import Coordinates, DirectionVector, Name
 from geoident.model.gauges import Channel
 
@@ -26,16 +26,15 @@ class JointMeterSection(GaugeBase):
     kind: Literal["joint-meter"]
     interface: Name = Field(description="The interface that it spans.")
     point: Coordinates = Field(description="Where on the interface.")
-    component: Literal["opening", "slip"] | None = Field(
-        None, description="What is read; `opening` if missing, and no `direction` is given."
+    component: Literal["opening", "slip"] | None = optional(
+        "What is read; `opening` if missing, and no `direction` is given."
     )
-    direction: DirectionVector | None = Field(
-        None, description="Direction of the motion, with `towards`, in place of a component."
+    direction: DirectionVector | None = optional(
+        "Direction of the motion, with `towards`, in place of a component."
     )
-    towards: Coordinates | None = Field(
-        None,
-        description="A point on the side whose motion is read; beside a beam or shell, on the side "
-        "of it that is read.",
+    towards: Coordinates | None = optional(
+        "A point on the side whose motion is read; beside a beam or shell, on the side of it that "
+        "is read."
     )
 
     def check(self, faults: SectionFaults) -> None:

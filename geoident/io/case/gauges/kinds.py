@@ -30,7 +30,7 @@ from geoident.io.case.gauges.on_structure import on_structures
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
 from geoident.io.case.gauges.value import PlainReadingSection, unit_direction
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
@@ -84,9 +84,9 @@ class DisplacementSection(GaugeBase):
     kind: Literal["displacement"]
     point: Coordinates = Field(description="The point whose motion is read.")
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
-    component: Literal["x", "y", "z"] | None = Field(None, description="Coordinate direction.")
-    direction: DirectionVector | None = Field(
-        None, description="Direction vector in place of a component; its length does not matter."
+    component: Literal["x", "y", "z"] | None = optional("Coordinate direction.")
+    direction: DirectionVector | None = optional(
+        "Direction vector in place of a component; its length does not matter."
     )
 
     def check(self, faults: SectionFaults) -> None:

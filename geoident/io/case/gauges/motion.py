@@ -22,7 +22,7 @@ from geoident.io.case.gauges.gauge import (
     subtract,
     unit_vector,
 )
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import Coordinates, DirectionVector, FixedAngle, Line, Name
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
@@ -48,15 +48,14 @@ class TiltSection(GaugeBase):
     measures = ("angle",)
 
     kind: Literal["tilt"]
-    point: Coordinates | None = Field(None, description="The point whose rotation is read.")
-    on: Name | None = Field(
-        None, description="Beam or shell (a wall, a lining) whose rotation is read at the point."
+    point: Coordinates | None = optional("The point whose rotation is read.")
+    on: Name | None = optional(
+        "Beam or shell (a wall, a lining) whose rotation is read at the point."
     )
-    between: Line | None = Field(None, description="In place of it, two points.")
-    towards: DirectionVector | None = Field(
-        None,
-        description="Horizontal direction in which the top leans where the reading is positive; "
-        "if missing: x in a plane model.",
+    between: Line | None = optional("In place of it, two points.")
+    towards: DirectionVector | None = optional(
+        "Horizontal direction in which the top leans where the reading is positive; "
+        "if missing: x in a plane model."
     )
 
     @property
@@ -139,8 +138,8 @@ class LevellingSection(GaugeBase):
     relative_to: Name = Field(
         "ground", description="Point of the line to which the others refer, or fixed ground."
     )
-    distortions: DistortionSection | None = Field(
-        None, description="Pairs whose angular distortion is read, the second point going down."
+    distortions: DistortionSection | None = optional(
+        "Pairs whose angular distortion is read, the second point going down."
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -216,23 +215,20 @@ class LineOfSightSection(GaugeBase):
     )
 
     kind: Literal["line-of-sight"]
-    point: Coordinates | None = Field(None, description="The point whose motion is read.")
-    points: dict[Name, Coordinates] | None = Field(
-        None, min_length=1, description="In place of it, several: name to coordinates."
+    point: Coordinates | None = optional("The point whose motion is read.")
+    points: dict[Name, Coordinates] | None = optional(
+        "In place of it, several: name to coordinates.", min_length=1
     )
-    direction: DirectionVector | None = Field(
-        None, description="From the ground towards the sensor, of any length."
+    direction: DirectionVector | None = optional(
+        "From the ground towards the sensor, of any length."
     )
-    sensor: Coordinates | None = Field(
-        None, description="In place of a direction: where the instrument stands."
+    sensor: Coordinates | None = optional("In place of a direction: where the instrument stands.")
+    incidence: FixedAngle | None = optional(
+        "In place of a direction: angle between it and the vertical."
     )
-    incidence: FixedAngle | None = Field(
-        None, description="In place of a direction: angle between it and the vertical."
-    )
-    azimuth: FixedAngle | None = Field(
-        None,
-        description="With incidence, in a solid: towards the sensor, clockwise from y; in a plane "
-        "model the line leans towards x, or against it where incidence is negative.",
+    azimuth: FixedAngle | None = optional(
+        "With incidence, in a solid: towards the sensor, clockwise from y; in a plane "
+        "model the line leans towards x, or against it where incidence is negative."
     )
     positive: Literal["towards", "away"] = Field(
         "towards", description="Which motion counts as positive: towards the sensor or away."

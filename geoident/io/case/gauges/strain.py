@@ -19,7 +19,7 @@ from geoident.io.case.gauges.value import (
     check_component,
     unit_direction,
 )
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import (
     Coordinates,
     Count,
@@ -69,43 +69,36 @@ class StrainSection(ValueGauge):
     measures = ("strain",)
 
     kind: Literal["strain"]
-    point: Coordinates | None = Field(None, description="Where it is read.")
-    direction: DirectionVector | None = Field(
-        None, description="Along which it is read; on a shell its part along the shell."
+    point: Coordinates | None = optional("Where it is read.")
+    direction: DirectionVector | None = optional(
+        "Along which it is read; on a shell its part along the shell."
     )
-    component: StressComponent | Literal["volume"] | None = Field(
-        None,
-        description="In place of a direction; of shear strains gamma = 2 eps. `volume`: the sum of "
-        "the three normal strains.",
+    component: StressComponent | Literal["volume"] | None = optional(
+        "In place of a direction; of shear strains gamma = 2 eps. `volume`: the sum of "
+        "the three normal strains."
     )
-    between: Line | None = Field(None, description="The two points of a mean strain.")
-    along: list[Coordinates] | None = Field(
-        None, min_length=2, description="Points of the cable, straight between them."
+    between: Line | None = optional("The two points of a mean strain.")
+    along: list[Coordinates] | None = optional(
+        "Points of the cable, straight between them.", min_length=2
     )
-    every: FixedSize | None = Field(
-        None, description="Distance of the stations along the cable.", examples=["0.25 m"]
+    every: FixedSize | None = optional(
+        "Distance of the stations along the cable.", examples=["0.25 m"]
     )
-    at: Stations | None = Field(
-        None, min_length=1, description="Stations along the cable, in place of `every`."
+    at: Stations | None = optional("Stations along the cable, in place of `every`.", min_length=1)
+    base: FixedSize | None = optional(
+        "Length over which each station is a mean; `every` if missing."
     )
-    base: FixedSize | None = Field(
-        None, description="Length over which each station is a mean; `every` if missing."
+    structure: Name | None = optional("The structure whose strain is read.")
+    bar: Annotated[int, Count()] | None = optional(
+        "Which of its bars, counted from 1; may be missing if it has one, or where a "
+        "`point` on grouted bars tells."
     )
-    structure: Name | None = Field(None, description="The structure whose strain is read.")
-    bar: Annotated[int, Count()] | None = Field(
-        None,
-        description="Which of its bars, counted from 1; may be missing if it has one, or where a "
-        "`point` on grouted bars tells.",
+    fibre: Literal["inside", "outside", "axis"] | None = optional("Which fibre of a beam or shell.")
+    depth: FixedSize | None = optional(
+        "Distance of the fibre from the axis of the beam or the middle of the shell; "
+        "half of its thickness if missing."
     )
-    fibre: Literal["inside", "outside", "axis"] | None = Field(
-        None, description="Which fibre of a beam or shell."
-    )
-    depth: FixedSize | None = Field(
-        None,
-        description="Distance of the fibre from the axis of the beam or the middle of the shell; "
-        "half of its thickness if missing.",
-    )
-    towards: Coordinates | None = Field(None, description=TOWARDS)
+    towards: Coordinates | None = optional(TOWARDS)
     positive: Literal["tension", "compression"] = Field(
         "tension",
         description="Which strain of the ground at a point has positive readings.",

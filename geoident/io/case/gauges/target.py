@@ -19,7 +19,7 @@ from geoident.io.case.gauges.gauge import (
     subtract,
     unit_vector,
 )
-from geoident.io.schema.section import Alternatives, Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
@@ -55,30 +55,26 @@ class TargetSection(GaugeBase):
     )
 
     kind: Literal["target"]
-    point: Coordinates | None = Field(None, description="Coordinates of the target.")
-    chainage: FixedLength | None = Field(
-        None, description="In place of the point: chainage on the alignment (solid)."
+    point: Coordinates | None = optional("Coordinates of the target.")
+    chainage: FixedLength | None = optional(
+        "In place of the point: chainage on the alignment (solid)."
     )
-    alignment: list[Coordinates] | None = Field(
-        None, min_length=2, description="Points of the axis from its beginning on."
+    alignment: list[Coordinates] | None = optional(
+        "Points of the axis from its beginning on.", min_length=2
     )
     start_chainage: FixedLength = Field(
         CaseNumber("0 m", 0.0, None, "length", "m"),
         description="Chainage where the alignment begins.",
     )
-    beside: Annotated[list[FixedLength], SharesUnit(), Exactly(2)] | None = Field(
-        None,
-        description="How far to the right of the alignment the target is, and how far above it.",
+    beside: Annotated[list[FixedLength], SharesUnit(), Exactly(2)] | None = optional(
+        "How far to the right of the alignment the target is, and how far above it."
     )
-    components: list[TargetComponent] | None = Field(
-        None,
-        min_length=1,
-        description="What is read; if missing: across and up in a plane model, x, y and z in a "
+    components: list[TargetComponent] | None = optional(
+        "What is read; if missing: across and up in a plane model, x, y and z in a "
         "solid, along, across and up where 'along' or an alignment is given.",
+        min_length=1,
     )
-    along: DirectionVector | None = Field(
-        None, description="Horizontal direction of growing chainage (solid)."
-    )
+    along: DirectionVector | None = optional("Horizontal direction of growing chainage (solid).")
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
 
     def check(self, faults: SectionFaults) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from geoident.io.case.readings import Date
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import CaseNumber, Count, Flag, QuantityType
 from geoident.io.text.dates import read_date
 from geoident.io.text.faults import Faults
@@ -40,29 +40,24 @@ class SeasonalModelSection(Section):
         description="When the structure was put into service: the time of irreversible effects "
         "counts from here, and readings before are not used."
     )
-    level: Annotated[int, Count()] | None = Field(
-        None,
-        description="Effect of the water level, `loads: {level: {file: ...}}`: a polynomial up to "
+    level: Annotated[int, Count()] | None = optional(
+        "Effect of the water level, `loads: {level: {file: ...}}`: a polynomial up to "
         "this power, mostly 3 or 4.",
         examples=[3],
     )
-    season: Annotated[int, Count()] | None = Field(
-        None,
-        description="Effect of the season, the same every year: a year and its parts down to this "
+    season: Annotated[int, Count()] | None = optional(
+        "Effect of the season, the same every year: a year and its parts down to this "
         "one, mostly 2.",
         examples=[2],
     )
-    air: Annotated[list[_FixedTime], Field(min_length=1)] | None = Field(
-        None,
-        description="Effect of the air temperature, `loads: {air: {file: ...}}`: response times of "
+    air: Annotated[list[_FixedTime], Field(min_length=1)] | None = optional(
+        "Effect of the air temperature, `loads: {air: {file: ...}}`: response times of "
         "the structure, one effect for each.",
         examples=[["3 d", "20 d", "60 d"]],
     )
     linear: Flag = Field(False, description="An irreversible motion that goes on at one rate.")
-    settling: Annotated[list[_FixedTime], Field(min_length=1)] | None = Field(
-        None,
-        description="Irreversible motions that fade, 1 - exp(-t / T): their times T.",
-        examples=[["1 year"]],
+    settling: Annotated[list[_FixedTime], Field(min_length=1)] | None = optional(
+        "Irreversible motions that fade, 1 - exp(-t / T): their times T.", examples=[["1 year"]]
     )
 
     def check(self, faults: SectionFaults) -> None:

@@ -15,7 +15,7 @@ from geoident.io.case.site_files.file import DELIMITERS
 from geoident.io.case.site_files.values import Cells, DateFormat, TextEncoding
 from geoident.io.readings.file import read_readings
 from geoident.io.readings.layout import Layout, Origin
-from geoident.io.schema.section import Section
+from geoident.io.schema.section import Section, optional
 from geoident.io.schema.values import CaseNumber, QuantityType, Text
 from geoident.io.text.dates import ISO, date_text
 from geoident.io.text.faults import Faults
@@ -40,8 +40,8 @@ class DatedTableSection(Section):
     file: Text = Field(
         description="Path of a CSV file or an Excel workbook (.xlsx).", examples=["level.csv"]
     )
-    unit: Text | None = Field(
-        None, description="Of the values, where the header does not say it.", examples=["m", "degC"]
+    unit: Text | None = optional(
+        "Of the values, where the header does not say it.", examples=["m", "degC"]
     )
     date: Text = Field("date", description="Name of the column of dates.")
     date_format: DateFormat = Field(
@@ -52,9 +52,9 @@ class DatedTableSection(Section):
     )
     delimiter: Literal[",", ";", "tab", "|"] = Field(",", description="Between columns.")
     decimal: Literal[".", ","] = Field(".", description="Decimal point or comma.")
-    encoding: TextEncoding | None = Field(None, description="Of a text; UTF-8 if missing.")
+    encoding: TextEncoding | None = optional("Of a text; UTF-8 if missing.")
     sheet: Text = Field("", description="Excel: name of the sheet, where there are several.")
-    range: Cells | None = Field(None, description="Excel: cells of the table with its header.")
+    range: Cells | None = optional("Excel: cells of the table with its header.")
 
     def layout_of(self, column: str, dimension: str, load: str) -> Layout:
         """For the readers of files.
@@ -81,12 +81,9 @@ class DatedTableSection(Section):
 class SeriesSection(DatedTableSection):
     """A load that changes in time: a file with a date and a value in each row."""
 
-    column: Text | None = Field(
-        None, description="Name of the column of values; that of the load if missing."
-    )
-    bridge: Annotated[CaseNumber, QuantityType("time", above=0.0)] | None = Field(
-        None,
-        description="Longest gap over which values are taken as linear in between. Without it "
+    column: Text | None = optional("Name of the column of values; that of the load if missing.")
+    bridge: Annotated[CaseNumber, QuantityType("time", above=0.0)] | None = optional(
+        "Longest gap over which values are taken as linear in between. Without it "
         "nothing is known inside of gaps, and readings there are not used.",
         examples=["10 d"],
     )

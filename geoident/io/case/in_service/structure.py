@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field
 
 from geoident.io.case.actions import FallSection
 from geoident.io.case.readings import Date
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     FilmCoefficient,
@@ -97,12 +97,9 @@ class UpliftSection(Section):
     one_of = (Alternatives("on", "pores", hint="Give faces or pores; a list may have both."),)
     builds = Uplift
 
-    on: list[Name] | None = Field(
-        None, description="Groups of lines (2-D) or surfaces (solid) on which it acts."
-    )
-    pores: list[Name] | None = Field(
-        None,
-        description="Element groups in whose pores it is. Pressure and seepage act on them, and "
+    on: list[Name] | None = optional("Groups of lines (2-D) or surfaces (solid) on which it acts.")
+    pores: list[Name] | None = optional(
+        "Element groups in whose pores it is. Pressure and seepage act on them, and "
         "their surface pushes what stands on it.",
         examples=[["rock"]],
     )
@@ -126,9 +123,8 @@ class ServiceSection(Section):
         description="When the service begins: readings before are not used, and the time of "
         "irreversible motions counts from here."
     )
-    loaded: Date | None = Field(
-        None,
-        description="When the sustained loads began to act: creep, ageing and softening of "
+    loaded: Date | None = optional(
+        "When the sustained loads began to act: creep, ageing and softening of "
         "materials count from here; `since` if missing. Before the first value of `loads.level` "
         "its mean acts.",
         examples=["1965-10-01"],
@@ -137,16 +133,14 @@ class ServiceSection(Section):
     uplift: list[UpliftSection] = Field(
         [], description="Water under or in the structure that follows the level of the reservoir."
     )
-    film: FilmCoefficient | None = Field(
-        None,
-        description="Film coefficient of the faces in the air. Without it they have the "
+    film: FilmCoefficient | None = optional(
+        "Film coefficient of the faces in the air. Without it they have the "
         "temperature of the air.",
         examples=["25 W/m2K"],
     )
     linear: Flag = Field(False, description="Each gauge may have a motion that goes on.")
-    settling: Annotated[list[_FixedTime], Field(min_length=1)] | None = Field(
-        None,
-        description="Each gauge may have motions that fade, 1 - exp(-t / T): their times T.",
+    settling: Annotated[list[_FixedTime], Field(min_length=1)] | None = optional(
+        "Each gauge may have motions that fade, 1 - exp(-t / T): their times T.",
         examples=[["1 year"]],
     )
 

@@ -20,7 +20,7 @@ from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import Format, format_of
 from geoident.io.readings.layout import Layout, Origin
 from geoident.io.readings.survey import SurveyGrid
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import Count, Flag, Name, Text, TextOrList, TextOrMapping
 from geoident.io.text.dates import ISO
 from geoident.units import size_in
@@ -32,16 +32,16 @@ class OriginSection(Section):
     """Where the readings of one channel come from in a file."""
 
     name: Text = Field("", description="Name of the gauge in the file (long) or column (wide).")
-    unit: UnitRead | None = Field(None, description="Unit, where the file does not say it.")
+    unit: UnitRead | None = optional("Unit, where the file does not say it.")
     sign: Sign = Field(1, description="-1 if the file counts the other way round.")
-    LOCA_ID: Text | None = Field(None, description="AGS: location that the rows must have.")
-    MONG_ID: Text | None = Field(None, description="AGS: instrument that the rows must have.")
-    MONG_DIS: Text | None = Field(None, description="AGS: distance that the rows must have.")
-    MOND_TYPE: Text | None = Field(None, description="AGS: type of reading of the rows.")
-    MOND_REF: Text | None = Field(None, description="AGS: reference of the rows.")
-    MOND_INST: Text | None = Field(None, description="AGS: instrument of the rows.")
-    calibration: CalibrationSection | None = Field(
-        None, description="Of the sensor, where the file has what it gives, such as Hz."
+    LOCA_ID: Text | None = optional("AGS: location that the rows must have.")
+    MONG_ID: Text | None = optional("AGS: instrument that the rows must have.")
+    MONG_DIS: Text | None = optional("AGS: distance that the rows must have.")
+    MOND_TYPE: Text | None = optional("AGS: type of reading of the rows.")
+    MOND_REF: Text | None = optional("AGS: reference of the rows.")
+    MOND_INST: Text | None = optional("AGS: instrument of the rows.")
+    calibration: CalibrationSection | None = optional(
+        "Of the sensor, where the file has what it gives, such as Hz."
     )
 
     def check(self, faults: SectionFaults) -> None:
@@ -79,8 +79,8 @@ class ReadingsFileSection(Section):
         description="long: one reading a row; wide: one column a channel, dates in rows; "
         "coordinates: point, date, easting, northing and height in each row.",
     )
-    encoding: TextEncoding | None = Field(
-        None, description="Of a text; UTF-8 if missing. Excel's CSV is mostly windows-1252."
+    encoding: TextEncoding | None = optional(
+        "Of a text; UTF-8 if missing. Excel's CSV is mostly windows-1252."
     )
     sheet: Text = Field(
         "",
@@ -88,7 +88,7 @@ class ReadingsFileSection(Section):
         "are read as well; cells that join rows give their name or date to each of them, and are "
         "refused for a reading.",
     )
-    range: Cells | None = Field(None, description="Excel: cells of the table with its header.")
+    range: Cells | None = optional("Excel: cells of the table with its header.")
     header_row: HeaderRow = Field(
         0,
         description="Line or row of the header, counted from 1; 0 for the first that is not empty.",
@@ -110,7 +110,7 @@ class ReadingsFileSection(Section):
         description="Names in the header: {gauge: Instrument, value: Reading, date: Datum}. A "
         "column 'remarks' is kept with the readings of its row.",
     )
-    unit: UnitRead | None = Field(None, description="Unit of all values without one.")
+    unit: UnitRead | None = optional("Unit of all values without one.")
     unit_row: Flag = Field(False, description="wide: units are in the line below the header.")
     date_format: DateFormat = Field(
         ISO, description="How dates are written.", examples=["DD.MM.YYYY", "MM/DD/YYYY hh:mm"]
@@ -120,16 +120,15 @@ class ReadingsFileSection(Section):
         description="Channel of the case (of coordinates: gauge) to its name in the file, or to "
         "more about it. Others are read where the file has exactly their name.",
     )
-    transformation: TransformationSection | None = Field(
-        None, description="coordinates: from the system of the survey to that of the model."
+    transformation: TransformationSection | None = optional(
+        "coordinates: from the system of the survey to that of the model."
     )
-    repeated_readings: Literal["last", "mean", "all"] | None = Field(
-        None,
-        description="Several readings in a stage: the last, their mean (its standard deviation "
-        "that of one by the root of their number), or all. Default last with dates; without, one.",
+    repeated_readings: Literal["last", "mean", "all"] | None = optional(
+        "Several readings in a stage: the last, their mean (its standard deviation "
+        "that of one by the root of their number), or all. Default last with dates; without, one."
     )
-    several: Literal["last", "mean", "all"] | None = Field(
-        None, description="Earlier name of `repeated_readings`."
+    several: Literal["last", "mean", "all"] | None = optional(
+        "Earlier name of `repeated_readings`."
     )
     rezero: Flag = Field(
         False,

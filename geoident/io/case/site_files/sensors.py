@@ -8,7 +8,7 @@ from pydantic import Field
 
 from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
-from geoident.io.schema.section import Alternatives, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     AnyQuantity,
     CaseNumber,
@@ -46,31 +46,28 @@ class CalibrationSection(Section):
     )
 
     reads: Raw = Field(description="What the file has; digits are Hz squared by 1000.")
-    factor: AnyQuantity | None = Field(
-        None, description="Reading per digit (or mV/V, ...).", examples=["0.0123 kPa"]
+    factor: AnyQuantity | None = optional(
+        "Reading per digit (or mV/V, ...).", examples=["0.0123 kPa"]
     )
-    difference: Literal["zero - reading", "reading - zero"] | None = Field(
-        None, description="With a factor: which way its data sheet takes the difference."
+    difference: Literal["zero - reading", "reading - zero"] | None = optional(
+        "With a factor: which way its data sheet takes the difference."
     )
-    polynomial: Annotated[list[AnyQuantity], SharesUnit()] | None = Field(
-        None,
+    polynomial: Annotated[list[AnyQuantity], SharesUnit()] | None = optional(
+        "In place of a factor: the constant, and what stands with R, R^2, ...",
         min_length=2,
         max_length=6,
-        description="In place of a factor: the constant, and what stands with R, R^2, ...",
         examples=[["812.3 kPa", "-0.0912 kPa", "-1.1e-7 kPa"]],
     )
-    zero: FixedCoefficient | None = Field(
-        None, description="What it gave at its zero; of a polynomial, only if it counts from there."
+    zero: FixedCoefficient | None = optional(
+        "What it gave at its zero; of a polynomial, only if it counts from there."
     )
-    thermal: AnyQuantity | None = Field(
-        None, description="What the reading gains per degree Celsius.", examples=["0.05 kPa"]
+    thermal: AnyQuantity | None = optional(
+        "What the reading gains per degree Celsius.", examples=["0.05 kPa"]
     )
-    temperature: Name | None = Field(
-        None, description="thermal: name of the column with the temperature, degrees Celsius."
+    temperature: Name | None = optional(
+        "thermal: name of the column with the temperature, degrees Celsius."
     )
-    zero_temperature: GivenTemperature | None = Field(
-        None, description="thermal: the temperature at its zero."
-    )
+    zero_temperature: GivenTemperature | None = optional("thermal: the temperature at its zero.")
 
     def check(self, faults: SectionFaults) -> None:
         """The constants have one dimension."""
@@ -113,22 +110,19 @@ class TransformationSection(Section):
 
     one_of = (Alternatives("azimuth", "axes", hint="Give exactly one of them."),)
 
-    azimuth: FixedAngle | None = Field(
-        None, description="Of the model's x axis, clockwise from north.", examples=["37.5 deg"]
+    azimuth: FixedAngle | None = optional(
+        "Of the model's x axis, clockwise from north.", examples=["37.5 deg"]
     )
-    axes: dict[Literal["x", "y", "z"], DirectionVector] | None = Field(
-        None,
-        description="In place of an azimuth: two or three axes of the model as vectors of easting, "
-        "northing and height; their lengths do not matter.",
+    axes: dict[Literal["x", "y", "z"], DirectionVector] | None = optional(
+        "In place of an azimuth: two or three axes of the model as vectors of easting, "
+        "northing and height; their lengths do not matter."
     )
     scale: FixedMultiple = Field(
         CaseNumber("1", 1.0, None, DIMENSIONLESS),
         description="Of the survey's projection: its lengths by true ones, such as 0.9996.",
     )
-    origin: Annotated[list[FixedLength], SharesUnit(), Exactly(3)] | None = Field(
-        None,
-        description="Easting, northing and height of the model's origin: it checks where targets "
-        "stand.",
+    origin: Annotated[list[FixedLength], SharesUnit(), Exactly(3)] | None = optional(
+        "Easting, northing and height of the model's origin: it checks where targets stand."
     )
 
     def check(self, faults: SectionFaults) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from geoident.io.schema.section import Context, Section, SectionFaults
+from geoident.io.schema.section import Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     TEXT_LIST_OR_MAPPING,
     CaseNumber,
@@ -40,16 +40,15 @@ MotionLengths = Annotated[list[FixedLength], SharesUnit()]
 class MeasuredMotionSection(Section):
     """Motions that were measured at points: linear between them, over all nodes of the support."""
 
-    points: list[Coordinates] | None = Field(None, description="Coordinates of the points.")
-    x: MotionLengths | None = Field(None, description="Motion along x at each point.")
-    y: MotionLengths | None = Field(None, description="Motion along y at each point.")
-    z: MotionLengths | None = Field(None, description="Motion along z at each point (solid).")
-    file: Text | None = Field(
-        None,
-        description="In place of all these: a CSV file whose first line names the columns with "
-        "their units, such as 'x [m], y [m], ux [mm], uy [mm]' (and z [m], uz [mm] in a solid).",
+    points: list[Coordinates] | None = optional("Coordinates of the points.")
+    x: MotionLengths | None = optional("Motion along x at each point.")
+    y: MotionLengths | None = optional("Motion along y at each point.")
+    z: MotionLengths | None = optional("Motion along z at each point (solid).")
+    file: Text | None = optional(
+        "In place of all these: a CSV file whose first line names the columns with "
+        "their units, such as 'x [m], y [m], ux [mm], uy [mm]' (and z [m], uz [mm] in a solid)."
     )
-    factor: Coefficient | None = Field(None, description="Multiplies all motions; 1 if missing.")
+    factor: Coefficient | None = optional("Multiplies all motions; 1 if missing.")
 
     def check(self, faults: SectionFaults) -> None:
         """Points and motions, as many of both, or a file."""
@@ -79,34 +78,29 @@ class MeasuredMotionSection(Section):
 class SupportSection(Section):
     """How a group, or the node at a point, moves: what is not named here is free to move."""
 
-    at: Coordinates | None = Field(
-        None,
-        description="The point of a node that is held, in place of the group of this name; the "
-        "support may have any name then.",
+    at: Coordinates | None = optional(
+        "The point of a node that is held, in place of the group of this name; the "
+        "support may have any name then."
     )
-    x: GivenMotion | None = Field(
-        None, description="Motion along x, or 'fixed'.", examples=["1 mm", "$u", "fixed"]
+    x: GivenMotion | None = optional(
+        "Motion along x, or 'fixed'.", examples=["1 mm", "$u", "fixed"]
     )
-    y: GivenMotion | None = Field(None, description="Motion along y, or 'fixed'.")
-    z: GivenMotion | None = Field(None, description="Motion along z, or 'fixed' (solid).")
-    measured: MeasuredMotionSection | None = Field(
-        None, description="Motions that were measured at points, in the directions that they have."
+    y: GivenMotion | None = optional("Motion along y, or 'fixed'.")
+    z: GivenMotion | None = optional("Motion along z, or 'fixed' (solid).")
+    measured: MeasuredMotionSection | None = optional(
+        "Motions that were measured at points, in the directions that they have."
     )
-    contraction: Coefficient | None = Field(
-        None,
-        description="Volume loss of a tunnel: the part of the area within this closed line by "
+    contraction: Coefficient | None = optional(
+        "Volume loss of a tunnel: the part of the area within this closed line by "
         "which the wall moves in, radially towards the centroid (about an axis of revolution, or "
         "`axis`: towards that). A negative part widens.",
         examples=["1.5 %", "$volume_loss"],
     )
-    centre: Coordinates | None = Field(
-        None,
-        description="Centre of the contraction, if it is not the centroid, or if planes of "
-        "symmetry cut the wall; in a solid any point of `axis`.",
+    centre: Coordinates | None = optional(
+        "Centre of the contraction, if it is not the centroid, or if planes of "
+        "symmetry cut the wall; in a solid any point of `axis`."
     )
-    axis: Component | None = Field(
-        None, description="Direction of the axis of the contraction, in a solid."
-    )
+    axis: Component | None = optional("Direction of the axis of the contraction, in a solid.")
 
     def check(self, faults: SectionFaults) -> None:
         """Something is held or moved, and each direction in one way."""

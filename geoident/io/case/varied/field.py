@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along
-from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, optional
 from geoident.io.schema.values import (
     Angle,
     AnyQuantity,
@@ -44,21 +44,19 @@ class AlongSection(Section):
 
     one_of = (Alternatives(*ATTITUDE_OR_AXES, hint="Along the model's axes: leave out 'along'."),)
 
-    dip: FixedAngle | None = Field(
-        None, description="Inclination of axis 1; in 2-D it falls towards +x.", examples=["30 deg"]
+    dip: FixedAngle | None = optional(
+        "Inclination of axis 1; in 2-D it falls towards +x.", examples=["30 deg"]
     )
-    dip_direction: FixedAngle | None = Field(
-        None, description="Azimuth of the line of dip, clockwise from north (y) in a solid."
+    dip_direction: FixedAngle | None = optional(
+        "Azimuth of the line of dip, clockwise from north (y) in a solid."
     )
-    rotation: FixedAngle | None = Field(
-        None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
+    rotation: FixedAngle | None = optional(
+        "Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
-    axis_1: DirectionVector | None = Field(
-        None, description="Axis 1 in place of the angles, in x, y, z; its length does not matter."
+    axis_1: DirectionVector | None = optional(
+        "Axis 1 in place of the angles, in x, y, z; its length does not matter."
     )
-    axis_2: DirectionVector | None = Field(
-        None, description="Axis 2, at a right angle to 1, in x, y, z."
-    )
+    axis_2: DirectionVector | None = optional("Axis 2, at a right angle to 1, in x, y, z.")
 
     def frame(self, context: Context) -> Attitude | Axes:
         """The axes for the model."""
@@ -72,14 +70,11 @@ class PointValueSection(Section):
 
     at: Coordinates
     value: AnyQuantity = Field(description="What was measured.", examples=["12 GPa"])
-    accuracy: AnyQuantity | None = Field(
-        None,
-        description="Standard deviation of the value as one of the ground around (also of how far "
-        "a small sample stands for an element), in its unit or in %; exact if missing.",
+    accuracy: AnyQuantity | None = optional(
+        "Standard deviation of the value as one of the ground around (also of how far "
+        "a small sample stands for an element), in its unit or in %; exact if missing."
     )
-    line: Annotated[int, Count()] | None = Field(
-        None, description="Line of the file from which it comes."
-    )
+    line: Annotated[int, Count()] | None = optional("Line of the file from which it comes.")
 
 
 class PointFileSection(Section):
@@ -137,17 +132,16 @@ class FieldBase(Section):
         "of 1 and 2 and normal to it).",
         examples=[["20 m", "5 m"]],
     )
-    along: AlongSection | None = Field(
-        None, description="How the axes of the lengths lie; along the model's axes if missing."
+    along: AlongSection | None = optional(
+        "How the axes of the lengths lie; along the model's axes if missing."
     )
     smoothness: FixedMultiple = Field(
         CaseNumber("1.5", 1.5, None, DIMENSIONLESS),
         description="Smoothness nu of the Matern correlation: 0.5 is exponential (rough), 1.5 once "
         "differentiable, 2.5 twice.",
     )
-    modes: Annotated[int, Count()] | None = Field(
-        None,
-        description="Most modes; if missing, those that hold 99 % of the variance (up to 300).",
+    modes: Annotated[int, Count()] | None = optional(
+        "Most modes; if missing, those that hold 99 % of the variance (up to 300)."
     )
     measured: list[Measured] = Field(
         [],

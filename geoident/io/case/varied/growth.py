@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from pydantic import Field
 
-from geoident.io.schema.section import Context, Section
+from geoident.io.schema.section import Context, Section, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -115,9 +115,8 @@ class StressGrowthSection(GrowthBase):
         description="Mean effective stress at which the value is the reference.",
         examples=["100 kPa"],
     )
-    least: Modulus | None = Field(
-        None,
-        description="Least p' that counts: ground in tension or without stress has the value of "
+    least: Modulus | None = optional(
+        "Least p' that counts: ground in tension or without stress has the value of "
         "this one. 1 % of `pressure` if missing.",
         examples=["1 kPa"],
     )

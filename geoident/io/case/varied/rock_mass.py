@@ -10,7 +10,7 @@ from math import nan
 
 from pydantic import Field
 
-from geoident.io.schema.section import Alternatives, Section
+from geoident.io.schema.section import Alternatives, Section, optional
 from geoident.io.schema.values import CaseNumber, Coefficient, Modulus, Multiple
 from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.parameter import Scalar
@@ -34,20 +34,18 @@ class HoekDiederichsSection(Section):
         ),
     )
 
-    Ei: Modulus | None = Field(
-        None, description="Young's modulus of intact rock.", examples=["20 GPa", "$E_intact"]
+    Ei: Modulus | None = optional(
+        "Young's modulus of intact rock.", examples=["20 GPa", "$E_intact"]
     )
-    MR: Multiple | None = Field(
-        None, description="Modulus ratio Ei / sigci of the kind of rock, where Ei is not measured."
+    MR: Multiple | None = optional(
+        "Modulus ratio Ei / sigci of the kind of rock, where Ei is not measured."
     )
-    sigci: Modulus | None = Field(
-        None, description="Uniaxial compressive strength of intact rock, with MR."
-    )
+    sigci: Modulus | None = optional("Uniaxial compressive strength of intact rock, with MR.")
     GSI: Coefficient = Field(
         description="Geological Strength Index, 0 to 100.", examples=["45", "$GSI"]
     )
-    D: Coefficient | None = Field(
-        None, description="Disturbance by blasting and relaxation, 0 to 1; 0 if missing."
+    D: Coefficient | None = optional(
+        "Disturbance by blasting and relaxation, 0 to 1; 0 if missing."
     )
 
 

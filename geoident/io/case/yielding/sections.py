@@ -15,7 +15,7 @@ from pydantic import Discriminator, Field, Tag
 from geoident.io.case.frames import strata
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import FieldAngle, StrengthOrVaried, fields_in, growths_in
-from geoident.io.schema.section import Alternatives, Context, Section
+from geoident.io.schema.section import Alternatives, Context, Section, optional
 from geoident.io.schema.values import (
     Angle,
     CaseNumber,
@@ -73,7 +73,7 @@ class SurfaceBase(Section):
 class YieldPlaneSection(Section):
     """One plane of a yield surface: normal^T stress <= distance, tension positive."""
 
-    name: Name | None = Field(None, description="In tables and reports; 'plane N' if missing.")
+    name: Name | None = optional("In tables and reports; 'plane N' if missing.")
     normal: DirectionVector = Field(
         description="Unit normal: factors of the stresses xx, yy, xy in 2-D (or xx, yy, zz, xy), "
         "of xx, yy, zz, xy, yz, xz in a solid.",
@@ -120,10 +120,8 @@ class PlanesSection(SurfaceBase):
 
     type: Literal["planes"] = Field(description="Kind of yield surface.")
     planes: list[YieldPlaneSection] = Field(min_length=1, description="The planes.")
-    hardening: Stress | None = Field(
-        None,
-        description="Hardening modulus: growth of a distance per plastic strain on its plane; "
-        "0 if missing.",
+    hardening: Stress | None = optional(
+        "Hardening modulus: growth of a distance per plastic strain on its plane; 0 if missing."
     )
 
     def surface(self, context: Context) -> GivenPlanes:
@@ -143,15 +141,14 @@ class PlanesSection(SurfaceBase):
 class _CoulombBase(SurfaceBase):
     """A yield surface of Mohr and Coulomb, exact or by planes."""
 
-    tension: StrengthOrVaried | None = Field(None, description=TENSION)
-    planes: Annotated[int, Count()] | None = Field(
-        None,
-        description="Planes in place of the exact surface: in 2-D the sides of the polygon in "
+    tension: StrengthOrVaried | None = optional(TENSION)
+    planes: Annotated[int, Count()] | None = optional(
+        "Planes in place of the exact surface: in 2-D the sides of the polygon in "
         "place of Mohr's circle (even; three planes each), in a solid the number of planes (from "
         "48 on, taken six at a time).",
         examples=["16"],
     )
-    fit: Fit | None = Field(None, description=_FIT)
+    fit: Fit | None = optional(_FIT)
 
     def _check_planes(self, context: Context) -> None:
         if self.planes is not None:
@@ -168,12 +165,10 @@ class TrescaSection(_CoulombBase):
     one_of = (Alternatives("strength", "cohesion", hint="Give the shear strength once."),)
 
     type: Literal["tresca"] = Field(description="Kind of yield surface.")
-    strength: StrengthOrVaried | None = Field(
-        None, description="Shear strength: half the compressive one.", examples=["2 MPa"]
+    strength: StrengthOrVaried | None = optional(
+        "Shear strength: half the compressive one.", examples=["2 MPa"]
     )
-    cohesion: StrengthOrVaried | None = Field(
-        None, description="Another name of the shear strength."
-    )
+    cohesion: StrengthOrVaried | None = optional("Another name of the shear strength.")
 
     def surface(self, context: Context) -> MohrCoulomb:
         """Mohr-Coulomb without friction."""
@@ -193,10 +188,9 @@ class MohrCoulombSection(_CoulombBase):
     type: Literal["mohr-coulomb"] = Field(description="Kind of yield surface.")
     cohesion: StrengthOrVaried = _COHESION
     friction: FieldAngle = _FRICTION
-    dilation: Angle | None = Field(
-        None,
-        description="Dilation angle, from 0 to the friction angle: the flow is associated if "
-        "missing. Only without `planes`.",
+    dilation: Angle | None = optional(
+        "Dilation angle, from 0 to the friction angle: the flow is associated if "
+        "missing. Only without `planes`."
     )
 
     def surface(self, context: Context) -> MohrCoulomb:
@@ -222,11 +216,11 @@ class DruckerPragerSection(SurfaceBase):
         description="Where the cone meets Mohr-Coulomb: in triaxial compression (its outer edges), "
         "in extension (inner edges), or so that both carry the same in plane strain.",
     )
-    tension: StrengthOrVaried | None = Field(None, description=TENSION)
+    tension: StrengthOrVaried | None = optional(TENSION)
     planes: Annotated[int, Count()] = Field(
         24, description="Least number of planes: from 6 on in 2-D, from 10 on in a solid."
     )
-    fit: Fit | None = Field(None, description=_FIT)
+    fit: Fit | None = optional(_FIT)
 
     def surface(self, context: Context) -> DruckerPrager:
         """The cone by planes."""
@@ -246,22 +240,21 @@ class WeakPlaneSection(SurfaceBase):
     )
 
     type: Literal["weak-plane"] = Field(description="Kind of yield surface.")
-    dip: Angle | None = Field(
-        None,
-        description="Inclination of the planes, from the horizontal downwards. In 2-D without "
+    dip: Angle | None = optional(
+        "Inclination of the planes, from the horizontal downwards. In 2-D without "
         "`dip_direction`: the apparent dip, falling towards +x.",
         examples=["35 deg", "$dip"],
     )
-    dip_direction: Angle | None = Field(
-        None, description="Azimuth of the line of dip, clockwise from north (y) in a solid."
+    dip_direction: Angle | None = optional(
+        "Azimuth of the line of dip, clockwise from north (y) in a solid."
     )
-    normal: DirectionVector | None = Field(
-        None, description="Normal of the planes in x, y, z; its length does not matter."
+    normal: DirectionVector | None = optional(
+        "Normal of the planes in x, y, z; its length does not matter."
     )
     cohesion: StrengthOrVaried = Field(description="Cohesion on the planes.", examples=["0.2 MPa"])
     friction: FieldAngle = Field(description="Friction angle on the planes.", examples=["25 deg"])
-    tension: StrengthOrVaried | None = Field(
-        None, description="Tensile strength across the planes; cohesion / tan(friction) if missing."
+    tension: StrengthOrVaried | None = optional(
+        "Tensile strength across the planes; cohesion / tan(friction) if missing."
     )
     planes: Annotated[int, Count()] = Field(
         16, description="Sides of the polygon in place of the circle of shear stress in a solid."
@@ -295,38 +288,34 @@ class HoekBrownSection(SurfaceBase):
     sigci: StrengthOrVaried = Field(
         description="Uniaxial compressive strength of intact rock.", examples=["50 MPa", "$sigci"]
     )
-    mi: Multiple | None = Field(
-        None,
-        description="Constant of intact rock, with GSI: about 4 for claystone, 32 for granite.",
+    mi: Multiple | None = optional(
+        "Constant of intact rock, with GSI: about 4 for claystone, 32 for granite."
     )
-    GSI: Coefficient | None = Field(
-        None, description="Geological Strength Index, 0 to 100.", examples=["45", "$GSI"]
+    GSI: Coefficient | None = optional(
+        "Geological Strength Index, 0 to 100.", examples=["45", "$GSI"]
     )
-    D: Coefficient | None = Field(
-        None, description="Disturbance by blasting and relaxation, 0 to 1, with GSI; 0 if missing."
+    D: Coefficient | None = optional(
+        "Disturbance by blasting and relaxation, 0 to 1, with GSI; 0 if missing."
     )
-    mb: Multiple | None = Field(None, description="Constant of the rock mass, with s and a.")
-    s: Coefficient | None = Field(
-        None, description="Constant of the rock mass, with mb and a: 0 to 1, 1 for intact rock."
+    mb: Multiple | None = optional("Constant of the rock mass, with s and a.")
+    s: Coefficient | None = optional(
+        "Constant of the rock mass, with mb and a: 0 to 1, 1 for intact rock."
     )
-    a: Coefficient | None = Field(
-        None, description="Exponent, with mb and s: 0.5 for intact rock, 0.2 to 0.9 at most."
+    a: Coefficient | None = optional(
+        "Exponent, with mb and s: 0.5 for intact rock, 0.2 to 0.9 at most."
     )
-    dilation: Angle | None = Field(
-        None,
-        description="Constant dilation angle; 0 deg for flow without change of volume.",
+    dilation: Angle | None = optional(
+        "Constant dilation angle; 0 deg for flow without change of volume.",
         examples=["0 deg", "5 deg"],
     )
-    flow: Literal["associated", "none"] | None = Field(
-        None,
-        description="In place of `dilation`: `associated` flows along the normals, which near an "
+    flow: Literal["associated", "none"] | None = optional(
+        "In place of `dilation`: `associated` flows along the normals, which near an "
         "unsupported wall dilates as no rock does; `none` does not change its volume, as "
-        "`dilation: 0 deg`.",
+        "`dilation: 0 deg`."
     )
-    tension: StrengthOrVaried | None = Field(
-        None,
-        description="Tensile strength: largest principal stress, lower than s sigci / mb, which "
-        "limits it if missing.",
+    tension: StrengthOrVaried | None = optional(
+        "Tensile strength: largest principal stress, lower than s sigci / mb, which "
+        "limits it if missing."
     )
 
     def surface(self, context: Context) -> HoekBrown:
@@ -342,15 +331,13 @@ class HardeningSoilSection(SurfaceBase):
     """
 
     type: Literal["hardening-soil"] = Field(description="Kind of law.")
-    E50: Stress | None = Field(
-        None,
-        description="Secant modulus at half of the strength in a drained triaxial test at `p_ref`; "
+    E50: Stress | None = optional(
+        "Secant modulus at half of the strength in a drained triaxial test at `p_ref`; "
         "without it nothing hardens: the stiffness is that of unloading up to Mohr-Coulomb.",
         examples=["30 MPa", "$E50"],
     )
-    Eoed: Stress | None = Field(
-        None,
-        description="Tangent modulus of a first loading in the oedometer at a vertical stress of "
+    Eoed: Stress | None = optional(
+        "Tangent modulus of a first loading in the oedometer at a vertical stress of "
         "`p_ref`, from which the cap follows; without it there is no cap.",
         examples=["30 MPa", "$Eoed"],
     )
@@ -359,50 +346,41 @@ class HardeningSoilSection(SurfaceBase):
         "clay.",
         examples=["0.5", "$m"],
     )
-    p_ref: Stress | None = Field(None, description="Reference stress; 100 kPa if missing.")
-    Rf: Coefficient | None = Field(
-        None, description="Strength by the asymptote of the hyperbola; 0.9 if missing."
-    )
+    p_ref: Stress | None = optional("Reference stress; 100 kPa if missing.")
+    Rf: Coefficient | None = optional("Strength by the asymptote of the hyperbola; 0.9 if missing.")
     cohesion: Stress = Field(description="Effective cohesion.", examples=["1 kPa", "$c"])
     friction: Angle = Field(
         description="Effective friction angle, above 0 and below 90 deg.", examples=["35 deg"]
     )
-    dilation: Angle | None = Field(
-        None, description="Dilation angle at failure (Rowe's below it); 0 deg if missing."
+    dilation: Angle | None = optional(
+        "Dilation angle at failure (Rowe's below it); 0 deg if missing."
     )
-    tension: Stress | None = Field(None, description="Tensile strength; 0 if missing.")
-    K0nc: Coefficient | None = Field(
-        None,
-        description="Horizontal by vertical stress of a first loading in the oedometer, with "
-        "`Eoed`; 1 - sin(friction) if missing.",
+    tension: Stress | None = optional("Tensile strength; 0 if missing.")
+    K0nc: Coefficient | None = optional(
+        "Horizontal by vertical stress of a first loading in the oedometer, with "
+        "`Eoed`; 1 - sin(friction) if missing."
     )
-    OCR: Coefficient | None = Field(
-        None,
-        description="Highest vertical stress of the past by that in situ, with `Eoed`. Without "
+    OCR: Coefficient | None = optional(
+        "Highest vertical stress of the past by that in situ, with `Eoed`. Without "
         "`OCR`, `POP` and `preconsolidation_stress` the stress in situ is the highest that there "
         "was.",
         examples=["1.5", "$OCR"],
     )
-    POP: Stress | None = Field(
-        None,
-        description="Highest vertical stress of the past less that in situ, with `Eoed`.",
-        examples=["50 kPa"],
+    POP: Stress | None = optional(
+        "Highest vertical stress of the past less that in situ, with `Eoed`.", examples=["50 kPa"]
     )
-    preconsolidation_stress: Stress | None = Field(
-        None,
-        description="Highest vertical stress of the past, with `Eoed` and in place of `OCR` and "
+    preconsolidation_stress: Stress | None = optional(
+        "Highest vertical stress of the past, with `Eoed` and in place of `OCR` and "
         "`POP`: effective, compression positive. Less than the stress in situ is without effect.",
         examples=["180 kPa", "$sigma_p"],
     )
-    G0: Stress | None = Field(
-        None,
-        description="Shear modulus at the smallest strains, at `p_ref`, with `gamma_07`; without "
+    G0: Stress | None = optional(
+        "Shear modulus at the smallest strains, at `p_ref`, with `gamma_07`; without "
         "both small strains are no stiffer than unloading.",
         examples=["120 MPa", "$G0"],
     )
-    gamma_07: Coefficient | None = Field(
-        None,
-        description="Shear strain gamma_0.7 at which the secant shear modulus has fallen to 0.722 "
+    gamma_07: Coefficient | None = optional(
+        "Shear strain gamma_0.7 at which the secant shear modulus has fallen to 0.722 "
         "`G0`: 1e-4 to 2e-4 of sand, up to 5e-4 of plastic clay.",
         examples=["1.5e-4", "$gamma_07"],
     )

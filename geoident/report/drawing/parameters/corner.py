@@ -173,11 +173,11 @@ def _draw_ellipses(panel: Axes, table: ParameterTable, x: _Axis, y: _Axis) -> No
         panel.plot(x.shown(border[0]), y.shown(border[1]), color=colour(0), lw=0.9)
     panel.plot(table.values[x.row] * x.size, table.values[y.row] * y.size, "o", ms=3,
                color=colour(0))  # fmt: skip
-    _draw_prior_limits(panel, x, panel.axvline)
-    _draw_prior_limits(panel, y, panel.axhline)
+    _draw_prior_limits(x, panel.axvline)
+    _draw_prior_limits(y, panel.axhline)
 
 
-def _draw_prior_limits(panel: Axes, one: _Axis, line: Callable[..., Any]) -> None:
+def _draw_prior_limits(one: _Axis, line: Callable[..., Any]) -> None:
     """The ends of the 95 % interval of a prior."""
     if one.prior is None:
         return
