@@ -143,6 +143,8 @@ def test_a_wall_that_lets_water_through_between_stiff_interfaces_is_tied(tmp_pat
     for k in ("1e4", "1e6"):
         found = read(pit(tmp_path, SLIP, ("K MPa", f"{k} MPa"), ("FLOWS", "true")))
         off.append(np.nanmax(np.abs(found - tied) / size))
+    (leaks,) = [one for one in model_at(tmp_path / "case.yaml").notes if "flows" in one]
+    assert "through the walls on 'slip'" in leaks
     assert off[0] < 0.005
     assert off[1] < 0.02 * off[0] + 1e-4  # water flows across a ten-thousandth of a face
     # one that holds it back does so from when it is built
@@ -162,6 +164,7 @@ def test_strut_and_pressures_on_the_wall_are_in_balance(tmp_path):
     )  # fmt: skip
     changes = ("FLOWS", "false"), ("K MPa", "200 MPa"), ("gauges:\n", f"gauges:\n{gauges}")
     staged = model_at(pit(tmp_path, SLIP + TAIL, *changes))
+    assert not any("flows" in one for one in staged.notes)
     found = staged.survey(start_of(staged), fields=False)
     joints, stages = found.interfaces, slice(-2, None)
     slip = np.array(joints.interfaces) == "slip"
