@@ -35,6 +35,7 @@ from geoident.forward.consolidation.checks import (
     consolidation_faults,
     drained_group_faults,
     inadmissible_water,
+    leaking_walls,
 )
 from geoident.forward.gauges.kinds import gauges_outside, place_gauges, reading_faults
 from geoident.forward.gauges.observation import PlacedGauges
@@ -217,6 +218,7 @@ def notes_on_mesh(
     notes += yield_notes(case)
     notes += locking_notes(on_mesh)
     notes += structure_notes(on_mesh)
+    notes += leaking_walls(on_mesh)
     return notes
 
 

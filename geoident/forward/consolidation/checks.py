@@ -9,6 +9,7 @@ import numpy as np
 from geoident.errors import Fault
 from geoident.forward.consolidation.pores import drained_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.structures.interfaces import beams_on
 from geoident.model.arrays import Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.cells import CELLS
@@ -35,6 +36,22 @@ def consolidation_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *_orders(on_mesh),
         *_undrained(on_mesh),
         *_drained_elsewhere(on_mesh),
+    ]
+
+
+def leaking_walls(on_mesh: CaseOnMesh) -> list[str]:
+    """A note on walls between interfaces through which water flows, as seldom meant."""
+    case = on_mesh.case
+    leaking = [
+        name
+        for name, given in case.interfaces.items()
+        if given.permeable and any(beams_on(case, one) for one in on_mesh.joints[given.along])
+    ]
+    if not leaking or not case.consolidates:
+        return []
+    return [
+        f"water flows through the walls on {', '.join(map(repr, leaking))}: those that hold it "
+        "back need 'permeable: false' there"
     ]
 
 

@@ -76,8 +76,8 @@ class InterfaceSection(Section):
     )
     permeable: Flag = Field(
         True,
-        description="Whether water of ground that consolidates flows across it; false for a sheet "
-        "or a wall face that holds it back.",
+        description="Whether water of ground that consolidates flows across it, and through a wall "
+        "of beams or shells on it; false for a sheet or a wall face that holds it back.",
     )
 
     def interface(self, materials: Mapping[str, Material], context: Context) -> Interface | None:

@@ -112,7 +112,7 @@ SLIP = "  slip: {along: wall, k_n: K MPa/m, k_s: K MPa/m, permeable: FLOWS}\n"
 TAIL = "  tail: {along: tail, k_n: K MPa/m, k_s: K MPa/m}\n"
 
 
-def pit(folder, interfaces: str = "", *changes: tuple[str, str], n: int = 8):
+def pit(folder, interfaces: str = "", *changes: tuple[str, str], n: int = 4):
     """A pit beside a wall whose lower end is 3 m above rock; the case file."""
     mesh = with_inner_faces(
         box("quad8", (n, 8), size=(8.0, 8.0)),
@@ -143,29 +143,31 @@ def test_a_wall_that_lets_water_through_between_stiff_interfaces_is_tied(tmp_pat
     for k in ("1e4", "1e6"):
         found = read(pit(tmp_path, SLIP, ("K MPa", f"{k} MPa"), ("FLOWS", "true")))
         off.append(np.nanmax(np.abs(found - tied) / size))
+    (leaks,) = [one for one in model_at(tmp_path / "case.yaml").notes if "flows" in one]
+    assert "through the walls on 'slip'" in leaks
     assert off[0] < 0.005
     assert off[1] < 0.02 * off[0] + 1e-4  # water flows across a ten-thousandth of a face
     # one that holds it back does so from when it is built
     tight = read(pit(tmp_path, SLIP, ("K MPa", "1e6 MPa"), ("FLOWS", "false")))
-    np.testing.assert_allclose(tight[:, 0], tied[:, 0], atol=2e-4 * size[:, 0])
+    shown = ~np.isnan(tied[:, 0])
+    assert (abs(tight - tied) < 2e-4 * size)[shown, 0].all()
     assert tight[-2, -1] > tied[-2, -1] + 5e3
-    assert tight[-1, -1] < tied[-1, -1] - 1e3
+    assert tight[-1, -1] < tied[-1, -1]
 
 
 def test_strut_and_pressures_on_the_wall_are_in_balance(tmp_path):
-    """Tractions and water on both sides of a wall that slips and whose tip is free."""
+    """Tractions and water on both sides of a wall whose tip is free."""
     heights = np.arange(3.0, 8.1)
     gauges = "".join(
         f"  {side}{y:g}: {{kind: piezometer, point: [{x} m, {y} m], accuracy: 1 kPa}}\n"
-        for side, x in (("R", 4.000001), ("L", 3.999999)) for y in heights
+        for side, x in (("R", 4.0001), ("L", 3.9999)) for y in heights
     )  # fmt: skip
-    slips = "permeable: false, cohesion: 5 kPa, friction: 15 deg"
-    changes = ("permeable: FLOWS", slips), ("K MPa", "200 MPa"), ("gauges:\n", f"gauges:\n{gauges}")
+    changes = ("FLOWS", "false"), ("K MPa", "200 MPa"), ("gauges:\n", f"gauges:\n{gauges}")
     staged = model_at(pit(tmp_path, SLIP + TAIL, *changes))
+    assert not any("flows" in one for one in staged.notes)
     found = staged.survey(start_of(staged), fields=False)
     joints, stages = found.interfaces, slice(-2, None)
     slip = np.array(joints.interfaces) == "slip"
-    assert joints.slips[slip].any()
     bears = -(joints.areas[:, None] * joints.normal_traction[:, stages])[slip]
     left = np.cumsum(joints.points[slip, 1] < 5.1) <= 6  # two faces of three points, then the right
     left &= joints.points[slip, 1] < 5.1
@@ -180,12 +182,11 @@ def start_of(staged) -> np.ndarray:
     return np.array([one.start for one in staged.case.parameters])
 
 
-@pytest.mark.parametrize("flows", ["true", "false"])
-def test_a_dig_beside_a_wall_is_released_in_parts(tmp_path, flows):
+def test_a_dig_beside_a_wall_is_released_in_parts(tmp_path):
     """Undrained: with none released nothing moves, with half of it half, in the end as by one."""
     whole = ("lasts: 2 d}\n  - {name: wait, lasts: 40 d}\n", "lasts: 0 d}\n")
     dig = "  - {name: dig two, excavate: [two], drained: {bottom: {head: 5 m}}, lasts: 0 d}\n"
-    changes = ("K MPa", "200 MPa"), ("FLOWS", flows), whole
+    changes = ("K MPa", "200 MPa"), ("FLOWS", "false"), whole
     at_once = read(pit(tmp_path, SLIP + TAIL, *changes))[:, -2:]
     parts = "".join(
         f"  - {{name: part {n}, {first}release: {{two: {part}}}, lasts: 0 d}}\n"
@@ -235,7 +236,7 @@ def test_derivatives_by_all_constants_are_exact(tmp_path, limits, soil):
         ("parameters:\n", MORE + (LIMITS if "$c" in limits else "")), METER,
         ("hydraulic:", f"{soil}hydraulic:"),
     ]  # fmt: skip
-    staged = model_at(pit(tmp_path, SLIP + TAIL, *changes, n=4))
+    staged = model_at(pit(tmp_path, SLIP + TAIL, *changes, n=2))
     p, stages = start_of(staged), staged.case.stage_names[2:]
     if "$c" in limits:
         assert staged.survey(p, fields=False).interfaces.slips.any()
