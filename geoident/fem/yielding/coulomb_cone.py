@@ -1,4 +1,4 @@
-"""Coulomb's cone of a traction, with a cut-off of tension: return mapping and derivatives.
+"""Return to Coulomb's cone of a traction with a cut-off of tension, and derivatives (theory 5.15).
 
 A traction has a part t_n along the normal of a face (tension positive) and parts t_s along it, two
 in a solid. With the stiffness k_n and k_s of an interface the limits are
