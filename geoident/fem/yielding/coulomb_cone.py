@@ -1,4 +1,4 @@
-"""Coulomb's cone of a traction, with a cut-off of tension: return mapping and derivatives.
+"""Return to Coulomb's cone of a traction with a cut-off of tension, and derivatives (theory 5.15).
 
 A traction has a part t_n along the normal of a face (tension positive) and parts t_s along it, two
 in a solid. With the stiffness k_n and k_s of an interface the limits are
@@ -26,7 +26,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.law import ReturnStep, YieldLaw
+from geoident.fem.yielding.law import ReturnStep, YieldLaw, seen_from
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, stacked
 
@@ -132,16 +132,12 @@ class ConeReturn(ReturnStep):
         """Where tractions with derivatives (s, q, 1 + k) end, with theirs."""
         law, limits, size = self._law, self._law.planes, start.shape[2]
 
-        def number(constant: Dual) -> Dual:
-            columns = np.zeros(size)
-            used = 1 + constant.n * of_law
-            columns[:used] = constant.columns[:used]
-            return Dual(columns)
-
         constants = (limits.cohesion, limits.tension, limits.steep, limits.opens, law.k_n, law.k_s)
-        c, T, steep, dilates, k_n, k_s = map(number, constants)
-        normal, along, rest = np.split(start, [1, 1 + law.n_slips])
-        normal, sizes = Dual(normal[0]), np.linalg.norm(self.start[1:], axis=0)
+        c, T, steep, dilates, k_n, k_s = (
+            seen_from(constant, size, of_law=of_law) for constant in constants
+        )
+        normal, along, rest = Dual(start[0]), start[1 : 1 + law.n_slips], start[1 + law.n_slips :]
+        sizes = np.linalg.norm(self.start[1:], axis=0)
         still = sizes == 0.0
         way = along[..., 0] / (sizes + still)
         shear = Dual(np.einsum("sq,sqk->qk", way, along)).plus(still)

@@ -41,7 +41,7 @@ from math import sin
 
 import numpy as np
 
-from geoident.fem.yielding.law import ReturnStep, YieldLaw
+from geoident.fem.yielding.law import ReturnStep, YieldLaw, seen_from
 from geoident.fem.yielding.principal_axes import (
     ROUGH,
     Spectrum,
@@ -439,10 +439,7 @@ class HoekBrownReturn(ReturnStep):
         size = start.shape[2]
 
         def number(constant: Dual) -> Dual:
-            columns = np.zeros(2 + size)
-            used = 1 + constant.n * of_law
-            columns[:used] = constant.columns[:used]
-            return Dual(columns)
+            return seen_from(constant, 2 + size, of_law=of_law)
 
         constants = (planes.sigci, planes.mb, planes.s, planes.a, *law.moduli)
         sigci, mb, s, a, lame, twice = (number(constant) for constant in constants)

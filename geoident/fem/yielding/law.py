@@ -27,6 +27,20 @@ _REPEATED = 1e-8
 """Of the largest principal value: differences below are those of a repeated one."""
 
 
+def seen_from(constant: Dual, columns: int, *, of_law: bool) -> Dual:
+    """A constant of a law among columns of a return: value, derivatives by its parameters, others.
+
+    Args:
+        constant: with derivatives by the n parameters of the law.
+        columns: how many.
+        of_law: whether the first n derivatives are by these parameters; else it depends on none.
+    """
+    seen = np.zeros(columns)
+    used = 1 + constant.n * of_law
+    seen[:used] = constant.columns[:used]
+    return Dual(seen)
+
+
 class YieldLimits(Protocol):
     """What outputs show of the strength of a material: the distance k of each of its y planes."""
 

@@ -156,10 +156,10 @@ def given_back(
     return None
 
 
-def _ways(sides: int) -> list[list[float]]:
+def _ways() -> list[list[float]]:
     """Normals of a polygon in place of the unit circle, of the same size on average."""
-    turns = 2 * np.pi * np.arange(sides) / sides
-    longer = 1 / polygon_shrinkage(sides, "best")
+    turns = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    longer = 1 / polygon_shrinkage(_SIDES, "best")
     return [[longer * np.cos(turn), longer * np.sin(turn)] for turn in turns]
 
 
@@ -176,7 +176,7 @@ def _of_bars(bars: Bars, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
             distances.append(point.number(bars.strength) / share)
             names.append("sinking in")
     elif isinstance(bars, PileContacts) and bars.strength is not None:
-        ways = _ways(_SIDES) if solid else [[1.0], [-1.0]]
+        ways = _ways() if solid else [[1.0], [-1.0]]
         normals, names = ways, [f"ground beside {n}" for n in range(1, 1 + len(ways))]
         distances = [point.number(bars.strength) / share] * len(ways)
     grouted = isinstance(bars, GroutedBars)
