@@ -56,6 +56,7 @@ from geoident.forward.in_situ.stress import (
     surface_faults,
     zone_faults,
 )
+from geoident.forward.in_situ.water import PorePressure
 from geoident.forward.mesh_checks import mesh_faults, mesh_notes, parted_from
 from geoident.forward.of_mesh import OfMesh
 from geoident.forward.openings.face import face_faults
@@ -80,9 +81,11 @@ from geoident.forward.yielding.checks import (
     yield_faults,
     yield_notes,
 )
+from geoident.model.actions import WaterPressure
 from geoident.model.case import Case, KeyPath, format_path
+from geoident.model.dual import ParameterPoint
 from geoident.model.gauges import named_channels
-from geoident.model.mesh import Mesh
+from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Scalar, Values
 from geoident.model.structures import Beam, Shell
 
@@ -214,7 +217,7 @@ def notes_on_mesh(
     if any(state.water is not None for state in on_mesh.sequence.states):
         notes.append("there is water in the pores: all stresses are effective stresses")
     notes += mesh_notes(on_mesh.unsplit)
-    notes += _odd_notes(on_mesh, in_tension=in_tension)
+    notes += _odd_notes(on_mesh, in_tension=in_tension) + _flooded_notes(on_mesh)
     notes += yield_notes(case)
     notes += locking_notes(on_mesh)
     notes += structure_notes(on_mesh)
@@ -296,6 +299,37 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
             "tension, the vertical stress of Heim's model is positive in compression"
         )
     return notes
+
+
+_FLOODS = 10e3
+"""Pressure of water at new faces, Pa, from which on it is worth a note: a metre of it."""
+
+
+def _flooded_notes(on_mesh: CaseOnMesh) -> list[str]:
+    """Stages that only excavate below water that stays, so that nothing holds its pressure."""
+    case, mesh, sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
+    point, stages, most = ParameterPoint(case.start, ()), list[str](), 0.0
+    for state in () if case.consolidates else sequence.states[1:]:
+        water = state.water
+        held = any(isinstance(load, WaterPressure) for load in state.loads.values())
+        if water is None or water.falls is not None or held or state.placed or state.built:
+            continue
+        wet = [
+            n for n in state.leaving if water.groups is None or sequence.groups[n] in water.groups
+        ]
+        nodes = nodes_in(mesh.blocks, np.isin(sequence.group_of, wet))
+        pressure = PorePressure(water, mesh, mesh.points[nodes]).at(point).value.max(initial=0.0)
+        if pressure > _FLOODS:
+            stages.append(repr(state.name))
+            most = max(most, float(pressure))
+    if not stages:
+        return []
+    return [
+        f"{', '.join(stages)} excavate{'s' * (len(stages) == 1)} below the water, which stays as "
+        f"it is in the ground around: nothing holds its pressure (up to {most / 1e3:.3g} kPa) at "
+        "the new faces, and a floor heaves by it. Lower it in the stage (water: {table: ..}), let "
+        "it fall along a line ('falls'), or load the faces with 'water'"
+    ]
 
 
 def _idle_densities(on_mesh: CaseOnMesh) -> list[str]:

@@ -496,3 +496,24 @@ def test_why_a_method_is_not_possible(tmp_path, keys, why):
     text, _ = said(tmp_path, **given)
     assert text.startswith("case.yaml:")
     assert f": fit.method: The method {name} is not possible here: {why}" in text
+
+
+@pytest.mark.parametrize(
+    ("stage", "said_of_water"),
+    [
+        ("{name: dig, excavate: [g8]}", True),
+        ("{name: dig, excavate: [g8], water: {table: 0.5 m}}", False),
+        ("{name: dig, excavate: [g8], loads: {pond: {on: right, water: {level: 2 m}}}}", False),
+        ("{name: dig, excavate: [g9]}", False),  # above the water
+    ],
+)
+def test_an_excavation_below_water_that_stays(tmp_path, stage, said_of_water):
+    """Two metres of it; none where it is lowered, stands in the pit, or is not reached."""
+    text, _ = said(
+        tmp_path, grid(8, 3, lambda column, row: f"g{column + 1}" if row < 2 else "g9"),
+        groups=COLUMNS[:-1] + ", g9: rock}", gauges=LOW, stages=f"[{stage}]",
+        materials=rock("E: $E, nu: 0.25"), in_situ=IN_SITU,
+        water="{table: 2 m, unit_weight: 10 kN/m3}",
+    )  # fmt: skip
+    assert ("'dig' excavates below the water" in text) == said_of_water, text
+    assert ("(up to 20 kPa)" in text) == said_of_water

@@ -67,7 +67,9 @@ def stress_at_rest(material: Material, vertical: Dual, point: ParameterPoint) ->
     k = soil_constants(material, point)
     OCR, POP = past_stress(soil, point) or (point.constant(1.0), point.constant(0.0))
     sine, nu = k["friction"].sine(), k["nu"]
-    highest = (vertical * OCR + POP - vertical).positive_part() + vertical
+    highest = vertical * OCR + POP
+    never = highest.value < vertical.value  # of a preconsolidation stress
+    highest = Dual(np.where(never[:, None], vertical.columns, highest.columns))
     sides = highest * k.get("K0nc", 1.0 - sine) - (highest - vertical) * nu / (1.0 - nu)
     a = k["cohesion"] * k["friction"].cosine() / sine
     passive = (vertical + a) * (1.0 + sine) / (1.0 - sine) - a

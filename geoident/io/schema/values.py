@@ -107,7 +107,8 @@ def _flag(value: object) -> bool:
         return value
     text = require_text(value, "true or false")
     if text not in {"true", "false"}:
-        raise Refusal("not-listed", f"found '{shorten(text)}'; expected true or false")
+        message = f"found '{shorten(text)}'; expected true or false"
+        raise Refusal("not-listed", message, "Write 'true' or 'false'.")
     return text == "true"
 
 

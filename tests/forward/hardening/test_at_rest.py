@@ -84,3 +84,18 @@ def test_without_a_given_ratio_it_follows_from_ocr_and_pop(layers):
         lambda p: stresses(p)[..., 0].ravel(), start, columns[:, 1:], model.names, step=1e-4,
         rtol=1e-7,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("past", "highest"), [(150.0, 150.0), (40.0, 80.0 - 9.81 * 2.0)])
+def test_a_preconsolidation_stress_counts_where_it_is_more_than_the_weight(layers, past, highest):
+    text = layers.read_text().replace(
+        "OCR: $OCR, POP: $POP", f"preconsolidation_stress: {past} kPa"
+    )
+    kept = [line for line in text.splitlines() if not line.startswith(("  OCR", "  POP"))]
+    layers.write_text("\n".join(kept))
+    model = model_at(layers)
+    run = model.at(np.array([one.start for one in model.case.parameters]), RunOptions())
+    found = -model.see(next(iter(run.states())), run).reshape(8, -1)[:, 0].reshape(4, 2) / 1e3
+    upright, water = 80.0 - 9.81 * 2.0, 9.81 * 2.0
+    sides = 0.6 * highest - 0.25 / 0.75 * (highest - upright)
+    np.testing.assert_allclose(found[1], [sides + water, upright + water], rtol=1e-9)
