@@ -94,9 +94,23 @@ def test_the_posterior_of_a_linear_field_is_that_of_the_formulas(tmp_path):
     assert found.reduction == pytest.approx(1 - variance / np.sum(Phi**2, axis=1), abs=0.01)
 
 
-def test_people_see_the_field_and_not_its_modes(tmp_path):
-    path = write(tmp_path)
-    result = fitted(path, *ALONE)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A case and its fit of both stages."""
+    path = write(tmp_path_factory.mktemp("whole"))
+    return path, fitted(path, *ALONE)
+
+
+@pytest.fixture(scope="module")
+def early(tmp_path_factory):
+    """A case and its fit of the first stage, which predicts the second."""
+    path = write(tmp_path_factory.mktemp("early"))
+    path.write_text(path.read_text().replace(ALL, "stages: [first]"))
+    return path, fitted(path, *ALONE)
+
+
+def test_people_see_the_field_and_not_its_modes(whole):
+    path, result = whole
     assert result.parameters.names[:2] == ("E", "K0")
     assert len(result.parameters.names) == 2 + 12
     assert result.parameters.fields == ("", "", *("rock.E",) * 12)
@@ -119,18 +133,17 @@ def test_people_see_the_field_and_not_its_modes(tmp_path):
     assert result.for_people.parameters.names == ("E", "K0")
 
 
-def test_modes_that_only_the_prior_holds_are_no_fault(tmp_path):
+def test_modes_that_only_the_prior_holds_are_no_fault(whole):
     """There are fewer readings than modes: the status speaks of the parameters of the case."""
-    result = fitted(write(tmp_path), *ALONE)
+    _, result = whole
     assert result.status != "not-determined"
     assert not any(
         re.search(r"\bmodes?\b", said) for said in (*sentences_of(result.findings), result.reason)
     )
 
 
-def test_a_result_brings_back_its_fields_and_vtk_has_them(tmp_path):
-    path = write(tmp_path)
-    result = fitted(path, *ALONE)
+def test_a_result_brings_back_its_fields_and_vtk_has_them(whole, tmp_path):
+    path, result = whole
     (found,) = result.varied
     with h5py.File(path.with_name("case.fit.h5")) as file:
         cells = file["VTKHDF/CellData"]
@@ -146,10 +159,8 @@ def test_a_result_brings_back_its_fields_and_vtk_has_them(tmp_path):
     assert 'Name="rock.E.sd"' in (tmp_path / "vtu" / "case.fit.0.vtu").read_text(errors="ignore")
 
 
-def test_predictions_of_a_result_are_those_of_the_fit(tmp_path):
-    path = write(tmp_path)
-    path.write_text(path.read_text().replace(ALL, "stages: [first]"))
-    result = fitted(path, *ALONE)
+def test_predictions_of_a_result_are_those_of_the_fit(early):
+    path, result = early
     assert result.prediction is not None
     done = run_command("predict", path.with_name("case.fit.h5"), "--force")
     assert done.exit_code == 0, done.output
@@ -234,12 +245,10 @@ def test_the_ensemble_smoother_finds_the_field_of_gauss_newton(tmp_path, members
     assert other.sd == pytest.approx(one.sd, rel=close)
 
 
-def test_another_field_cannot_be_predicted_from_a_fit(tmp_path):
+def test_another_field_cannot_be_predicted_from_a_fit(early, tmp_path):
     """Modes are of one covariance: another length, other modes."""
-    path = write(tmp_path)
-    path.write_text(path.read_text().replace(ALL, "stages: [first]"))
-    fitted(path, *ALONE)
-    out, other = path.with_name("case.fit.h5"), tmp_path / "other.yaml"
+    path, _ = early
+    out, other = path.with_name("case.fit.h5"), path.with_name("other.yaml")
     other.write_text(path.read_text())
     same = run_command("predict", out, "--case", other, "-o", tmp_path / "same.h5")
     assert same.exit_code == 0, same.output

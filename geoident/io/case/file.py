@@ -32,6 +32,7 @@ from geoident.io.case.in_service.series import (
     SeriesSection,
     gap_notes,
     read_series,
+    rows_of_shared_files,
 )
 from geoident.io.case.in_service.structure import (
     WATER_TEMPERATURE,
@@ -299,16 +300,19 @@ def _elsewhere(
 
 def _series(section: CaseSection, folder: Path, faults: Faults) -> dict[str, Series]:
     """The loads of a case that change in time."""
-    series = {}
+    loads: dict[str, tuple[str, SeriesSection]] = {}
     for name, load in section.loads.items():
         if isinstance(load, SeriesSection) and name in DIMENSION_OF:
-            at: KeyPath = ("loads", name)
             before = len(faults.found)
-            path = _find(folder, load.file, (*at, "file"), faults=faults)
-            read = None if len(faults.found) > before else read_series(name, load, path, at, faults)
-            if read is not None:
-                series[name] = read
-    return series
+            path = _find(folder, load.file, ("loads", name, "file"), faults=faults)
+            if len(faults.found) == before:
+                loads[name] = path, load
+    rows = rows_of_shared_files(loads)
+    read = {
+        name: read_series(name, load, path, ("loads", name), faults, rows.get(name))
+        for name, (path, load) in loads.items()
+    }
+    return {name: series for name, series in read.items() if series is not None}
 
 
 def _shown(path: str) -> str:

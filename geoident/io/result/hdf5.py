@@ -393,6 +393,7 @@ class TableReader:
         if name and not (_is_here(parent, name) and isinstance(parent.get(name), h5py.Group)):
             raise self._damage(self.name, "is missing")
         self.group = parent[name] if name else parent
+        self._sizes: dict[str, int] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self.group
@@ -434,7 +435,9 @@ class TableReader:
 
     def size(self, axis: str) -> int:
         """How many entries stand along an axis."""
-        return len(self.array(axis, "fiuO"))
+        if axis not in self._sizes:  # each column of a table asks
+            self._sizes[axis] = len(self.array(axis, "fiuO"))
+        return self._sizes[axis]
 
     def floats(self, name: str, *shape: int) -> Floats:
         """Numbers (...) of the given shape."""

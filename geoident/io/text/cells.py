@@ -120,8 +120,13 @@ def cells_of(line: str, delimiter: str) -> list[Cell]:
     """
     cells: list[Cell] = []
     at = 0
+    if '"' not in line:  # as most, which may be thousands
+        for part in line.split(delimiter):
+            cells.append(Cell(part.strip(), at + 1 + len(part) - len(part.lstrip())))
+            at += len(part) + 1
+        return cells
     while at <= len(line):
-        quoted = _quoted(delimiter).match(line, at) if '"' in line else None
+        quoted = _quoted(delimiter).match(line, at)
         if quoted:
             cells.append(Cell(quoted[1].replace('""', '"'), quoted.start(1) + 1))
             at = quoted.end() + 1

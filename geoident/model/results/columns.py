@@ -267,7 +267,7 @@ class Slot:
 
 
 @cache
-def slots(record: type[Any], group: str = "", prefix: str = "") -> tuple[Slot, ...]:
+def slots(record: Any, group: str = "", prefix: str = "") -> tuple[Slot, ...]:
     """All datasets and attributes that records of a type have, with those of the records in them.
 
     Args:

@@ -6,19 +6,22 @@ By itself, since who only shows results asks for them too, and needs nothing of 
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.metadata import version
 
 from geoident import __version__
 
 _DECISIVE = ("numpy", "scipy", "h5py")
 
+_version = cache(version)  # which reads a text of hundreds of lines: a tenth of a small fit
+
 
 def versions() -> dict[str, str]:
     """Versions of geoident, of Python and of the libraries that numbers go through."""
-    return decisive_versions() | {name: version(name) for name in ("meshio", "pyyaml", "pydantic")}
+    return decisive_versions() | {name: _version(name) for name in ("meshio", "pyyaml", "pydantic")}
 
 
 def decisive_versions() -> dict[str, str]:
     """Those on which numbers depend, or what is sent to workers of a cluster."""
     own = {"geoident": __version__, "python": platform.python_version()}
-    return own | {name: version(name) for name in _DECISIVE}
+    return own | {name: _version(name) for name in _DECISIVE}

@@ -24,10 +24,23 @@ def run(command, *arguments, code=0):
     return json.loads(done.stdout)
 
 
-def controlled(folder, made, code, *more):
-    case = write(folder, made)
-    run("fit", case)
-    return run("control", folder / "dam.fit.h5", *more, code=code)
+def controlled(sound, tmp_path, made, code):
+    """What the fit of the sound dam says of the later readings of another."""
+    new = later(made, tmp_path / "new.csv")
+    out = tmp_path / "control.h5"
+    return run("control", sound[0] / "dam.fit.h5", "--readings", new, "-o", out, code=code)
+
+
+def later(made, path):
+    """A file of the readings after those that are fitted."""
+    rows = [
+        f"{gauge},{FIRST + int(d)},{v:.3f},mm"
+        for gauge, (read, y) in made.read.items()
+        for d, v in zip(read, y, strict=True)
+        if d > 6.0 * YEAR
+    ]
+    path.write_text("gauge,date,value,unit\n" + "\n".join(rows) + "\n")
+    return path
 
 
 def shown(said):
@@ -54,8 +67,8 @@ def test_later_readings_lie_inside_their_bands(sound):
     with h5py.File(folder / "dam.fit.h5") as found:
         e = found["judged/innovation"][()]
     e = e[np.isfinite(e)]
-    later = sum(int((read > 6.0 * YEAR).sum()) for read, _ in made.read.values())
-    assert abs(len(e) - later) <= len(GAUGES)
+    number = sum(int((read > 6.0 * YEAR).sum()) for read, _ in made.read.values())
+    assert abs(len(e) - number) <= len(GAUGES)
     assert 0.90 <= np.mean(np.abs(e) < 1.96) <= 0.985
     assert np.std(e) == pytest.approx(1.0, abs=0.12)
 
@@ -73,9 +86,9 @@ def test_effects_are_of_the_size_of_their_causes(sound):
     assert np.all(explained > 0.9)
 
 
-def test_a_gauge_that_drifts_is_named_with_its_rate_and_the_date(tmp_path):
+def test_a_gauge_that_drifts_is_named_with_its_rate_and_the_date(tmp_path, sound):
     change = {"P2": lambda t: np.where(t > 7.5 * YEAR, 1.2 * (t - 7.5 * YEAR) / YEAR, 0.0)}
-    said = controlled(tmp_path, dam(2, changes=change), 8)
+    said = controlled(sound, tmp_path, dam(1, changes=change), 8)
     assert said["status"] == "amber"
     gauges, sentence = shown(said)[0]
     assert gauges == ["P2"]
@@ -87,13 +100,13 @@ def test_a_gauge_that_drifts_is_named_with_its_rate_and_the_date(tmp_path):
     assert abs(since - 7.5 * YEAR) < 120.0
 
 
-def test_a_structure_that_moves_otherwise_is_told_from_a_gauge(tmp_path):
+def test_a_structure_that_moves_otherwise_is_told_from_a_gauge(tmp_path, sound):
     """All gauges move by 0.25 to 1.25 mm at once, of an accuracy of 0.25 mm that lasts."""
     changes = {
         gauge: (lambda t, k=k: np.where(t > 7.5 * YEAR, 0.25 * k, 0.0))
         for k, gauge in enumerate(GAUGES, 1)
     }
-    said = controlled(tmp_path, dam(1, changes=changes), 8)
+    said = controlled(sound, tmp_path, dam(1, changes=changes), 8)
     assert said["status"] == "red"
     gauges, sentence = shown(said)[0]
     assert {"P4", "P5"} < set(gauges)
@@ -112,7 +125,7 @@ def test_a_single_wrong_reading_is_no_change(tmp_path, sound):
     wrong[at] += 5.0
     other = dam(1)
     other.read["P3"] = read, wrong
-    said = controlled(tmp_path, other, 0)
+    said = controlled(sound, tmp_path, other, 0)
     assert said["status"] == "green"
     assert not shown(said)
     (finding,) = (f for f in said["findings"] if f["kind"] == "far-reading")
@@ -122,14 +135,7 @@ def test_a_single_wrong_reading_is_no_change(tmp_path, sound):
 
 def test_new_readings_in_a_file_of_their_own_are_judged_alike(tmp_path, sound):
     folder, made, _ = sound
-    rows = [
-        f"{gauge},{FIRST + int(d)},{v:.3f},mm"
-        for gauge, (read, y) in made.read.items()
-        for d, v in zip(read, y, strict=True)
-        if d > 6.0 * YEAR
-    ]
-    new = tmp_path / "new.csv"
-    new.write_text("gauge,date,value,unit\n" + "\n".join(rows) + "\n")
+    new = later(made, tmp_path / "new.csv")
     fit = folder / "dam.fit.h5"
     of_case = run_command("control", str(fit), "--json", "-o", str(tmp_path / "a.h5"))
     of_file = run_command(

@@ -277,13 +277,13 @@ def test_later_readings_are_judged_and_fitted_in_from_the_answer_before(tmp_path
 def test_parameters_that_readings_cannot_tell_are_not_numbers(tmp_path):
     """Without temperatures nothing depends on expansion and conductivity."""
     case = without_temperatures(CASE, keep=True)
-    said = run("fit", write(tmp_path, case=case), code=4)
+    said = run("fit", write(tmp_path, case=case, years=7.0, every=24.0), code=4)
     assert said["status"] == "not-determined"
     assert {n for n, q in said["parameters"].items() if not q["determined"]} >= {"alpha", "k"}
 
 
 def test_only_gauges_with_enough_readings_are_fitted(tmp_path):
-    path = write(tmp_path, years=7.0, case=without_temperatures(CASE))
+    path = write(tmp_path, years=7.0, every=24.0, case=without_temperatures(CASE))
     rows = (tmp_path / "readings.csv").read_text().splitlines()
     few = [r for r in rows if not r.startswith("L58")] + [r for r in rows if r.startswith("L58")][
         :4
@@ -364,7 +364,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(tmp_path):
 
 
 def test_a_fit_that_ran_out_of_time_goes_on(tmp_path):
-    path = write(tmp_path, years=7.0, case=without_temperatures(CASE))
+    path = write(tmp_path, years=7.0, every=24.0, case=without_temperatures(CASE))
     assert run("fit", path, "--max-time", "0s", code=4)["status"] == "out-of-budget"
     assert (tmp_path / "dam.fit.checkpoint").exists()
     assert run("fit", path)["status"] == "converged"

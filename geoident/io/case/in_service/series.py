@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -98,8 +99,47 @@ class SeriesSection(DatedTableSection):
         return self.layout_of(self.column or name, dimension, f"loads.{name}")
 
 
+def rows_of_shared_files(
+    loads: Mapping[str, tuple[str, SeriesSection]],
+) -> dict[str, Sequence[Reading]]:
+    """What a file holds of each of its loads, where it has several: it is gone through once.
+
+    A file with faults is left out: read for each load it says what is wrong with that.
+
+    Args:
+        loads: name to path and how the file is written.
+    """
+    files: list[tuple[str, Layout, dict[str, Layout]]] = []
+    for name, (path, section) in loads.items():
+        layout = section.layout(name, DIMENSION_OF[name])
+        bare = replace(layout, channels={}, dimensions={}, load="")
+        known = (of for file, other, of in files if (file, other) == (path, bare))
+        if (of := next(known, None)) is None:
+            files.append((path, bare, of := {}))
+        of[name] = layout
+    rows: dict[str, Sequence[Reading]] = {}
+    for path, _, of in files:
+        if len(of) > 1:
+            channels = {name: layout.channels[name] for name, layout in of.items()}
+            dimensions = {name: DIMENSION_OF[name] for name in of}
+            any_of_them = next(iter(of.values()))
+            try:
+                read = read_readings(
+                    path, replace(any_of_them, channels=channels, dimensions=dimensions)
+                )
+            except InputError:
+                continue
+            rows |= {name: [row for row in read if row.channel == name] for name in of}
+    return rows
+
+
 def read_series(
-    name: str, section: SeriesSection, path: str, at: KeyPath, faults: Faults
+    name: str,
+    section: SeriesSection,
+    path: str,
+    at: KeyPath,
+    faults: Faults,
+    read: Sequence[Reading] | None = None,
 ) -> Series | None:
     """The values of a load over time; None, with faults, where the file is of no use.
 
@@ -109,6 +149,7 @@ def read_series(
         path: of the file.
         at: where the case says it.
         faults: takes what is wrong.
+        read: its rows, where they are known.
     """
     dimension = DIMENSION_OF[name]
     if section.unit is not None and size_in(section.unit, dimension) is None:
@@ -116,7 +157,7 @@ def read_series(
         faults.add((*at, "unit"), "unit", f"'{section.unit}' is not a unit of the {name}", hint)
         return None
     try:
-        read = read_readings(path, section.layout(name, dimension))
+        read = read_readings(path, section.layout(name, dimension)) if read is None else read
     except InputError as error:
         faults.extend(error.faults)
         return None
