@@ -638,15 +638,15 @@ def _check_pasts(
     stressed_more = {test.material for test in tests.values() if test.initial > least}
     for name, of in materials.items():
         strength = of.get("yield") if isinstance(of, dict) else None
-        for key in ("OCR", "POP") if isinstance(strength, dict) and name in stressed_more else ():
-            if key in strength:
-                message = (
-                    f"'{name}' has '{key}', and tests that begin under other stresses than "
-                    f"{least / 1e3:g} kPa: which of them it counts from is not clear"
-                )
-                hint = "Give 'preconsolidation_stress' in its place: the highest vertical stress "
-                hint += "of the past, here or for each test."
-                faults.add(("materials", name, "yield", key), "two-states", message, hint, key=True)
+        past = strength.keys() & {"OCR", "POP"} if isinstance(strength, dict) else set()
+        for key in sorted(past) if name in stressed_more else ():
+            message = (
+                f"'{name}' has '{key}', and tests that begin under other stresses than "
+                f"{least / 1e3:g} kPa: which of them it counts from is not clear"
+            )
+            hint = "Give 'preconsolidation_stress' in its place: the highest vertical stress "
+            hint += "of the past, here or for each test."
+            faults.add(("materials", name, "yield", key), "two-states", message, hint, key=True)
     for name, test in tests.items():
         if not test.past or test.material not in materials:
             continue
