@@ -147,8 +147,7 @@ def predict(task: PredictTask, control: Control) -> Finished:
     task.require_free()
     fit, same_case = task.fit, task.asked.case is None
     model, case = _model(task)
-    order = [fit.parameters.names.index(name) for name in model.names]
-    parameters = fit.parameters.picked(np.array(order, dtype=np.int64))
+    parameters = fit.parameters.of(model.names)
     p = parameters.values
     require_same_modes(fit, model, case, p)
     control.stop.check()

@@ -180,8 +180,7 @@ def _result(task: _Task, control: Control) -> Result:
         parameters = bare_parameter_table(case.parameters, values_for(model, task.written))
     else:
         require_same_modes(fit, model, inputs.case, fit.parameters.values)
-        order = [fit.parameters.names.index(name) for name in model.names]
-        parameters = fit.parameters.picked(np.array(order, dtype=np.int64))
+        parameters = fit.parameters.of(model.names)
     p = parameters.values
 
     def tell(words: str) -> None:

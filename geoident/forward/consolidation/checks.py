@@ -89,16 +89,18 @@ def _undrained(on_mesh: CaseOnMesh) -> Iterator[Fault]:
     """Stages that last, and from whose ground no water can leave."""
     case = on_mesh.case
     for n, state in enumerate(on_mesh.sequence.states):
-        if not state.lasts or state.goes_on or not _consolidates(case, state):
+        materials = set(state.materials.values())
+        consolidates = any(case.materials[name].consolidates for name in materials)
+        if not state.lasts or state.goes_on or not consolidates:
             continue
-        if any(_has_drains(case, name) for name in state.materials.values()):
+        if any(_has_drains(case, name) for name in materials):
             continue
         corners = _corners(on_mesh, state, consolidating=True)
         at_once = _corners(on_mesh, state, consolidating=False)
         drained = [drained_nodes(on_mesh, name) for name in state.drained]
         if not np.intersect1d(corners, np.concatenate([at_once, *drained])).size:
             yield case.source.fault(
-                _stage_key(case, n),
+                ("stages", n - 1, "lasts") if n else ("stages",),
                 "undrained",
                 f"'{case.stages[n - 1].whole}' lasts, and no water leaves its ground: "
                 "no face is drained, and no ground has drains",
@@ -120,10 +122,6 @@ def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 f"'{name}' is drained, and touches no ground with 'hydraulic' at any stage",
                 "Correct the name of the group, or give the material there 'hydraulic'.",
             )
-
-
-def _consolidates(case: Case, state: ConstructionState) -> bool:
-    return any(case.materials[name].consolidates for name in state.materials.values())
 
 
 def _has_drains(case: Case, name: str) -> bool:
@@ -148,8 +146,3 @@ def _drained_keys(case: Case) -> list[tuple[KeyPath, str]]:
     for n, stage in enumerate(case.stages):
         keys += [(("stages", n, "drained", name), name) for name in stage.drained]
     return keys
-
-
-def _stage_key(case: Case, state: int) -> KeyPath:
-    """Where the stage of a state is written."""
-    return ("stages", state - 1, "lasts") if state else ("stages",)

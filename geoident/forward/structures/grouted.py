@@ -113,12 +113,9 @@ def held_points(
     points = stations(np.array([ends], dtype=np.float64), structure.free, structure.pieces)[0]
     middles = (points[:-1] + points[1:]) / 2
     head = [("the head", ends[0])] if structure.head != "free" else []
-    toe = [("the toe", ends[1])] if _has_toe(structure) else []
+    has_toe = isinstance(structure, Piles) and structure.k_base is not None
+    toe = [("the toe", ends[1])] if has_toe else []
     return head, [("the grout at", tuple(point)) for point in middles.tolist()] + toe
-
-
-def _has_toe(structure: GroutedBars) -> bool:
-    return isinstance(structure, Piles) and structure.k_base is not None
 
 
 class PlacedBars:

@@ -142,7 +142,7 @@ def _read_section(name: str, section: bytes, encoding: Encoding, parts: _Parts) 
         if name == "Entities":
             parts.entities = _read_entities(stream)
         elif name == "Nodes":
-            parts.nodes = _read_nodes_v4(stream) if new else _read_nodes_v2(stream)
+            parts.nodes = _read_nodes_v4(stream) if new else stream.numbered(stream.count(), 3)
         elif new:
             parts.blocks = _read_elements_v4(stream, parts.entities)
         else:
@@ -222,11 +222,6 @@ def _read_elements_v4(stream: Stream, entities: Entities) -> list[_Elements]:
         blocks.append(_Elements(kind, rows[:, 0], rows[:, 1:], physical))
     _check_count("Elements", sum(map(len, blocks)), total)
     return blocks
-
-
-def _read_nodes_v2(stream: Stream) -> tuple[Ints, Floats]:
-    """Node numbers and (n, 3) coordinates, m (section $Nodes of MSH 2.2)."""
-    return stream.numbered(stream.count(), 3)
 
 
 def _read_elements_v2(stream: Stream) -> list[_Elements]:

@@ -173,6 +173,10 @@ class ParameterTable(Record):
         modes = self.fields or ("",) * len(self.names)
         return np.flatnonzero([not name for name in modes])
 
+    def of(self, names: Sequence[str]) -> ParameterTable:
+        """The rows of these parameters, in this order."""
+        return self.picked(np.array([self.names.index(name) for name in names], dtype=np.int64))
+
     def picked(self, order: Ints) -> ParameterTable:
         """Some rows (k,) of the table."""
         return select(self, PARAMETERS, order)

@@ -235,12 +235,8 @@ def fitted_process(
         bounds=[_LENGTHS] * n + [_NUGGETS],
         options={"maxiter": 100, "ftol": 1e-7, "gtol": 1e-4},
     )
-    return process_with(u, y, hyperparameters_of(optimum.x, smooth=smooth))
-
-
-def hyperparameters_of(theta: Floats, *, smooth: bool) -> Hyperparameters:
-    """From logarithms (n + 1,) of lengths and nugget."""
-    return Hyperparameters(np.exp(theta[:-1]), float(np.exp(theta[-1])), smooth)
+    *lengths, nugget = np.exp(optimum.x)
+    return process_with(u, y, Hyperparameters(np.array(lengths), float(nugget), smooth))
 
 
 class ProcessLikelihood:
