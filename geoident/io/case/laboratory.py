@@ -638,7 +638,9 @@ def _check_pasts(
     stressed_more = {test.material for test in tests.values() if test.initial > least}
     for name, of in materials.items():
         strength = of.get("yield") if isinstance(of, dict) else None
-        for key in ("OCR", "POP") if isinstance(strength, dict) and name in stressed_more else ():
+        if not isinstance(strength, dict) or name not in stressed_more:
+            continue
+        for key in ("OCR", "POP"):
             if key in strength:
                 message = (
                     f"'{name}' has '{key}', and tests that begin under other stresses than "
