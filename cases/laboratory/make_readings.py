@@ -26,7 +26,7 @@ CELLS = (50.0, 200.0, 400.0)  # kPa
 STRAINS = (0.005, 0.01, 0.02, 0.035, 0.05)
 LAST = 0.09
 Q_SD, VOLUME_SD, STRAIN_SD = 0.01, 3e-4, 2e-4  # 1 % of the strength; strains
-LOADS = (25.0, 50.0, 100.0, 200.0, 100.0, 50.0)  # kPa
+LOADS = (25.0, 50.0, 100.0, 200.0, 50.0, 12.5)  # kPa
 SEATING = 12.5  # kPa
 
 

@@ -184,9 +184,8 @@ def _of_bars(bars: Bars, point: ParameterPoint, *, solid: bool) -> YieldPlanes:
     if presses_only:
         normals, distances, names = [[1.0]], [point.constant(0.0)], ["opening"]
     if bars.capacity is not None:
-        signs = {"compression": -1.0} if presses_only else {"tension": 1.0, "compression": -1.0}
-        for name, sign in signs.items():
-            normals.append([sign, *[0.0] * grouted])
+        for name, sense in (("tension", 1.0), ("compression", -1.0))[presses_only:]:
+            normals.append([sense, *[0.0] * grouted])
             distances.append(point.number(bars.capacity) / share)
             names.append(name)
     if isinstance(bars, GroutedBars) and bars.bond is not None:
