@@ -237,8 +237,7 @@ class Slot:
         return (*self.axes[:first], self.column.part[0], *self.axes[first:])
 
 
-@cache
-def slots(record: Any, group: str = "", prefix: str = "") -> tuple[Slot, ...]:
+def slots(record: type[Any], group: str = "", prefix: str = "") -> tuple[Slot, ...]:
     """All datasets and attributes that records of a type have, with those of the records in them.
 
     Args:
@@ -246,6 +245,12 @@ def slots(record: Any, group: str = "", prefix: str = "") -> tuple[Slot, ...]:
         group: in which its columns stand that name no other.
         prefix: before their names.
     """
+    kind: Any = record
+    return _slots(kind, group, prefix)
+
+
+@cache
+def _slots(record: Any, group: str, prefix: str) -> tuple[Slot, ...]:
     found = []
     for one in columns(record):
         home = one.group or group
