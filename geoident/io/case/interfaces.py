@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pydantic import Field
 
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
-from geoident.io.schema.section import Alternatives, Context, Section
+from geoident.io.schema.section import Alternatives, Context, Section, optional
 from geoident.io.schema.values import (
     Flag,
     FrictionAngle,
@@ -49,29 +49,24 @@ class InterfaceSection(Section):
     k_s: WallSubgrade = Field(
         description="Shear stiffness, traction per slip.", examples=["1 GPa/m"]
     )
-    cohesion: Pressure | None = Field(
-        None, description="Cohesion; 0 if missing.", examples=["50 kPa"]
+    cohesion: Pressure | None = optional("Cohesion; 0 if missing.", examples=["50 kPa"])
+    friction: FrictionAngle | None = optional(
+        "Friction angle, from 0 to below 90 deg.", examples=["30 deg"]
     )
-    friction: FrictionAngle | None = Field(
-        None, description="Friction angle, from 0 to below 90 deg.", examples=["30 deg"]
-    )
-    R_inter: Multiple | None = Field(
-        None,
-        description="Part of the cohesion and of tan(friction) of the material `of`, in place of "
+    R_inter: Multiple | None = optional(
+        "Part of the cohesion and of tan(friction) of the material `of`, in place of "
         "`cohesion` and `friction`.",
         examples=["0.67"],
     )
-    of: Name | None = Field(
-        None,
-        description="Material whose strength `R_inter` reduces: with a Mohr-Coulomb surface, or a "
+    of: Name | None = optional(
+        "Material whose strength `R_inter` reduces: with a Mohr-Coulomb surface, or a "
         "hardening soil.",
     )
-    dilation: FrictionAngle | None = Field(
-        None, description="Dilation angle, by which slip opens it; 0 if missing."
+    dilation: FrictionAngle | None = optional(
+        "Dilation angle, by which slip opens it; 0 if missing."
     )
-    tensile_strength: Pressure | None = Field(
-        None,
-        description="Largest tension; 0 if missing. Not beyond cohesion / tan(friction).",
+    tensile_strength: Pressure | None = optional(
+        "Largest tension; 0 if missing. Not beyond cohesion / tan(friction).",
         examples=["20 kPa"],
     )
     permeable: Flag = Field(

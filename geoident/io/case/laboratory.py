@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from geoident.io.case.gauges.accuracy import StandardDeviationOf
 from geoident.io.schema.faults import add_schema_faults
-from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.section import Section, SectionFaults, optional
 from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
@@ -103,12 +103,10 @@ class TriaxialRows(RowsSection):
     """
 
     axial_strain: Strains = Field(description="Imposed.", examples=[["0.5 %", "1 %"]])
-    deviator_stress: ReadPressures | None = Field(None, description="Axial less radial stress.")
-    volumetric_strain: ReadStrains | None = Field(
-        None, description="Of the specimen, in a drained test."
-    )
-    pore_pressure: ReadPressures | None = Field(
-        None, description="Its rise since consolidation, without back pressure; undrained."
+    deviator_stress: ReadPressures | None = optional("Axial less radial stress.")
+    volumetric_strain: ReadStrains | None = optional("Of the specimen, in a drained test.")
+    pore_pressure: ReadPressures | None = optional(
+        "Its rise since consolidation, without back pressure; undrained."
     )
 
 
@@ -121,7 +119,7 @@ class OedometerRows(RowsSection):
     vertical_stress: Pressures = Field(
         description="Effective, imposed; it may fall again.", examples=[["50 kPa", "100 kPa"]]
     )
-    axial_strain: ReadStrains | None = Field(None, description="Settlement by height.")
+    axial_strain: ReadStrains | None = optional("Settlement by height.")
 
 
 class DirectShearRows(RowsSection):
@@ -131,9 +129,9 @@ class DirectShearRows(RowsSection):
         description="Imposed: horizontal motion by the height of the specimen.",
         examples=[["1 %", "5 %"]],
     )
-    shear_stress: ReadPressures | None = Field(None, description="Force by area.")
-    vertical_strain: ReadStrains | None = Field(
-        None, description="Settlement by height, positive where the specimen is compressed."
+    shear_stress: ReadPressures | None = optional("Force by area.")
+    vertical_strain: ReadStrains | None = optional(
+        "Settlement by height, positive where the specimen is compressed."
     )
 
 
@@ -144,7 +142,7 @@ class PlateLoadRows(RowsSection):
         description="Imposed, mean of the plate; it may fall again.",
         examples=[["100 kPa", "200 kPa"]],
     )
-    settlement: ReadLengths | None = Field(None, description="Of the middle of the plate.")
+    settlement: ReadLengths | None = optional("Of the middle of the plate.")
 
 
 class PressuremeterRows(RowsSection):
@@ -153,8 +151,8 @@ class PressuremeterRows(RowsSection):
     pressure: Pressures = Field(
         description="Effective, imposed; it may fall again.", examples=[["300 kPa", "500 kPa"]]
     )
-    cavity_strain: ReadStrains | None = Field(
-        None, description="Growth of the radius by the radius, since the stress in situ."
+    cavity_strain: ReadStrains | None = optional(
+        "Growth of the radius by the radius, since the stress in situ."
     )
 
 
@@ -176,9 +174,8 @@ class TestSection(Section):
         accuracy: Section
 
     material: Name = Field(description="The material that is tested, one of `materials`.")
-    preconsolidation_stress: PastStress | None = Field(
-        None,
-        description="Highest vertical stress that the sample bore in the ground, effective, "
+    preconsolidation_stress: PastStress | None = optional(
+        "Highest vertical stress that the sample bore in the ground, effective, "
         "with K0nc of it to the sides: of hardening soil with a cap, in place of `OCR` and `POP`.",
         examples=["180 kPa", "$sigma_p"],
     )
@@ -236,9 +233,9 @@ class TestSection(Section):
 class TriaxialAccuracy(Section):
     """Standard deviation of one value of each column."""
 
-    deviator_stress: PressureError | None = Field(None, description=_IN)
-    volumetric_strain: StrainError | None = Field(None, description=_IN)
-    pore_pressure: PressureError | None = Field(None, description=_IN)
+    deviator_stress: PressureError | None = optional(_IN)
+    volumetric_strain: StrainError | None = optional(_IN)
+    pore_pressure: PressureError | None = optional(_IN)
 
 
 _NOT_READ = {
@@ -313,7 +310,7 @@ class TriaxialSection(TestSection):
 class OedometerAccuracy(Section):
     """Standard deviation of one value of each column."""
 
-    axial_strain: StrainError | None = Field(None, description=_IN)
+    axial_strain: StrainError | None = optional(_IN)
 
 
 class OedometerSection(TestSection):
@@ -364,8 +361,8 @@ class OedometerSection(TestSection):
 class DirectShearAccuracy(Section):
     """Standard deviation of one value of each column."""
 
-    shear_stress: PressureError | None = Field(None, description=_IN)
-    vertical_strain: StrainError | None = Field(None, description=_IN)
+    shear_stress: PressureError | None = optional(_IN)
+    vertical_strain: StrainError | None = optional(_IN)
 
 
 class DirectShearSection(TestSection):
@@ -411,7 +408,7 @@ class DirectShearSection(TestSection):
 class PlateLoadAccuracy(Section):
     """Standard deviation of one value of each column."""
 
-    settlement: LengthError | None = Field(None, description=_IN)
+    settlement: LengthError | None = optional(_IN)
 
 
 class PlateLoadSection(TestSection):
@@ -477,7 +474,7 @@ class PlateLoadSection(TestSection):
 class PressuremeterAccuracy(Section):
     """Standard deviation of one value of each column."""
 
-    cavity_strain: StrainError | None = Field(None, description=_IN)
+    cavity_strain: StrainError | None = optional(_IN)
 
 
 class PressuremeterSection(TestSection):
