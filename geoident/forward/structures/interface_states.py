@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
+
 import numpy as np
 
 from geoident.forward.stages import ConstructionSequence
 from geoident.forward.structures.interface_limits import coulomb_cone
+from geoident.forward.structures.interfaces import InterfacePart
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
@@ -15,6 +19,9 @@ from geoident.model.results.interfaces import InterfaceStates
 
 _AT_LIMIT = 1e-7
 """Of the tractions and strengths at work: how far off its limit one may be that is on it."""
+
+_STRAIGHT = 0.95
+"""Length of the mean of unit normals from which on a wall has its ground in one direction."""
 
 
 class InterfaceRecorder:
@@ -90,15 +97,16 @@ class InterfaceRecorder:
         table = np.stack(self._tables[1:], axis=-1)
         names: list[str] = []
         faces, count = [], dict[str, int]()
-        for part in self._parts:
-            assert part.joint is not None
-            name, face = part.joint.interface, part.joint.points.face
+        joints = [part.joint for part in self._parts if part.joint is not None]
+        for joint in joints:
+            name, face = joint.interface, joint.points.face
             faces.append(1 + count.get(name, 0) + face)
             count[name] = count.get(name, 0) + int(face.max()) + 1
             names += [name] * len(face)
-        points = [part.joint.points for part in self._parts if part.joint is not None]
+        points = [joint.points for joint in joints]
         return InterfaceStates(
             interfaces=tuple(names),
+            sides=_sides(joints),
             faces=np.concatenate(faces),
             stages=tuple(state.name for state in self._sequence.states[1:]),
             points=np.concatenate([one.position for one in points]),
@@ -111,6 +119,30 @@ class InterfaceRecorder:
             slips=table[4] > 0.0,
             parts=table[5] > 0.0,
         )
+
+
+def _sides(joints: Sequence[InterfacePart]) -> tuple[str, ...]:
+    """Where the ground of each point is, seen from the beam or shell; see `InterfaceStates`."""
+    names = np.concatenate([np.full(len(one.points.face), one.interface) for one in joints])
+    points = [one.points for one in joints]
+    touches, normals, positions = (
+        np.concatenate([getattr(one, key) for one in points])
+        for key in ("touches", "normal", "position")
+    )
+    sides = np.full(len(names), "", dtype="<U7")
+    for name, other in product(dict.fromkeys(names.tolist()), (False, True)):
+        own = np.flatnonzero((names == name) & (touches == [not other, other]).all(axis=1))
+        if not len(own):
+            continue
+        towards = normals[own] * (1.0 if other else -1.0)
+        mean = towards.mean(axis=0)
+        axis = int(np.argmax(np.abs(mean)))
+        if np.linalg.norm(mean) > _STRAIGHT:
+            sides[own] = f"{'-+'[int(mean[axis] > 0.0)]}{'xyz'[axis]}"
+        else:
+            out = ((positions[own] - positions[own].mean(axis=0)) * towards).sum() > 0.0
+            sides[own] = "outside" if out else "inside"
+    return tuple(sides.tolist())
 
 
 def _along(components: Floats) -> Floats:

@@ -15,6 +15,9 @@ class InterfaceStates(Record):
 
     Args:
         interfaces: (m,) name of the interface of each point.
+        sides: (m,) where the ground is, seen from the beam or shell on which the point is: towards
+            ``-x``, ``+x``, ``-y`` and so on, ``inside`` or ``outside`` of one that is round; empty
+            where both sides are ground.
         faces: (m,) number of its face within the interface, from 1; the corners of a face come
             first, then the middles of its edges and its centre.
         stages: names of the stages, the virgin state not among them.
@@ -31,6 +34,7 @@ class InterfaceStates(Record):
     """
 
     interfaces: tuple[str, ...] = column("joint", name="interface")
+    sides: tuple[str, ...] = column("joint", name="side")
     faces: Ints = column("joint", name="face")
     stages: tuple[str, ...] = column("stage", name="stage")
     points: Floats = column(
@@ -57,9 +61,15 @@ class InterfaceStates(Record):
         places: list[list[int]] = np.argwhere(np.isfinite(self.normal_traction.T)).tolist()
         return places
 
-    def of(self, name: str) -> Ints:
-        """Numbers (k,) of the points of an interface."""
-        return np.flatnonzero(np.array(self.interfaces) == name)
+    @property
+    def lines(self) -> tuple[tuple[str, str], ...]:
+        """Name and side of what lies apart: of an interface along a wall each of its sides."""
+        return tuple(dict.fromkeys(zip(self.interfaces, self.sides, strict=True)))
+
+    def of(self, name: str, side: str) -> Ints:
+        """Numbers (k,) of the points of an interface on a side."""
+        pairs = zip(self.interfaces, self.sides, strict=True)
+        return np.flatnonzero([pair == (name, side) for pair in pairs])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,3 +82,10 @@ class InterfaceStates(Record):
         places = np.array([self.names.index(name) for name in self.interfaces])
         new = (np.diff(places) != 0) | (np.diff(self.faces) != 0)
         return np.split(np.arange(len(places)), np.flatnonzero(new) + 1)
+
+
+def titled(name: str, side: str) -> str:
+    """An interface, and its side if it has several."""
+    if not side:
+        return name
+    return f"{name}, ground {side if side.endswith('side') else f'towards {side}'}"

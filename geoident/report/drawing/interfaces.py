@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.results.interfaces import InterfaceStates
+from geoident.model.results.interfaces import InterfaceStates, titled
 from geoident.model.results.result import Result
 from geoident.report.drawing.fields.panels import add_lines, draw_lines, finish, panel_figure
 from geoident.report.drawing.forces import LINE_STYLES, chain
@@ -57,11 +57,11 @@ def interface_pictures(result: Result) -> tuple[Picture, ...]:
     return tuple(
         Picture(
             f"interface-{n}",
-            f"Along the interface {name}",
+            f"Along the interface {titled(*line)}",
             words,
-            partial(_along_figure, states, name),
+            partial(_along_figure, states, line),
         )
-        for n, name in enumerate(states.names, start=1)
+        for n, line in enumerate(states.lines, start=1)
     )
 
 
@@ -78,14 +78,15 @@ def _sheet_pictures(states: InterfaceStates) -> Iterator[Picture]:
     level[flat] = [1.0, 0.0, 0.0]
     level /= np.linalg.norm(level, axis=1, keepdims=True)
     axes = np.stack([level, np.cross(normals, level), normals], axis=1)
-    every = sheets(corners, axes, "interface", either_way=True)
+    lines = [(states.interfaces[own[0]], states.sides[own[0]]) for own in points]
+    every = sheets(corners, axes, "interface", [side for _, side in lines], either_way=True)
     for count, sheet in enumerate(every[:MOST_SHEETS], start=1):
         on_sheet = [points[face] for face in sheet.faces]
         there = np.isfinite(states.normal_traction[np.concatenate(on_sheet)]).any(axis=0)
         stages = np.flatnonzero(there)
         if not len(stages):
             continue
-        names = list(dict.fromkeys(states.interfaces[one[0]] for one in on_sheet))
+        names = list(dict.fromkeys(titled(*lines[face]) for face in sheet.faces))
         stages = stages[evenly(len(stages), MOST_SHEET_STAGES)]
         drawn = f"{len(stages)} of {int(there.sum())} stages"
         words = (
@@ -140,15 +141,15 @@ def interface_map_pictures(view: SheetView) -> tuple[Picture, ...]:
     return (Picture("interfaces", "Where interfaces slip and open, stage by stage", words, draw),)
 
 
-def _faces(states: InterfaceStates, name: str) -> Ints:
-    """(n, 2) numbers of the points at the ends of the faces of an interface in the plane."""
-    own = [face[:2] for face in states.face_points if states.interfaces[face[0]] == name]
-    return np.array(own)
+def _faces(states: InterfaceStates) -> Ints:
+    """(n, 2) numbers of the points at the ends of the faces of interfaces in the plane."""
+    return np.array([face[:2] for face in states.face_points])
 
 
-def _along_figure(states: InterfaceStates, name: str) -> Figure:
-    """Four panels over the length of an interface, a line for each stage."""
-    faces = _faces(states, name)
+def _along_figure(states: InterfaceStates, line: tuple[str, str]) -> Figure:
+    """Four panels over the length of an interface, or of its side, a line for each stage."""
+    faces = _faces(states)
+    faces = faces[np.isin(faces[:, 0], states.of(*line))]
     order, turned, label, along = chain(states.points[faces])
     ends = np.where(turned[:, None], faces[order][:, ::-1], faces[order]).ravel()
     there = np.flatnonzero(np.isfinite(states.normal_traction[ends]).any(axis=0))
@@ -194,7 +195,7 @@ def _map_figure(view: SheetView, states: InterfaceStates) -> Figure:
 
 def _by_state(states: InterfaceStates, stage: int) -> tuple[Floats, Floats, Floats]:
     """Lines (k, 2, 2), m, that stick, slip and open: the halves of faces next to their points."""
-    faces = np.concatenate([_faces(states, name) for name in states.names])
+    faces = _faces(states)
     ends = states.points[faces]
     middles = ends.mean(axis=1, keepdims=True)
     halves = np.stack([ends, np.broadcast_to(middles, ends.shape)], axis=2).reshape(-1, 2, 2)

@@ -55,13 +55,21 @@ class Sheet:
     words: str
 
 
-def sheets(corners: Floats, axes: Floats, what: str, *, either_way: bool = False) -> list[Sheet]:
+def sheets(
+    corners: Floats,
+    axes: Floats,
+    what: str,
+    sides: Sequence[str] = (),
+    *,
+    either_way: bool = False,
+) -> list[Sheet]:
     """The sheets of some faces, the largest first.
 
     Args:
         corners: (n, 4, 3) of the faces, m; NaN for the fourth of a triangle.
         axes: (n, 3, 3) of each face two directions in it and its normal.
         what: they are, for a sentence.
+        sides: of each face, where faces on several sides of something lie at the same place.
         either_way: whether normals of neighbours may be opposite.
     """
     keys = corners.round(6)
@@ -76,6 +84,7 @@ def sheets(corners: Floats, axes: Floats, what: str, *, either_way: bool = False
         for faces in at.values()
         for pair in combinations(faces, 2)
         if _bend(*normals[list(pair)], either_way=either_way) > _SMOOTH
+        and (not sides or sides[pair[0]] == sides[pair[1]])
     ]
     pairs = np.array(joined, dtype=np.int64).reshape(-1, 2)
     n = len(normals)

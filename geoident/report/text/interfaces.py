@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.model.arrays import Floats
-from geoident.model.results.interfaces import InterfaceStates
+from geoident.model.results.interfaces import InterfaceStates, titled
 from geoident.report.text.layout import TextTable, number
 
 TITLE = "Interfaces (tractions in kPa, tension positive; opening and slip in mm)"
@@ -14,7 +14,10 @@ _ROUNDING = 1e-10
 
 
 def interface_table(states: InterfaceStates | None) -> TextTable:
-    """Extremes of each interface at each stage, and the parts of its area that slip and open."""
+    """Extremes of each interface at each stage, and the parts of its area that slip and open.
+
+    Beside a wall each of its sides has its own.
+    """
     header = (
         "interface", "stage", "t_n from", "to", "|t_s| up to", "opening from", "to",
         "|slip| up to", "slips", "opens",
@@ -24,8 +27,8 @@ def interface_table(states: InterfaceStates | None) -> TextTable:
     tractions = [_clean(each, 1e-3) for each in (states.normal_traction, states.shear_traction)]
     jumps = [_clean(each, 1e3) for each in (states.opening, states.slip)]
     rows = []
-    for name in states.names:
-        every = states.of(name)
+    for line in states.lines:
+        every = states.of(*line)
         for stage, title in enumerate(states.stages):
             here = every[np.isfinite(states.normal_traction[every, stage])]
             if not len(here):
@@ -35,7 +38,9 @@ def interface_table(states: InterfaceStates | None) -> TextTable:
             shares = (area @ one[here, stage] for one in (states.slips, states.parts))
             cells = t_n.min(), t_n.max(), np.abs(t_s).max(), opening.min(), opening.max()
             numbers = [number(float(x)) for x in (*cells, np.abs(slip).max())]
-            rows.append([name, title, *numbers, *(f"{100 * share:.0f} %" for share in shares)])
+            rows.append(
+                [titled(*line), title, *numbers, *(f"{100 * share:.0f} %" for share in shares)]
+            )
     return TextTable(header, rows, right="ll" + "r" * 8)
 
 

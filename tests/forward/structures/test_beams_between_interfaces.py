@@ -14,6 +14,7 @@ from geoident.model.in_situ import GeostaticStress
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts, Struts
+from geoident.report.text.interfaces import interface_table
 from tests.forward.structures.test_interfaces import meter
 from tests.forward.structures.test_structures import NU, P0, RADIUS, E, _lined, _stress, _tunnel
 from tests.support.cases import displacement, material, model
@@ -41,7 +42,9 @@ def test_a_lining_that_slips(k_n, k_s, along, verification):
         lining=Beam("wall", EA=Scalar(EA), EI=Scalar(EI), clamped_on=("x0", "y0")),
         interfaces={"slip": Interface(along, Scalar(k_n), Scalar(k_s))},
     )
-    found = staged.survey(NOTHING, fields=False).members
+    survey = staged.survey(NOTHING, fields=False)
+    assert set(survey.interfaces.sides) == {"inside", "outside"}
+    found = survey.members
     mean, vary, moment = slipping_ring(0.5, EA, EI, k_n, k_s, p=P0, radius=RADIUS, E=E, nu=NU)
     spring, crown = mean + vary, mean - vary
     order = np.argsort(np.arctan2(found.ends[..., 1], found.ends[..., 0]).mean(axis=1))
@@ -209,6 +212,21 @@ def test_a_wall_between_stiff_interfaces_is_joined_to_the_ground():
         off = [np.nanmax(np.abs(one - joined) / size) for one in found]
         assert off[0] < 0.01
         assert off[1] < 0.02 * off[0]
+
+
+def test_each_side_of_a_wall_has_its_own_rows():
+    """Ground that is dug leaves those of its side; below the tip both sides are ground."""
+    start = np.array(list(STARTS.values()))
+    states = pit(interface=slips()).survey(start, fields=False).interfaces
+    assert set(states.lines) == {("slip", "-x"), ("slip", "+x"), ("slip", "")}
+    for side, stands in (("-x", False), ("+x", True)):
+        own = states.of("slip", side)
+        high = own[states.points[own, 1] > 5.1]
+        assert len(high)
+        assert (np.isfinite(states.normal_traction[high, -1]) == stands).all()
+    assert states.points[states.of("slip", ""), 1].max() < 3.1
+    named = {row[0] for row in interface_table(states).rows}
+    assert named == {"slip, ground towards -x", "slip, ground towards +x", "slip"}
 
 
 def test_a_dig_beside_a_wall_that_stays_is_released_in_parts():
