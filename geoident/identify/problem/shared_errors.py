@@ -47,6 +47,9 @@ _STACKED = 40
 _SMALL = 4_000_000
 """Entries of a matrix that is kept dense (32 MB)."""
 
+_QUICK = 200_000
+"""Entries of B up to which it is kept dense, too (1.6 MB)."""
+
 
 class SharedErrors:
     """What readings share of their errors: B, (g, K), SI.
@@ -85,7 +88,7 @@ class SharedErrors:
     @cached_property
     def quick(self) -> Columns:
         """B, dense where it is small: a part of a sparse one takes a hundred times as long."""
-        small = self.columns.shape[0] * self.columns.shape[1] <= _SMALL
+        small = self.columns.shape[0] * self.columns.shape[1] <= _QUICK
         return self.columns.toarray() if small else self.columns
 
     @cached_property

@@ -11,7 +11,7 @@ from support.derivatives import assert_exact, assert_slopes
 from support.yielding import mohr, parameters, rock
 
 from geoident.errors import CollapseError
-from geoident.forward.openings.advance import CHERN, PANET, AdvancingFace
+from geoident.forward.openings.advance import AdvancingFace
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.case import Stage
 from geoident.model.dual import ParameterPoint
@@ -22,12 +22,18 @@ from geoident.model.yielding import HoekBrown
 from .test_opening_model import GAUGES, RADIUS, MPa, displacement, quarter, staged, without_mesh
 
 NOWHERE = ParameterPoint({}, ())
+LAWS = {
+    "panet": (Scalar(0.25), Scalar(0.75)),
+    "chern": (Scalar(1.10), Scalar(1.7)),
+}
+"""Constants that the papers give: part at the face and reach of it in radii; reach and exponent."""
+
 WALL = displacement("wall", (RADIUS, 0.0), (-1.0, 0.0))
 DISTANCES = (-1.0, 0.0, 1.5, 4.0, 12.0)
 
 
 def profile(law: str, **changes) -> FaceProfile:
-    constants = {"panet": PANET, "chern": CHERN}.get(law, ())
+    constants = LAWS.get(law, ())
     settings = {"groups": ("core",), "radius": Scalar(RADIUS), "constants": constants}
     return FaceProfile(law, **{**settings, **changes})
 

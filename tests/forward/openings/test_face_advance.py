@@ -13,12 +13,14 @@ from support.meshes import from_grid, regroup
 from support.revolved import constant, revolve
 from support.yielding import mohr, rock
 
-from geoident.forward.openings.advance import PANET, AdvancingFace
+from geoident.forward.openings.advance import AdvancingFace
 from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.case import Stage, Support
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
+
+from .test_advance import LAWS
 
 E, NU, P0 = 5e9, 0.25, 10e6
 NOWHERE = ParameterPoint({}, ())
@@ -66,7 +68,7 @@ def driven(ground, *, rounds: int, length: float, behind: float):
 
 
 def shares(law: str, x, ratio: float = 1.0) -> np.ndarray:
-    constants = PANET if law == "panet" else ()
+    constants = LAWS["panet"] if law == "panet" else ()
     profile = FaceProfile(law, ("core",), Scalar(1.0), constants, Scalar(ratio))
     face = AdvancingFace(profile)
     return np.array([face.part(FaceDistance(Scalar(float(v))), NOWHERE, "").value for v in x])

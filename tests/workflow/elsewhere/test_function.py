@@ -1,6 +1,7 @@
 """A function of Python as the model, with derivatives of its own or without, and what it may do."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -155,7 +156,9 @@ def test_how_long_a_sample_takes_is_said_before(tmp_path):
     done = run_command("sample", tmp_path / "case.fit.h5", *flags, "--trust")
     said = " ".join(done.output.split())
     assert "An evaluation takes 0.0" in said
-    assert "a sample worth 400 independent draws takes 2" in said
+    least, most = map(int, re.findall(r"400 independent draws takes (\d+) s to (\d+) s", said)[0])
+    assert least >= 20
+    assert most == pytest.approx(5 * least, rel=0.05)
     assert "(400 to 2000 evaluations)" in said
 
 
