@@ -32,6 +32,7 @@ class MaterialPoints:
         law: its yield law, or None.
         hardened: (y, m) multipliers of earlier stages at these points, or None.
         of_structure: they are members of a structure, with generalised strains.
+        bends: they are parts of a beam, whose curvature times their length is a rotation.
     """
 
     name: str
@@ -40,6 +41,7 @@ class MaterialPoints:
     law: YieldLaw | None = None
     hardened: Floats | None = None
     of_structure: bool = False
+    bends: bool = False
 
     @property
     def associated(self) -> bool:
@@ -74,7 +76,9 @@ class MaterialPoints:
         law = None if self.law is None else self.law.at(rows)
         hardened = None if self.hardened is None else self.hardened[:, rows]
         elasticity = self.elasticity.at(rows)
-        return MaterialPoints(self.name, kept, elasticity, law, hardened, self.of_structure)
+        return MaterialPoints(
+            self.name, kept, elasticity, law, hardened, self.of_structure, self.bends
+        )
 
     def integrate_stress(
         self, stress: Floats, strain: Floats, viscosity: float

@@ -53,6 +53,7 @@ from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
+from geoident.model.structures import Beam
 from geoident.model.yielding import OF_STRUCTURE
 
 _CONFIRMING_STEPS = 100
@@ -452,6 +453,7 @@ class PlasticSteps:
                 UniformModuli(laws.elasticity(part.name).value),
                 laws.law(part.name),
                 of_structure=True,
+                bends=isinstance(part.structure, Beam),
             )
             for part in points.members.parts
         ]

@@ -287,9 +287,14 @@ class StageEquations:
         return result
 
     def largest_strain(self, du: Floats) -> Floats:
-        """(m,) largest component of the strain at each point; of members also of their rotation."""
+        """(m,) largest component of the strain at each point, or rotation of a part of a beam.
+
+        Of interfaces and grouted bars it is the motion between both sides, m.
+        """
         strain = np.abs(self.operators.strain(du))
-        strain[1:, ~self.of_ground] *= self.volume[~self.of_ground]
+        for ground in self.grounds:
+            if ground.bends:
+                strain[1:, ground.points] *= self.volume[ground.points]
         return np.asarray(strain.max(axis=0))
 
     def under(self, forces: Floats) -> StageEquations:

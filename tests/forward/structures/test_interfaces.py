@@ -14,7 +14,7 @@ from geoident.forward.model import StagedModel
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.gauges import Channel
-from geoident.model.in_situ import ConstantStress
+from geoident.model.in_situ import ConstantStress, GeostaticStress
 from geoident.model.interfaces import Interface
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Scalar
@@ -308,6 +308,37 @@ def test_a_wedge_in_a_roof(verification):
     np.testing.assert_allclose(found, exact, rtol=1e-4)
     degrees = np.array([25.0, 35.0, 45.0])
     verification("roof-wedge", "wedge", degrees, exact=np.array(exact), found=np.array(found))
+
+
+def test_the_width_of_a_slice_does_not_matter():
+    """Of a block that slips in parts on its joint: slip times the area of faces is no strain."""
+    moved = []
+    for wide in (2.0, 20.0):
+        mesh = with_inner_faces(
+            box("hex8", (2, 1, 3), size=(40.0, wide, 60.0)),
+            joint=lambda x: abs(x[..., -1] - 20.0) < 1e-9,
+        )
+        staged = model(
+            regroup(mesh, block=lambda x: x[:, -1] > 20.0),
+            materials={"rock": material("rock", 5e9, 0.2, 2400.0)},
+            groups={"rock": "rock", "block": "rock"},
+            supports=(Support("y0", (1,)), Support("y1", (1,)), Support("z0", (0, 1, 2))),
+            gravity=(0.0, 0.0, -9.81),
+            in_situ=GeostaticStress(ZERO),
+            interfaces={
+                "joint": Interface(
+                    "joint", Scalar(1e9), Scalar(2e7), friction=Scalar(radians(30.0))
+                )
+            },
+            stages=(Stage("push", loads={"p": Traction("z1", (Scalar(3e5), ZERO, ZERO))}),),
+            channels=(meter("slip", (20.0, 1.0, 20.0), "opening"),),
+        )
+        survey = staged.survey(NOTHING, fields=True)
+        slips = survey.interfaces.slips[:, -1]
+        assert slips.any()
+        assert not slips.all()
+        moved.append(survey.fields.displacement[-1])
+    np.testing.assert_allclose(moved[1], moved[0], rtol=1e-6, atol=1e-9)
 
 
 def test_a_joint_that_does_not_bear_the_virgin_stress_is_refused():
