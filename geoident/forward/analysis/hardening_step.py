@@ -62,8 +62,10 @@ _ELASTIC_PART = 1e-9
 """Of the elastic stiffness, left where the tangent is singular: on the edge of two pairs of equal
 principal stresses nothing resists what would part them."""
 
-_OUTSIDE = 1e-6
-"""Part of the strength by which a stress in situ may be beyond it: rounding."""
+_OUTSIDE = 0.02
+"""Part of the strength by which the stress from which ground begins may be beyond it. Stress at rest
+at the passive limit is so after the step that brings it to equilibrium; the first step returns it.
+"""
 
 
 class _NotSolved(ArithmeticError):
