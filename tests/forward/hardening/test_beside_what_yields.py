@@ -10,7 +10,7 @@ import pytest
 
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
-from geoident.model.in_situ import ConstantStress
+from geoident.model.in_situ import ConstantStress, GeostaticStress
 from geoident.model.interfaces import Interface
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import SectionLimits
@@ -34,6 +34,18 @@ def hardening():
         Eoed=Scalar(1.0, "E50"), OCR=Scalar(1.5),
     )  # fmt: skip
     return replace(material("soil", one["Eur"], 0.2, 1900.0), soil=law)
+
+
+def test_ground_at_its_passive_limit_beside_an_interface():
+    """At rest after a high past; the step that brings it to equilibrium moves it a little beyond."""
+    soil = hardening()
+    assert soil.soil is not None
+    soil = replace(soil, soil=replace(soil.soil, OCR=None, POP=Scalar(1.2e5)))
+    staged = pit(
+        "quad8", interface=slips(), soil=soil, low=soil, numbers=SOIL, in_situ=GeostaticStress()
+    )
+    survey = staged.survey(np.array([*STARTS.values(), *SOIL.values()]), fields=False)
+    assert np.isfinite(survey.computed[0]).all()
 
 
 @pytest.mark.slow

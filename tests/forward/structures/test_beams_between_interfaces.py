@@ -124,6 +124,7 @@ def pit(
     low=None,
     numbers=None,
     parts=(1.0,),
+    in_situ=None,
     **limits,
 ):
     """A wall that is braced by a jacked strut, two digs; its interface goes on below its tip.
@@ -136,6 +137,7 @@ def pit(
         soil: material in place of elastic ground; below the wall it stays so.
         low: material below the wall.
         numbers: starts of further parameters.
+        in_situ: in place of a K0.
         parts: of the stress of the second dig that are released, in as many stages.
         limits: of the wall, and `capacity` of the strut.
     """
@@ -165,7 +167,7 @@ def pit(
         groups=dict.fromkeys(("rock", "one", "two"), "soil") | {"low": "stiff"},
         supports=(Support("x0", (0,)), Support("x1", (0,)), Support("y0", (0, 1))),
         gravity=(0.0, -9.81),
-        in_situ=GeostaticStress(one["K0"]),
+        in_situ=in_situ or GeostaticStress(one["K0"]),
         parameters=tuple(Parameter(n, v, 0.1 * v, 10 * v) for n, v in starts.items()),
         interfaces={} if interface is None else {"slip": replace(interface, along=along)},
         structures={"wall": Beam("wall", EA=Scalar(2e9), EI=one["EI"], **limits), "strut": strut},
