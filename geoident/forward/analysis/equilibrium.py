@@ -46,6 +46,7 @@ import numpy as np
 
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.balanced_overstress import ROUGH, SOUND, diffuse_flow, unbalanced
+from geoident.forward.analysis.line_search import HARDLY_RISEN, zero_along
 from geoident.forward.analysis.stage_equations import (
     Balance,
     Iterate,
@@ -100,15 +101,6 @@ FAR_OUT = 1e6
 
 _NO_POWER = 1e-6
 """Part of the power of the loads on a mechanism that the slope of Pi far out must exceed."""
-
-_HARDLY_RISEN = 0.3
-"""Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
-
-_OFF_THE_ENDS = 0.02
-"""Part of its bracket by which a share stays off its ends, so that the bracket always shrinks."""
-
-_MOST_CUTS = 40
-"""Shares of a step that are tried to find the zero of the slope of Pi; three are usual."""
 
 _QUICK = 0.1
 """Part of the out-of-balance force that a good step leaves."""
@@ -260,30 +252,22 @@ def follow_slope(
     """
     if _hardly_risen(equations, iterate, end):
         return end, True
-    # Illinois variant of regula falsi for the zero of r^T d, the descent of Pi along the step
     free = d[equations.dofs]
-    whole = float(iterate.residual @ free)
-    low, descent_low, high, descent_high = 0.0, whole, 1.0, float(end.residual @ free)
-    for _ in range(_MOST_CUTS):
-        share = (low * descent_high - high * descent_low) / (descent_high - descent_low)
-        margin = _OFF_THE_ENDS * (high - low)
-        share = float(np.clip(share, low + margin, high - margin))
-        end = equations.at(iterate.du + share * d)
-        descent = float(end.residual @ free)
-        if abs(descent) <= _HARDLY_RISEN * whole:
-            break
-        if descent > 0.0:
-            low, descent_low, descent_high = share, descent, 0.5 * descent_high
-        else:
-            high, descent_high, descent_low = share, descent, 0.5 * descent_low
-    return end, False
+
+    def at(share: float) -> Iterate:
+        return equations.at(iterate.du + share * d)
+
+    def descent(there: Iterate) -> float:
+        return float(there.residual @ free)
+
+    return zero_along(at, descent, descent(iterate), descent(end)), False
 
 
 def _hardly_risen(equations: StageEquations, iterate: Iterate, end: Iterate) -> bool:
     """Whether Pi falls on the way to another iterate, and has hardly turned to rise at its end."""
     way = (end.du - iterate.du)[equations.dofs]
     descent = float(iterate.residual @ way)
-    return descent > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * descent
+    return descent > 0.0 and float(end.residual @ way) >= -HARDLY_RISEN * descent
 
 
 def _settled(equations: StageEquations, patches: Patches, iterate: Iterate) -> Iterate | None:

@@ -476,8 +476,12 @@ class StageEquations:
 
     def length(self, free: Floats) -> float:
         """Of values (n,) at the unknowns: of displacements, not of pressures and rotations."""
-        others = self.n_pressures + self.n_turns
-        return float(np.linalg.norm(free[: len(free) - others]))
+        return float(np.sqrt(self.along(free, free)))
+
+    def along(self, free: Floats, other: Floats) -> float:
+        """Product of values (n,) at the unknowns with others, of the same."""
+        n = len(free) - self.n_pressures - self.n_turns
+        return float(free[:n] @ other[:n])
 
     def serves(self, tangent: Tangent, iterate: Iterate) -> bool:
         """Whether a tangent is that at another iterate: on the same pieces of the projection."""

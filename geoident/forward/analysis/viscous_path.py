@@ -31,11 +31,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.forward.analysis.line_search import zero_along
 from geoident.forward.analysis.stage_equations import (
     Balance,
     Iterate,
     NoEquilibrium,
     StageEquations,
+    Tangent,
 )
 from geoident.model.arrays import Floats
 
@@ -161,10 +163,34 @@ def newton(
                     break
             share, following = 0.5 * share, None
         near = iterate.imbalance <= NO_LOWER
+        if following is None and equations.structures_flow_aside and not near:
+            following, share = _slid(equations, iterate, tangent, d), 1.0
         if following is None or (following.imbalance >= iterate.imbalance and near):
             return Balance(iterate, tangent, converged=near, viscosity=equations.viscosity)
         iterate = following
     return Balance(iterate, tangent, iterate.imbalance <= balanced, equations.viscosity)
+
+
+def _slid(
+    equations: StageEquations, iterate: Iterate, tangent: Tangent, d: Floats
+) -> Iterate | None:
+    """Where what slides along a step (n,) that is far too long is held again; None for nowhere.
+
+    Where all of an interface slips the tangent is all but singular: the step is a motion of metres,
+    on which a point sticks, or slips the other way, after microns.
+    """
+
+    def at(share: float) -> Iterate:
+        return equations.at(iterate.du + share * equations.spread(d))
+
+    def drive(there: Iterate) -> float:
+        return equations.along(d, tangent.solve(there.residual))
+
+    try:
+        last = drive(at(1.0))
+        return zero_along(at, drive, drive(iterate), last) if last < 0.0 else None
+    except NoEquilibrium:
+        return None
 
 
 def _moved(equations: StageEquations, iterate: Iterate, d: Floats) -> Iterate | None:
