@@ -33,7 +33,7 @@ convex. The first step is taken as a whole, after which r_p = 0; steps keep that
 the slope of the potential without its elimination. So all of the above holds.
 
 Non-associated flow has no potential; its steps are judged by the next ones, and where they are
-lost a path of viscous grounds leads to the solution (`viscous_path`).
+lost in ground a path of viscous grounds leads to the solution (`viscous_path`).
 
 Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
 """
@@ -72,7 +72,7 @@ MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
 PATIENCE = 10
-"""Newton steps after which non-associated flow takes the path of viscous grounds.
+"""Newton steps after which non-associated flow of ground takes the path of viscous grounds.
 
 Newton's method that wanders longer may end in bands of shear although there is a diffuse flow.
 """
@@ -92,9 +92,6 @@ SEARCH = 120
 
 _HARDLY_VISCOUS = 3e-4
 """Part of the overstress that may stay where only diffuse flow counts (`strict`)."""
-
-_ELASTIC_STEPS, _ELASTIC_TRIALS = 5, 3
-"""Elastic steps before Newton's method begins again, and how often."""
 
 FAR_OUT = 1e6
 """Steps along a mechanism after which only its dissipation counts, no more the elastic strains."""
@@ -315,11 +312,13 @@ def _non_associated(
     Raises:
         NoEquilibrium: neither leads to an end; with the last equilibrium on the path.
     """
-    direct = newton(equations, start, budget, at_start=at_start, most=PATIENCE)
-    if not direct.converged and equations.structures_flow_aside:
-        direct = _with_elastic_steps(equations, start, budget)
+    ground = equations.ground_flows_aside
+    most = PATIENCE if ground else MOST_STEPS
+    direct = newton(equations, start, budget, at_start=at_start, most=most)
     if direct.converged:
         return direct
+    if not (ground or start.du.any()):  # structures have no viscosity: all would be as it was
+        raise NoEquilibrium(direct.end.du - start.du)
     points: list[Balance] = []
     flow: Balance | None = None
     for point in first_points(equations, budget):
@@ -345,29 +344,3 @@ def _non_associated(
     if strict and last.viscosity <= _HARDLY_VISCOUS:
         return last
     raise NoEquilibrium(last.end.du, diffuse=last)
-
-
-def _with_elastic_steps(equations: StageEquations, iterate: Iterate, budget: StepBudget) -> Balance:
-    """Newton's method from where some steps with the elastic stiffness lead.
-
-    Where most of an interface slips at the start its tangent is all but singular, and the first
-    step is lost. Elastic steps move slip to where there is strength left, little by little.
-
-    Args:
-        equations: of the stage.
-        iterate: where it begins.
-        budget: steps that are left to the whole search, less those taken here.
-    """
-    s = equations.stress.shape[0]
-    nothing = np.empty(0, dtype=np.int64), np.empty((0, s, s))
-    elastic = equations.solver.factorize(*nothing, symmetric=True)
-    for _ in range(_ELASTIC_TRIALS):
-        for _ in range(_ELASTIC_STEPS):
-            step = elastic.solve(iterate.residual[:, None])[:, 0]
-            iterate = equations.at(iterate.du + equations.spread(step))
-        # a factor may be that of this very solver
-        balance = newton(equations, iterate, budget, most=PATIENCE)
-        if balance.converged:
-            return balance
-        elastic = equations.solver.factorize(*nothing, symmetric=True)
-    return Balance(iterate, converged=False, viscosity=equations.viscosity)

@@ -278,6 +278,11 @@ class StageEquations:
         return any(one.of_structure and not one.associated for one in self.grounds)
 
     @cached_property
+    def ground_flows_aside(self) -> bool:
+        """Whether plastic strains of some ground do not follow the normals."""
+        return any(not (one.of_structure or one.associated) for one in self.grounds)
+
+    @cached_property
     def of_ground(self) -> Bools:
         """(m,) points of the ground, not of structures."""
         result = np.ones(len(self.volume), dtype=bool)
