@@ -33,7 +33,7 @@ convex. The first step is taken as a whole, after which r_p = 0; steps keep that
 the slope of the potential without its elimination. So all of the above holds.
 
 Non-associated flow has no potential; its steps are judged by the next ones, and where they are
-lost a path of viscous grounds leads to the solution (`viscous_path`).
+lost in ground a path of viscous grounds leads to the solution (`viscous_path`).
 
 Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
 """
@@ -46,6 +46,7 @@ import numpy as np
 
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.balanced_overstress import ROUGH, SOUND, diffuse_flow, unbalanced
+from geoident.forward.analysis.line_search import HARDLY_RISEN, zero_along
 from geoident.forward.analysis.stage_equations import (
     Balance,
     Iterate,
@@ -71,7 +72,7 @@ MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
 PATIENCE = 10
-"""Newton steps after which non-associated flow takes the path of viscous grounds.
+"""Newton steps after which non-associated flow of ground takes the path of viscous grounds.
 
 Newton's method that wanders longer may end in bands of shear although there is a diffuse flow.
 """
@@ -92,23 +93,11 @@ SEARCH = 120
 _HARDLY_VISCOUS = 3e-4
 """Part of the overstress that may stay where only diffuse flow counts (`strict`)."""
 
-_ELASTIC_STEPS, _ELASTIC_TRIALS = 5, 3
-"""Elastic steps before Newton's method begins again, and how often."""
-
 FAR_OUT = 1e6
 """Steps along a mechanism after which only its dissipation counts, no more the elastic strains."""
 
 _NO_POWER = 1e-6
 """Part of the power of the loads on a mechanism that the slope of Pi far out must exceed."""
-
-_HARDLY_RISEN = 0.3
-"""Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
-
-_OFF_THE_ENDS = 0.02
-"""Part of its bracket by which a share stays off its ends, so that the bracket always shrinks."""
-
-_MOST_CUTS = 40
-"""Shares of a step that are tried to find the zero of the slope of Pi; three are usual."""
 
 _QUICK = 0.1
 """Part of the out-of-balance force that a good step leaves."""
@@ -260,30 +249,22 @@ def follow_slope(
     """
     if _hardly_risen(equations, iterate, end):
         return end, True
-    # Illinois variant of regula falsi for the zero of r^T d, the descent of Pi along the step
     free = d[equations.dofs]
-    whole = float(iterate.residual @ free)
-    low, descent_low, high, descent_high = 0.0, whole, 1.0, float(end.residual @ free)
-    for _ in range(_MOST_CUTS):
-        share = (low * descent_high - high * descent_low) / (descent_high - descent_low)
-        margin = _OFF_THE_ENDS * (high - low)
-        share = float(np.clip(share, low + margin, high - margin))
-        end = equations.at(iterate.du + share * d)
-        descent = float(end.residual @ free)
-        if abs(descent) <= _HARDLY_RISEN * whole:
-            break
-        if descent > 0.0:
-            low, descent_low, descent_high = share, descent, 0.5 * descent_high
-        else:
-            high, descent_high, descent_low = share, descent, 0.5 * descent_low
-    return end, False
+
+    def at(share: float) -> Iterate:
+        return equations.at(iterate.du + share * d)
+
+    def descent(there: Iterate) -> float:
+        return float(there.residual @ free)
+
+    return zero_along(at, descent, descent(iterate), descent(end)), False
 
 
 def _hardly_risen(equations: StageEquations, iterate: Iterate, end: Iterate) -> bool:
     """Whether Pi falls on the way to another iterate, and has hardly turned to rise at its end."""
     way = (end.du - iterate.du)[equations.dofs]
     descent = float(iterate.residual @ way)
-    return descent > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * descent
+    return descent > 0.0 and float(end.residual @ way) >= -HARDLY_RISEN * descent
 
 
 def _settled(equations: StageEquations, patches: Patches, iterate: Iterate) -> Iterate | None:
@@ -331,11 +312,13 @@ def _non_associated(
     Raises:
         NoEquilibrium: neither leads to an end; with the last equilibrium on the path.
     """
-    direct = newton(equations, start, budget, at_start=at_start, most=PATIENCE)
-    if not direct.converged and equations.structures_flow_aside:
-        direct = _with_elastic_steps(equations, start, budget)
+    ground = equations.ground_flows_aside
+    most = PATIENCE if ground else MOST_STEPS
+    direct = newton(equations, start, budget, at_start=at_start, most=most)
     if direct.converged:
         return direct
+    if not (ground or start.du.any()):  # structures have no viscosity: all would be as it was
+        raise NoEquilibrium(direct.end.du - start.du)
     points: list[Balance] = []
     flow: Balance | None = None
     for point in first_points(equations, budget):
@@ -361,29 +344,3 @@ def _non_associated(
     if strict and last.viscosity <= _HARDLY_VISCOUS:
         return last
     raise NoEquilibrium(last.end.du, diffuse=last)
-
-
-def _with_elastic_steps(equations: StageEquations, iterate: Iterate, budget: StepBudget) -> Balance:
-    """Newton's method from where some steps with the elastic stiffness lead.
-
-    Where most of an interface slips at the start its tangent is all but singular, and the first
-    step is lost. Elastic steps move slip to where there is strength left, little by little.
-
-    Args:
-        equations: of the stage.
-        iterate: where it begins.
-        budget: steps that are left to the whole search, less those taken here.
-    """
-    s = equations.stress.shape[0]
-    nothing = np.empty(0, dtype=np.int64), np.empty((0, s, s))
-    elastic = equations.solver.factorize(*nothing, symmetric=True)
-    for _ in range(_ELASTIC_TRIALS):
-        for _ in range(_ELASTIC_STEPS):
-            step = elastic.solve(iterate.residual[:, None])[:, 0]
-            iterate = equations.at(iterate.du + equations.spread(step))
-        # a factor may be that of this very solver
-        balance = newton(equations, iterate, budget, most=PATIENCE)
-        if balance.converged:
-            return balance
-        elastic = equations.solver.factorize(*nothing, symmetric=True)
-    return Balance(iterate, converged=False, viscosity=equations.viscosity)

@@ -34,6 +34,7 @@ from geoident.fem.yielding.domain import NoProjection, NoReturn
 from geoident.fem.yielding.hardening_equations import Solution
 from geoident.fem.yielding.hardening_soil import HardeningSoil
 from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
+from geoident.forward.analysis.line_search import zero_along
 from geoident.forward.analysis.plastic_step import PlasticSteps
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_points import StagePoints
@@ -308,16 +309,16 @@ class _PartOfStage:
         for _ in range(_MOST_STEPS):
             if iterate.imbalance <= _BALANCED:
                 return iterate
-            step = np.zeros_like(guess)
-            step[dofs] = self._factor(iterate).solve(iterate.residual[:, None])[:, 0]
-            following = self._cut(iterate, step)
+            step, factor = np.zeros_like(guess), self._factor(iterate)
+            step[dofs] = factor.solve(iterate.residual[:, None])[:, 0]
+            following = self._cut(iterate, step) or self._slid(iterate, step, factor)
             if iterate.imbalance <= _ROUNDED and following.imbalance >= iterate.imbalance:
                 return iterate
             iterate = following
         raise _NotSolved
 
-    def _cut(self, iterate: _Iterate, step: Floats) -> _Iterate:
-        """Follow a step, or the largest half of it that makes nothing much worse."""
+    def _cut(self, iterate: _Iterate, step: Floats) -> _Iterate | None:
+        """Follow a step, or the largest half of it that makes nothing much worse, or None."""
         for cut in range(_MOST_CUTS):
             try:
                 following = self._at(iterate.du + 0.5**cut * step, iterate)
@@ -325,7 +326,29 @@ class _PartOfStage:
                 continue
             if following.imbalance <= max(2.0 * iterate.imbalance, _ROUNDED):
                 return following
-        raise _NotSolved
+        return None
+
+    def _slid(self, iterate: _Iterate, step: Floats, factor: Factor) -> _Iterate:
+        """Where what slides along a step that is far too long is held again (`viscous_path`).
+
+        Raises:
+            _NotSolved: nowhere.
+        """
+        if not any(ground.of_structure for ground in self._others):
+            raise _NotSolved
+        dofs = self._points.dofs
+        moves = np.where(dofs < self._points.n_dofs, step[dofs], 0.0)
+
+        def at(share: float) -> _Iterate:
+            return self._at(iterate.du + share * step, iterate)
+
+        def drive(there: _Iterate) -> float:
+            return float(moves @ factor.solve(there.residual[:, None])[:, 0])
+
+        last = drive(at(1.0))
+        if last >= 0.0:
+            raise _NotSolved
+        return zero_along(at, drive, drive(iterate), last)
 
     def _at(self, du: Floats, near: _Iterate | None) -> _Iterate:
         """Stresses, tangents and residual at motions (n_motions,), which are near others."""

@@ -278,6 +278,11 @@ class StageEquations:
         return any(one.of_structure and not one.associated for one in self.grounds)
 
     @cached_property
+    def ground_flows_aside(self) -> bool:
+        """Whether plastic strains of some ground do not follow the normals."""
+        return any(not (one.of_structure or one.associated) for one in self.grounds)
+
+    @cached_property
     def of_ground(self) -> Bools:
         """(m,) points of the ground, not of structures."""
         result = np.ones(len(self.volume), dtype=bool)
@@ -481,8 +486,12 @@ class StageEquations:
 
     def length(self, free: Floats) -> float:
         """Of values (n,) at the unknowns: of displacements, not of pressures and rotations."""
-        others = self.n_pressures + self.n_turns
-        return float(np.linalg.norm(free[: len(free) - others]))
+        return float(np.sqrt(self.along(free, free)))
+
+    def along(self, free: Floats, other: Floats) -> float:
+        """Product of values (n,) at the unknowns with others, of the same."""
+        n = len(free) - self.n_pressures - self.n_turns
+        return float(free[:n] @ other[:n])
 
     def serves(self, tangent: Tangent, iterate: Iterate) -> bool:
         """Whether a tangent is that at another iterate: on the same pieces of the projection."""

@@ -14,7 +14,7 @@ turn the path ends (`balanced_overstress`). Newton's steps are held by the natur
 (Deuflhard 2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same
 factor, must be shorter. Unlike the residual, that does not mind how badly the tangent is
 conditioned; it does not ask for positive eigenvalues either, so diffuse flow is found also where it
-is not stable.
+is not stable. Where interfaces slip all along no share of a step passes it (`_followed`).
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
 
@@ -31,11 +31,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.forward.analysis.line_search import zero_along
 from geoident.forward.analysis.stage_equations import (
     Balance,
     Iterate,
     NoEquilibrium,
     StageEquations,
+    Tangent,
 )
 from geoident.model.arrays import Floats
 
@@ -161,10 +163,38 @@ def newton(
                     break
             share, following = 0.5 * share, None
         near = iterate.imbalance <= NO_LOWER
+        if following is None and equations.structures_flow_aside and not near:
+            following, share = _followed(equations, iterate, tangent, d), 1.0
         if following is None or (following.imbalance >= iterate.imbalance and near):
             return Balance(iterate, tangent, converged=near, viscosity=equations.viscosity)
         iterate = following
     return Balance(iterate, tangent, iterate.imbalance <= balanced, equations.viscosity)
+
+
+def _followed(
+    equations: StageEquations, iterate: Iterate, tangent: Tangent, d: Floats
+) -> Iterate | None:
+    """Where a step (n,) leads of which no share shortens the next one; None where that is away.
+
+    Where an interface begins to slip the tangent is too stiff, and the next step as long: the step
+    itself is right. Where all of it slips the tangent is all but singular: the step is a motion of
+    metres, on which a point sticks, or slips the other way, after microns.
+    """
+
+    def at(share: float) -> Iterate:
+        return equations.at(iterate.du + share * equations.spread(d))
+
+    def drive(there: Iterate) -> float:
+        return equations.along(d, tangent.solve(there.residual))
+
+    try:
+        end = at(1.0)
+        last = drive(end)
+        if last >= 0.0:
+            return end if tangent.consistent else None
+        return zero_along(at, drive, drive(iterate), last)
+    except NoEquilibrium:
+        return None
 
 
 def _moved(equations: StageEquations, iterate: Iterate, d: Floats) -> Iterate | None:

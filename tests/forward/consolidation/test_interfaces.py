@@ -187,7 +187,7 @@ SOIL = """yield: {type: hardening-soil, E50: 0.3 $E, Eoed: 0.3 $E, m: 0.5, cohes
         pytest.param("", "false", 10, "", id="elastic"),
         pytest.param(SLIPS, "true", 16, "", id="slips", marks=pytest.mark.slow),  # takes 15 s
         pytest.param(SLIDES, "true", 10, "", id="slides", marks=pytest.mark.slow),
-        pytest.param(SLIDES, "true", 13.4, SOIL, id="hardens", marks=pytest.mark.slow),
+        pytest.param(SLIDES, "true", 13.7, SOIL, id="hardens", marks=pytest.mark.slow),
     ],
 )
 def test_derivatives_by_all_constants_are_exact(tmp_path, limit, permeable, shear, soil):

@@ -167,15 +167,40 @@ def test_strut_and_pressures_on_the_wall_are_in_balance(tmp_path):
     assert not any("flows" in one for one in staged.notes)
     found = staged.survey(start_of(staged), fields=False)
     joints, stages = found.interfaces, slice(-2, None)
-    slip = np.array(joints.interfaces) == "slip"
+    slip, left = sides(joints)
     bears = -(joints.areas[:, None] * joints.normal_traction[:, stages])[slip]
-    left = np.cumsum(joints.points[slip, 1] < 5.1) <= 6  # two faces of three points, then the right
-    left &= joints.points[slip, 1] < 5.1
     water = found.computed[: 2 * len(heights), stages].reshape(2, len(heights), -1)
     right = np.nansum(bears[~left], axis=0) + np.trapezoid(water[0], heights, axis=0)
     stays = np.nansum(bears[left], axis=0) + np.trapezoid(water[1, :3], heights[:3], axis=0)
     strut = found.computed[-4, stages] / 2.0
     np.testing.assert_allclose(right - stays, strut, rtol=1e-3)
+
+
+def test_a_wall_that_slips_on_both_sides_is_in_balance(tmp_path):
+    """Its ground sinks beside it and heaves in the pit; without dilation, in undrained clay.
+
+    Nearly all of both sides slip, and then nothing but a little friction holds the wall.
+    """
+    limits = "permeable: false, cohesion: 2 kPa, friction: 15 deg"
+    changes = ("permeable: FLOWS", limits), ("K MPa", "200 MPa")
+    path = pit(tmp_path, SLIP + TAIL, *changes)
+    lines = path.read_text().splitlines(True)
+    text = "".join(one for one in lines if "name: wait" not in one)
+    path.write_text(text.replace("lasts: 2 d", "lasts: 0 d").replace("lasts: 1 d", "lasts: 0 d"))
+    staged = model_at(path)
+    joints = staged.survey(start_of(staged), fields=False).interfaces
+    slip, left = sides(joints)
+    stands = np.isfinite(joints.shear_traction[slip, -1])
+    shear = (joints.areas * joints.shear_traction[:, -1])[slip]
+    assert joints.slips[slip, -1].sum() >= 0.9 * stands.sum()
+    np.testing.assert_allclose(shear[left].sum(), shear[~left & stands].sum(), rtol=1e-9)
+
+
+def sides(joints) -> tuple[np.ndarray, np.ndarray]:
+    """Which points of interfaces are on the wall, and which of these on the left below the pit."""
+    slip = np.array(joints.interfaces) == "slip"
+    below = joints.points[slip, 1] < 5.1
+    return slip, below & (np.cumsum(below) <= 6)  # two faces of three points, then the right
 
 
 def start_of(staged) -> np.ndarray:
