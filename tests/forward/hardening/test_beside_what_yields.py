@@ -37,7 +37,7 @@ def hardening():
 
 
 def test_ground_at_its_passive_limit_beside_an_interface():
-    """At rest after a high past; the step that brings it to equilibrium moves it a little beyond."""
+    """At rest after a high past: the step to equilibrium moves it a little beyond."""
     soil = hardening()
     assert soil.soil is not None
     soil = replace(soil, soil=replace(soil.soil, OCR=None, POP=Scalar(1.2e5)))
