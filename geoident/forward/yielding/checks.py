@@ -84,7 +84,8 @@ def yield_notes(case: Case) -> list[str]:
     )
     notes += [
         f"'{material.name}' once bore {past.value(start) / 1e3:.4g} kPa vertically: a cell "
-        f"pressure above {isotropic_past(material, start) / 1e3:.4g} kPa is a first loading of the cap"
+        f"pressure above {isotropic_past(material, start) / 1e3:.4g} kPa is a first loading of the "
+        "cap"
         for material in case.materials.values()
         if material.soil is not None and (past := material.soil.preconsolidation_stress) is not None
     ]
