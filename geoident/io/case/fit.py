@@ -158,7 +158,7 @@ class FitBase(Section):
     backtest: bool = Field(
         True,
         description="Whether a fit also predicts its last stage from those before it, which costs "
-        "a few evaluations, and reports the result.",
+        "a few evaluations, and reports the result. Of a case of `tests` it does if that is asked.",
     )
     mesh_error: bool = Field(
         True,

@@ -612,6 +612,9 @@ def with_tests(places: Places, faults: Faults) -> Places:
     head = data.get("report", {})
     if isinstance(head, dict) and "curves" not in head:
         rest["report"] = {**head, "curves": _curves(tests)}
+    fit = data.get("fit", {})
+    if isinstance(fit, dict):  # the last row of a test says little of a fit without it
+        rest["fit"] = {"backtest": "false", **fit}
     made_of = {remembering[name].material: test.material for name, test in tests.items()}
     document = replace(
         places.document,
