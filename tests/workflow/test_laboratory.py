@@ -198,6 +198,12 @@ def test_simulated_rows_take_the_place_of_those_that_were_read(tmp_path):
         load_inputs(path)
 
 
+def test_a_backtest_of_tests_is_made_where_it_is_asked_for(tmp_path):
+    path = _case(tmp_path, {"TX 1": _triaxial(100, deviator_stress=["1", "2", "3", "4 kPa"])})
+    for overrides, asked in ([], False), (["fit.backtest=true"], True):
+        assert load_inputs(path, overrides=overrides).case.fit.backtest is asked
+
+
 def test_shear_box_reaches_the_strength_of_simple_shear(tmp_path, verification):
     """E. H. Davis (1968): tau = sigma sin(phi) cos(psi) / (1 - sin(phi) sin(psi)) without c."""
     tests = {f"DS {p}": {**SHEAR, "normal_stress": f"{p} kPa"} for p in (50, 100, 200)}
