@@ -58,7 +58,18 @@ def beside_fault(kind, contrast, refinements):
 
 
 @pytest.mark.parametrize("contrast", [1.0, pytest.param(0.1, marks=pytest.mark.slow), 0.02])
-@pytest.mark.parametrize("kind", ["tri3", "quad4", "tri6", "quad8", "hex8", "tet4", "tet10"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "tri3",
+        "quad4",
+        "tri6",
+        "quad8",
+        "hex8",
+        "tet4",
+        pytest.param("tet10", marks=pytest.mark.slow),
+    ],
+)
 def test_errors_are_of_the_right_size_beside_a_weak_zone(kind, contrast, monkeypatch):
     staged = beside_fault(kind, contrast, 0)
     one = beside_fault(kind, contrast, 1)

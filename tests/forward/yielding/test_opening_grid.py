@@ -53,7 +53,6 @@ def assert_sound(case: OpeningCase) -> float:
 
 SMALL = (
     OpeningCase("circle", "tri6", 0.10, 40, 0, 0.05, K0=0.5),  # failed
-    OpeningCase("horseshoe", "tri6", 0.10, 40, 0, 0.15, K0=2.0),  # failed
     OpeningCase("circle", "tri6", 0.10, 50, 0, 0.05),
     OpeningCase("circle", "quad8", 0.15, 30, 10, 0.15),
     OpeningCase("circle", "quad8", 0.10, 40, 0, 0.10),
@@ -67,7 +66,10 @@ SMALL = (
 )
 
 
-@pytest.mark.parametrize("case", SMALL, ids=str)
+LARGER = OpeningCase("horseshoe", "tri6", 0.10, 40, 0, 0.15, K0=2.0)  # failed
+
+
+@pytest.mark.parametrize("case", [*SMALL, pytest.param(LARGER, marks=pytest.mark.slow)], ids=str)
 def test_an_opening_ends_with_an_answer(case):
     assert_sound(case)
 

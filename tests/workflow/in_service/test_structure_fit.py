@@ -148,6 +148,7 @@ def days(text):
     return (np.datetime64(text[:10]) - FIRST).astype(int)
 
 
+@pytest.mark.slow  # of a seasonal model: test_seasonal_fit.py
 def test_control_names_the_gauge_that_drifts(tmp_path, fitted):
     said, _ = controlled(fitted, tmp_path, fitted[0] / "drift.csv")
     assert said["status"] == "amber"
@@ -363,6 +364,7 @@ def test_an_interrupted_fit_goes_on_where_it_was(tmp_path):
     assert one["factorizations"] < other["factorizations"]
 
 
+@pytest.mark.slow  # one that was interrupted goes on, above
 def test_a_fit_that_ran_out_of_time_goes_on(tmp_path):
     path = write(tmp_path, years=7.0, every=24.0, case=without_temperatures(CASE))
     assert run("fit", path, "--max-time", "0s", code=4)["status"] == "out-of-budget"
