@@ -63,9 +63,9 @@ _ELASTIC_PART = 1e-9
 principal stresses nothing resists what would part them."""
 
 _OUTSIDE = 0.02
-"""Part of the strength by which the stress from which ground begins may be beyond it. Stress at rest
-at the passive limit is so after the step that brings it to equilibrium; the first step returns it.
-"""
+"""Part of the strength by which the stress from which ground begins may be beyond it. Stress at
+rest at the passive limit is so after the step that brings it to equilibrium; the first step returns
+it."""
 
 
 class _NotSolved(ArithmeticError):
