@@ -163,6 +163,8 @@ class CostEstimate:
         seconds: estimate of the time.
         newton_steps: factorizations of a stage that were reckoned with; 1 where nothing yields.
         time_steps: steps in time of all stages that last.
+        constant: part of the seconds that does not grow with the mesh.
+        yielding: which of ``ground``, ``structures`` and ``interfaces`` yield.
     """
 
     solver: str
@@ -172,6 +174,8 @@ class CostEstimate:
     seconds: float
     newton_steps: int = 1
     time_steps: int = 0
+    constant: float = 0.0
+    yielding: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

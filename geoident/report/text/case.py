@@ -389,12 +389,18 @@ def _together(channels: Sequence[str]) -> str:
     )
 
 
+_YIELDING = {
+    "ground": "ground yields", "structures": "structures yield", "interfaces": "interfaces slip"
+}  # fmt: skip
+
+
 def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     if cost is None:
         return ""
     steps = ""
     if cost.newton_steps > 1:
-        steps = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
+        why = " and ".join(_YIELDING[name] for name in cost.yielding)
+        steps = f"; {why}, so {cost.newton_steps} Newton steps per stage are assumed"
     if cost.time_steps:
         steps = f"; stages that last take {cost.time_steps} steps in time"
     factor = f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "
