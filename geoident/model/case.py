@@ -438,8 +438,24 @@ class Case:
     @property
     def yields(self) -> bool:
         """Whether any material or structure has yield limits."""
-        limited = *self.materials.values(), *self.structures.values(), *self.interfaces.values()
-        return any(one.yields for one in limited)
+        return any(one.yields for part in self._limited.values() for one in part.values())
+
+    @property
+    def what_yields(self) -> tuple[str, ...]:
+        """Which of ground, structures and interfaces have yield limits, or harden."""
+        return tuple(
+            name
+            for name, part in self._limited.items()
+            if any(one.yields for one in part.values()) or (name == "ground" and self.hardens)
+        )
+
+    @property
+    def _limited(self) -> Mapping[str, Mapping[str, Material | Structure | Interface]]:
+        return {
+            "ground": self.materials,
+            "structures": self.structures,
+            "interfaces": self.interfaces,
+        }
 
     @property
     def hardens(self) -> bool:

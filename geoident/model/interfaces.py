@@ -48,6 +48,14 @@ class Interface:
         """Whether it has limits."""
         return self.friction is not None
 
+    def strength(self, values: Values) -> tuple[float, float]:
+        """Cohesion (Pa) and friction angle (rad) that it has at parameter values (SI)."""
+        cohesion, friction, part = (
+            missing if number is None else number.value(values)
+            for number, missing in ((self.cohesion, 0.0), (self.friction, 0.0), (self.R_inter, 1.0))
+        )
+        return part * cohesion, float(np.arctan(part * np.tan(friction)))
+
     def breach(self, values: Values) -> str | None:
         """Which of its numbers is impossible at parameter values (SI), half a sentence, or None."""
         numbers = {name: scalar.value(values) for name, scalar in self.numbers.items()}
@@ -60,13 +68,12 @@ class Interface:
         friction, dilation = numbers.get("friction", 0.0), numbers["dilation"]
         if not friction < np.pi / 2:
             return f"friction is {np.degrees(friction):.6g} deg, it must be below 90 deg"
-        friction = np.arctan(numbers.get("R_inter", 1.0) * np.tan(friction))
+        cohesion, friction = self.strength(values)
         if self.yields and not dilation <= friction * (1.0 + 1e-12):
             return (
                 f"dilation is {np.degrees(dilation):.6g} deg, beyond the friction of "
                 f"{np.degrees(friction):.6g} deg"
             )
-        cohesion = numbers.get("R_inter", 1.0) * numbers.get("cohesion", 0.0)
         apex = cohesion / np.tan(friction) if friction > 0.0 else np.inf
         tensile = numbers["tensile_strength"]
         if self.yields and not tensile <= apex * (1.0 + 1e-12):

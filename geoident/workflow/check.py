@@ -26,7 +26,7 @@ from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.in_service import SeasonalModel
 from geoident.model.mesh import Mesh
 from geoident.model.methods import GaussNewtonOptions, method_name
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Scalar, Values
 from geoident.model.results.findings import sentences_of
 from geoident.model.results.summary import (
     CaseSummary,
@@ -168,6 +168,7 @@ def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> C
         ),
         elsewhere=_elsewhere(case),
         surface=_surface(model),
+        limits=_limits(case),
     )
 
 
@@ -334,6 +335,11 @@ def _stages(case: Case, model: ObservedModel, readings: ReadingTable) -> tuple[S
             freed=tuple(name for name, held in stage.supports.items() if held is None),
             lasts=stage.lasts,
             moments=0 if stage.lasts is None else moments[stage.whole],
+            heads=tuple(
+                (name, _length(one.head, case.start))
+                for name, one in stage.drained.items()
+                if one is not None and one.head is not None
+            ),
         )
         for n, (stage, base, dofs) in enumerate(
             zip(case.stages, model.bases[1:].tolist(), model.n_dofs[1:], strict=True)
@@ -359,9 +365,29 @@ def _at_face(case: Case, model: ObservedModel) -> dict[str, str]:
 
 def _share(part: Scalar) -> str:
     """A part of a whole in words: per cent, or the name of a parameter."""
-    if part.parameter is None:
-        return f"{100.0 * part.factor:.4g} %"
-    return part.parameter if part.factor == 1.0 else f"{part.factor:g} {part.parameter}"
+    return _tied(part) or f"{100.0 * part.factor:.4g} %"
+
+
+def _tied(number: Scalar) -> str:
+    """The parameter to which a number is tied, with its factor; empty for a given number."""
+    if number.parameter is None:
+        return ""
+    return number.parameter if number.factor == 1.0 else f"{number.factor:g} {number.parameter}"
+
+
+def _length(number: Scalar, start: Values) -> str:
+    """A length in words: with the parameter to which it is tied."""
+    metres, tied = f"{number.value(start):.6g} m", _tied(number)
+    return f"{tied} (start {metres})" if tied else metres
+
+
+def _limits(case: Case) -> tuple[tuple[str, float, float], ...]:
+    """Cohesion and friction at the start of each interface that has a part of the ground's."""
+    return tuple(
+        (name, *one.strength(case.start))
+        for name, one in case.interfaces.items()
+        if one.R_inter is not None
+    )
 
 
 def _gauges(case: Case, readings: ReadingTable) -> tuple[GaugeSummary, ...]:

@@ -1,4 +1,4 @@
-"""The memory that `check` tells, against what Python was seen to take."""
+"""The memory and time that `check` tells, against what Python was seen to take."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from support.cases import model, rollers
 from support.in_stages import model_at, write_msh
 from support.meshes import box, regroup
+from support.specimen import element, pressed
 
 from geoident.fem import solvers
 from geoident.forward.model import StagedModel
@@ -132,3 +133,13 @@ def test_iterations_are_reckoned_with_where_a_factor_takes_too_much(monkeypatch)
     # all grows with the unknowns: four times as many in a halved plane mesh
     finer = cost.refinement_cost(staged, told)
     assert finer.seconds == pytest.approx(4 * told.seconds)
+
+
+def test_one_element_of_hardening_soil_takes_the_time_of_its_calls(tmp_path):
+    """Which more elements share: halved ones take hardly longer."""
+    law = "E50: 20 MPa, m: 0.5, cohesion: 1 kPa, friction: 35 deg"
+    staged = model_at(element(tmp_path, law, pressed(0.002, 0.006), side=100e3))
+    told = cost.estimate_cost(staged, solver="splu")
+    assert told.seconds > 0.1
+    assert cost.refinement_cost(staged, told).seconds < 1.5 * told.seconds
+    assert told.yielding == ("ground",)

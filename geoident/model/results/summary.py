@@ -52,6 +52,7 @@ class StageSummary:
         drained: groups of faces at which water begins to leave, or to another head.
         heated: groups of faces or nodes through which heat flows otherwise from then on.
         closed: groups of faces at which it no longer does.
+        heads: pairs of a group of `drained` and the head of the water there, in words.
         built: names of structures that are built.
         dismantled: names of structures that are removed.
         stressed: names of structures whose bars are stressed anew.
@@ -84,6 +85,7 @@ class StageSummary:
     freed: tuple[str, ...] = ()
     lasts: float | None = None
     moments: int = 0
+    heads: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,8 @@ class CostEstimate:
         seconds: estimate of the time.
         newton_steps: factorizations of a stage that were reckoned with; 1 where nothing yields.
         time_steps: steps in time of all stages that last.
+        constant: part of the seconds that does not grow with the mesh.
+        yielding: which of ``ground``, ``structures`` and ``interfaces`` yield.
     """
 
     solver: str
@@ -170,6 +174,8 @@ class CostEstimate:
     seconds: float
     newton_steps: int = 1
     time_steps: int = 0
+    constant: float = 0.0
+    yielding: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -197,6 +203,8 @@ class CaseSummary:
         when_read: when the dated readings were taken, stage by stage; empty without dates.
         resolved: the case as YAML, with overrides and defaults filled in.
         surface: response surfaces of a table of runs; None for none.
+        limits: of interfaces whose strength is a part of that of a material: name, cohesion (Pa)
+            and friction angle (rad) at the start values.
     """
 
     case: str
@@ -221,6 +229,7 @@ class CaseSummary:
     evaluations: str = ""
     elsewhere: str = ""
     surface: SurfaceTable | None = None
+    limits: tuple[tuple[str, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,11 @@ from geoident.report.text.errors import surface
 from geoident.report.text.inputs.construction import load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries
-from geoident.report.text.inputs.structures import structures_table, supports_table
+from geoident.report.text.inputs.structures import (
+    interfaces_table,
+    structures_table,
+    supports_table,
+)
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -194,11 +198,13 @@ def _case(text: str) -> dict[str, Any]:
 
 def case_text(summary: CaseSummary) -> str:
     """A case that was checked."""
+    at_start = {name: (cohesion, friction) for name, cohesion, friction in summary.limits}
     return sections(
         _head(summary),
         section("Groups", _groups(summary)),
         section("Materials", _inputs(summary, materials_table)),
         section("Structures", _inputs(summary, structures_table)),
+        section("Interfaces", _inputs(summary, partial(interfaces_table, at_start=at_start))),
         section("Supports", _inputs(summary, supports_table)),
         section("Ground and loads", bullets(_begin(summary))),
         section(
@@ -241,7 +247,7 @@ def _groups(summary: CaseSummary) -> str:
     return TextTable(("name", "elements", size, "material at the start"), rows, right="lrr").text
 
 
-_LABELS = {"groups": "groups ", "from stage": "from stage "}
+_LABELS = {"groups": "groups ", "along": "along ", "limits": "limits ", "from stage": "from stage "}
 """Columns whose cells do not say by themselves what they are."""
 
 
@@ -285,7 +291,11 @@ def _events(stage: StageSummary) -> str:
     events += [f"end of load {name}" for name in stage.removed]
     events += [f"temperature of {name}" for name in stage.warmed]
     events += ["water in the pores"] if stage.water else []
-    events += [f"drains {name}" for name in stage.drained]
+    heads = dict(stage.heads)
+    events += [
+        f"drains {name}" + (f" at head {heads[name]}" if name in heads else "")
+        for name in stage.drained
+    ]
     events += [f"closes {name}" for name in stage.closed]
     events += [f"heat at {name}" for name in stage.heated]
     events += [f"support {name}" for name in stage.supported]
@@ -379,12 +389,18 @@ def _together(channels: Sequence[str]) -> str:
     )
 
 
+_YIELDING = {
+    "ground": "ground yields", "structures": "structures yield", "interfaces": "interfaces slip"
+}  # fmt: skip
+
+
 def _cost(cost: CostEstimate | None, evaluations: str) -> str:
     if cost is None:
         return ""
     steps = ""
     if cost.newton_steps > 1:
-        steps = f"; ground yields, so {cost.newton_steps} Newton steps per stage are assumed"
+        why = " and ".join(_YIELDING[name] for name in cost.yielding)
+        steps = f"; {why}, so {cost.newton_steps} Newton steps per stage are assumed"
     if cost.time_steps:
         steps = f"; stages that last take {cost.time_steps} steps in time"
     factor = f"The factor of the largest stage has {_many(cost.factor_entries)} entries; all "

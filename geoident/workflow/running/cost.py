@@ -46,7 +46,8 @@ _NEWTON_STEPS_IN_TIME = 2  # a part of a step in time: it begins with what the l
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
 _HARDENING_STEPS = 35  # a stage of hardening soil: ten parts, three or four steps each
 _HARDENING_STEPS_IN_TIME = 4  # a part of a step in time of it
-_HARDENING_SECONDS = 6e-5  # a strain point and Newton step of it
+_HARDENING_SECONDS = 4e-5  # a strain point and Newton step of it
+_HARDENING_CALL = 1.2e-2  # a soil and Newton step of it, however few its points
 _YIELD_BYTES = 7e3  # a strain point: tangents, projections, displacements of near parameters
 _PORES = 1.3  # what pressures of water add to the entries and operations of a factor
 _PORE_BYTES = 250.0  # an entry of K: the matrices of the water, beside their factor
@@ -73,9 +74,8 @@ def estimate_cost(
     costs = _like_the_largest(model) if rough else _stage_costs(model)
     columns = 1 + len(model.names) if columns is None else columns
     points = model.discretization.points.n_points
-    steps, of_point = (_NEWTON_STEPS, _YIELD_SECONDS) if model.yields else (1, 0.0)
-    if model.case.hardens:
-        steps, of_point = _HARDENING_STEPS, _HARDENING_SECONDS
+    steps = _NEWTON_STEPS if model.yields else 1
+    steps = _HARDENING_STEPS if model.case.hardens else steps
     flops = steps * sum(c.flops for c in costs)
     entries = sum(c.entries for c in costs)
     most = max((c.flops for c in costs), default=0.0)
@@ -90,14 +90,28 @@ def estimate_cost(
     else:
         seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
-    seconds += of_point * points * steps * len(costs)
+    newton = steps * len(costs) + sum(stage.newton for stage in in_time)
+    seconds += newton * _yield_seconds(model)
     seconds += sum(stage.seconds for stage in in_time)
     flops += sum(stage.flops for stage in in_time)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * _BYTES[solver]
     memory = _PROGRAM + solved + _memory_beside(model, columns)
     memory += max((stage.memory for stage in in_time), default=0.0)
     marched = sum(stage.steps for stage in in_time)
-    return CostEstimate(solver, largest, flops, float(memory), seconds, steps, marched)
+    constant = newton * _yield_seconds(model, 0.0)
+    yielding = model.case.what_yields
+    return CostEstimate(
+        solver, largest, flops, float(memory), seconds, steps, marched, constant, yielding
+    )
+
+
+def _yield_seconds(model: StagedModel, times: float = 1.0) -> float:
+    """Of a Newton step: what yields returns to its limit, on a mesh of so many times the points."""
+    points = times * model.discretization.points.n_points
+    soils = sum(material.soil is not None for material in model.case.materials.values())
+    if soils:
+        return _HARDENING_CALL * soils + _HARDENING_SECONDS * points
+    return _YIELD_SECONDS * points if model.yields else 0.0
 
 
 class _InTime(NamedTuple):
@@ -108,12 +122,14 @@ class _InTime(NamedTuple):
         flops: of their factorizations.
         seconds: estimate of the time.
         memory: bytes of the matrices and factors that it keeps from part to part.
+        newton: Newton steps of what yields; the time of its points is not in ``seconds``.
     """
 
     steps: int
     flops: float
     seconds: float
     memory: float
+    newton: int = 0
 
 
 def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) -> Iterator[_InTime]:
@@ -137,17 +153,16 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
         steps = steps_of(states, n, of_each_length(model.case, water=water))
         solved, pores = 2.0 * len(steps) * columns, _PORES if water else 1.0
         factors = 2 * len(steps) if model.case.ages else len({step.share for step in steps})
-        seconds = 0.0
+        seconds, newton = 0.0, 0
         if water and creeps:
             factors *= 2
             seconds += factors * _ANALYSIS_SECONDS * model.n_dofs[n]
         if water and model.yields:
-            of_part, of_point = _NEWTON_STEPS_IN_TIME, _YIELD_SECONDS
-            if model.case.hardens:
-                of_part, of_point = _HARDENING_STEPS_IN_TIME, _HARDENING_SECONDS
+            hardens = model.case.hardens
+            of_part = _HARDENING_STEPS_IN_TIME if hardens else _NEWTON_STEPS_IN_TIME
             newton = 2 * len(steps) * of_part
             factors += newton
-            seconds += newton * (of_point * points + _ANALYSIS_SECONDS * model.n_dofs[n])
+            seconds += newton * _ANALYSIS_SECONDS * model.n_dofs[n]
         flops = factors * pores * cost.flops
         at_points = _POINT_SECONDS + (_CREEP_SECONDS if creeps else 0.0)
         seconds += solved * (4.0 * pores * cost.entries / _SOLVE_FLOPS + at_points * points)
@@ -156,7 +171,7 @@ def _in_time(model: StagedModel, costs: Sequence[FactorCost], columns: float) ->
             both = creeps or model.yields or 0.0 in moments_of(states, n)
             each = _BYTES[by] * pores * cost.entries + _PORE_BYTES * _nonzeros(model, n)
             memory = (MOST_KEPT if both else 1) * each
-        yield _InTime(len(steps), flops, seconds + flops / _FLOPS[by], memory)
+        yield _InTime(len(steps), flops, seconds + flops / _FLOPS[by], memory, newton)
 
 
 def _heat(model: StagedModel, n: int, cost: FactorCost, columns: float, by: str) -> _InTime:
@@ -203,10 +218,11 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
         entries = flops = rest
     elif model.solver_name == AUTO and _is_beyond(model, cost, entries, flops, rest):
         return _iterated(model, cost, rest)
+    grows = cost.seconds - cost.constant
     return replace(
         cost,
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
-        seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
+        seconds=cost.constant + grows * (flops if space else 0.5 * (flops + rest)),
     )
 
 
@@ -240,8 +256,7 @@ def _iterated(model: StagedModel, cost: CostEstimate, rest: float) -> CostEstima
     each = cost.newton_steps * len(_states(model))
     flops = each * ITERATED * nonzeros * columns / _ITERATED_COLUMNS
     seconds = flops / _PRODUCT_FLOPS + _POINT_SECONDS * rest * points * columns * each
-    if model.yields:
-        seconds += _YIELD_SECONDS * rest * points * each
+    seconds += _yield_seconds(model, rest) * each
     seconds += _MAKING_SECONDS * rest * max(model.n_dofs, default=0)
     memory = _PROGRAM + _ITERATED_BYTES * nonzeros + rest * _memory_beside(model, columns)
     return replace(cost, solver=BEYOND, factor_flops=flops, memory=memory, seconds=seconds)
@@ -265,7 +280,7 @@ def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     return replace(
         cost,
         memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k**entries,
-        seconds=cost.seconds * _DENSER * k**flops,
+        seconds=cost.constant + (cost.seconds - cost.constant) * _DENSER * k**flops,
     )
 
 

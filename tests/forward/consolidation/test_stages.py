@@ -282,5 +282,5 @@ def test_a_stage_in_which_nothing_takes_time_is_noted(tmp_path):
 def test_check_says_where_water_leaves(tmp_path):
     said = run_command("check", str(site(tmp_path))).stdout
     assert "Water leaves at x0." in said
-    assert "drains x1" in said
+    assert "drains x1 at head head (start 3.3 m)" in " ".join(said.split())
     assert "closes x1" in said

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ellipk, ellipkinc
+from support.commands import run_command
 from support.derivatives import assert_exact
 from support.in_stages import model_at, read, write_msh
 from support.inner_faces import with_inner_faces
@@ -270,3 +271,22 @@ def test_derivatives_by_all_constants_are_exact(tmp_path, limits, soil):
     ]
     step, rtol = (2e-4, 1e-5) if soil else (5e-4, 1e-7)
     assert_exact(staged.response(pairs), p, staged.names, step=step, rtol=rtol)
+
+
+def test_check_lists_interfaces_with_their_strength_at_the_start(tmp_path):
+    """A part R of c and tan(phi) of the soil: 0.6 times 5 kPa and tan 28 deg."""
+    part = "permeable: false, R_inter: $R, of: clay"
+    start = "  R: {start: 0.6, bounds: [0.2, 1]}\n"
+    strength = "yield: {type: mohr-coulomb, cohesion: 5 kPa, friction: 28 deg}, hydraulic:"
+    changes = [
+        ("permeable: FLOWS", part), ("K MPa", "100 MPa"), ("hydraulic:", strength),
+        ("parameters:\n", "parameters:\n" + start),
+    ]  # fmt: skip
+    said = run_command("check", str(pit(tmp_path, SLIP + TAIL, *changes))).stdout
+    listed = " ".join(said[said.index("Interfaces") : said.index("Supports")].split())
+    assert listed == (
+        "Interfaces - slip: along wall, on both sides of wall; k_n = 100 MPa/m; k_s = 100 MPa/m; "
+        "limits R_inter = R (start 0.6) of clay: cohesion 3 kPa, friction 17.7 deg at the start; "
+        "holds water back "
+        "- tail: along tail; k_n = 100 MPa/m; k_s = 100 MPa/m; limits none, elastic"
+    )

@@ -1,5 +1,7 @@
 """What ``check`` says a case amounts to, number by number."""
 
+from dataclasses import replace
+
 import pytest
 
 from geoident.model.results.summary import (
@@ -124,10 +126,13 @@ def test_the_cost_is_in_words_and_units():
     assert "has 2.32 million entries; all stages take 4870 million operations (counted)." in text
     assert "About 310 MB of memory and 1.2 s for one evaluation by cholmod" in text
     assert "(estimated). A fit by gauss-newton takes 5 to 10 evaluations." in text
-    yielding = CostEstimate("splu", 574, 999_999, 1e6, 30.0, newton_steps=15)
+    yielding = CostEstimate("splu", 574, 999_999, 1e6, 30.0, 15, yielding=("ground",))
     text = " ".join(case_text(summary(cost=yielding)).split())
     assert "574 entries; all stages take 1000000 operations" in text
     assert "ground yields, so 15 Newton steps per stage are assumed" in text
+    both = replace(yielding, yielding=("structures", "interfaces"))
+    text = " ".join(case_text(summary(cost=both)).split())
+    assert "(estimated); structures yield and interfaces slip, so 15 Newton steps" in text
     lasting = CostEstimate("pardiso", 574, 999_999, 1e6, 30.0, time_steps=44)
     text = " ".join(case_text(summary(cost=lasting)).split())
     assert "(estimated); stages that last take 44 steps in time." in text

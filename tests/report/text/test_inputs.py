@@ -8,7 +8,11 @@ import pytest
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import ShownNumbers, ranged
-from geoident.report.text.inputs.structures import structures_table, supports_table
+from geoident.report.text.inputs.structures import (
+    interfaces_table,
+    structures_table,
+    supports_table,
+)
 from tests.support.results import example_result
 
 CASE = {
@@ -96,6 +100,27 @@ def test_structures_have_section_stiffness_and_their_time():
         "spacing 3 m; prestress 250 kN; second end symmetry",
         "from heap",
     ]
+
+
+def test_interfaces_have_their_faces_stiffness_and_limits():
+    """At the start c 5 kPa times 0.6 and atan(0.6 tan 25 deg), where the table is told so."""
+    springs = {"k_n": "100 MPa/m", "k_s": "10 MPa/m", "permeable": "true"}
+    joined = {"along": "line in clay", **springs, "R_inter": "0.6", "of": "clay",
+              "dilation": "3 deg", "permeable": "false"}  # fmt: skip
+    case = {**CASE, "interfaces": {"skin": joined, "joint": {"along": "lift", **springs}}}
+    limits = "R_inter = 0.6 of clay; dilation = 3 deg"
+    stiffness = "k_n = 100 MPa/m; k_s = 10 MPa/m"
+    skin, joint = interfaces_table(case, BEFORE).rows
+    assert skin == ["skin", "line in clay, on both sides of wall", stiffness, limits]
+    assert joint == ["joint", "lift", stiffness, "none, elastic"]
+    flowing = {**case, "materials": {"clay": {"hydraulic": {"permeability": "1e-9 m/s"}}}}
+    at_start = {"skin": (3e3, np.arctan(0.6 * np.tan(np.radians(25.0))))}
+    skin, joint = interfaces_table(flowing, BEFORE, at_start).rows
+    assert skin[3] == (
+        "R_inter = 0.6 of clay: cohesion 3 kPa, friction 15.6 deg at the start; dilation = 3 deg; "
+        "holds water back"
+    )
+    assert joint[3] == "none, elastic"
 
 
 def test_supports_are_held_along_the_axes_that_there_are():

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from geoident.report.text.inputs.numbers import CaseTexts, ShownNumbers, entries, listed
-from geoident.report.text.layout import TextTable
+from geoident.report.text.layout import TextTable, number
 
 _KINDS = {
     "beam": "wall or lining", "bolt": "bolts", "strut": "struts", "anchor": "anchors",
@@ -17,7 +19,8 @@ _STIFFNESS = (
     "E", "nu", "thickness", "diameter", "length", "area", "EA", "EI", "stiffness", "head_stiffness",
     "density", "weight", "k_grout", "k_shaft", "k_base", "k_lateral",
 )  # fmt: skip
-_LIMITS = "cohesion", "friction", "R_inter", "dilation", "tensile_strength"
+_LIMITS = "cohesion", "friction", "dilation", "tensile_strength"
+_SPRINGS = "k_n", "k_s"
 _DETAILS = (
     "spacing", "rows", "number", "grouted", "prestress", "strength", "capacity", "hardening_time",
     "hardening_distance", "bond", "skin_friction", "base_capacity", "lateral_resistance",
@@ -85,20 +88,41 @@ def _stages_of(case: CaseTexts, name: str) -> str:
     return ", ".join(stages) or "never built"
 
 
-def interfaces_table(case: CaseTexts, numbers: ShownNumbers) -> TextTable:
+def interfaces_table(
+    case: CaseTexts,
+    numbers: ShownNumbers,
+    at_start: Mapping[str, tuple[float, float]] | None = None,
+) -> TextTable:
     """Along which faces interfaces run, their stiffness and their limits.
 
     Args:
         case: as texts.
         numbers: how its numbers are shown.
+        at_start: cohesion (Pa) and friction angle (rad) at the start values, by the name of an
+            interface that has a part of the strength of a material.
     """
-    rows = []
+    materials, rows = entries(case, "materials").values(), []
+    flows = any(isinstance(material, Mapping) and "hydraulic" in material for material in materials)
+    on = {str(one["on"]): name for name, one in entries(case, "structures").items() if "on" in one}
     for name, given in entries(case, "interfaces").items():
         if isinstance(given, Mapping):
             limits = [f"{k} = {numbers.text(given[k])}" for k in _LIMITS if k in given]
-            limits += [f"of {given['of']}"] if "of" in given else []
-            stiff = "; ".join(f"{k} = {numbers.text(given[k])}" for k in ("k_n", "k_s"))
-            rows.append([name, str(given["along"]), stiff, "; ".join(limits) or "none: elastic"])
+            if "of" in given:
+                part = f"R_inter = {numbers.text(given['R_inter'])} of {given['of']}"
+                if at_start and name in at_start:
+                    cohesion, friction = at_start[name]
+                    part += f": cohesion {number(cohesion / 1e3, 3)} kPa, "
+                    part += f"friction {number(np.degrees(friction), 3)} deg at the start"
+                limits.insert(0, part)
+            along, stiff = (
+                str(given["along"]),
+                [f"{k} = {numbers.text(given[k])}" for k in _SPRINGS],
+            )
+            divided = on.get(along) or on.get(along.partition(" in ")[0])
+            place = f"{along}, on both sides of {divided}" if divided else along
+            limit = "; ".join(limits) or "none, elastic"
+            limit += "; holds water back" if flows and given.get("permeable") == "false" else ""
+            rows.append([name, place, "; ".join(stiff), limit])
     return TextTable(("interface", "along", "stiffness", "limits"), rows)
 
 
