@@ -68,11 +68,17 @@ class Source:
         positions: key to line and column.
         stages: for each stage of the case the number of that in the file of which it is a moment;
             empty where they are the same.
+        made_of: see `path_in_file`.
     """
 
     file: str = ""
     positions: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
     stages: tuple[int, ...] = ()
+    made_of: Mapping[KeyPath, KeyPath] = field(default_factory=dict)
+
+    def has(self, path: KeyPath) -> bool:
+        """Whether the file has a key of the case."""
+        return self._written(path) in self.positions
 
     def locate(self, path: KeyPath) -> Location:
         """Line and column of a key; of its nearest enclosing key if it is not written."""
@@ -97,7 +103,24 @@ class Source:
         """The path of a key in the file, whose stages may be fewer than those of the case."""
         if self.stages and path[:1] == ("stages",) and len(path) > 1:
             return ("stages", self.stages[int(path[1])], *path[2:])
-        return path
+        return path_in_file(path, self.made_of)
+
+
+def path_in_file(path: KeyPath, made_of: Mapping[KeyPath, KeyPath]) -> KeyPath:
+    """The path in the file of a key of a case, which reading may have made of another.
+
+    Args:
+        path: of the key.
+        made_of: where paths begin that reading has made, to what that is in the file; the longest
+            beginning counts.
+
+    >>> path_in_file(("materials", "copy", "E"), {("materials", "copy"): ("materials", "clay")})
+    ('materials', 'clay', 'E')
+    """
+    for end in range(len(path), 0, -1):
+        if path[:end] in made_of:
+            return (*made_of[path[:end]], *path[end:])
+    return path
 
 
 def format_path(path: KeyPath) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from geoident.forward.structures.interfaces import beams_on
 from geoident.model.arrays import Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.cells import CELLS
+from geoident.model.hydraulic import Drained
 from geoident.model.mesh import nodes_in, rows_in
 from geoident.model.parameter import Values
 
@@ -36,6 +38,7 @@ def consolidation_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         *_orders(on_mesh),
         *_undrained(on_mesh),
         *_drained_elsewhere(on_mesh),
+        *_two_heads(on_mesh),
     ]
 
 
@@ -122,6 +125,56 @@ def _drained_elsewhere(on_mesh: CaseOnMesh) -> Iterator[Fault]:
                 f"'{name}' is drained, and touches no ground with 'hydraulic' at any stage",
                 "Correct the name of the group, or give the material there 'hydraulic'.",
             )
+
+
+def _two_heads(on_mesh: CaseOnMesh) -> Iterator[Fault]:
+    """Faces with two heads, of two drained groups; where these only meet, the later one counts."""
+    case, sequence = on_mesh.case, on_mesh.sequence
+    told: set[frozenset[str]] = set()
+    for n, state in enumerate(sequence.states):
+        for one, other in combinations(state.drained, 2):
+            heads = [_head(state.drained[name]) for name in (one, other)]
+            if heads[0] == heads[1] or {one, other} in told:
+                continue
+            common = np.intersect1d(_faces(on_mesh, one), _faces(on_mesh, other)).size
+            if not common:
+                continue
+            told.add(frozenset((one, other)))
+            paths = [
+                path
+                for path, name in _drained_keys(case)
+                if name in {one, other}
+                and (path[0] == "drained" or sequence.built_on[int(path[1]) + 1, n])
+            ]
+            yield case.source.fault(
+                paths[-1],
+                "two-heads",
+                f"'{one}' and '{other}' have {common} face{'s' * (common > 1)} in common, drained "
+                f"with {heads[0]} by the one and with {heads[1]} by the other",
+                "Give both the same head, let one of them end ('GROUP: closed'), or name groups "
+                "that have no face in common.",
+            )
+
+
+def _head(drained: Drained) -> str:
+    """What a drained face is given, for a message; equal only where the numbers are."""
+    if drained.head is None:
+        return "the pressure at rest"
+    factor, parameter = drained.head.factor, drained.head.parameter
+    if parameter is None:
+        return f"head {factor:.12g} m"
+    return f"head {'' if factor == 1.0 else f'{factor:.12g} '}${parameter}"
+
+
+def _faces(on_mesh: CaseOnMesh, name: str) -> Ints:
+    """Identities (k,) of the faces of ground of a drained group: its own, or all within it."""
+    mesh, table = on_mesh.mesh, on_mesh.table
+    if name in mesh.facet_groups:
+        rows = rows_in(mesh.facets, mesh.facet_groups[name])
+        return np.concatenate([table.find(block)[of] for block, of in rows])
+    within = np.isin(np.arange(mesh.n_nodes), drained_nodes(on_mesh, name))
+    every = table.by_place(mesh, np.arange(len(table.face)))
+    return np.concatenate([table.face[at[within[nodes].all(axis=1)]] for _, _, at, nodes in every])
 
 
 def _has_drains(case: Case, name: str) -> bool:

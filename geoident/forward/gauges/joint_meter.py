@@ -27,6 +27,9 @@ _SAMPLES = 9
 _REFINED = 6
 """Steps that bring it to the foot of the perpendicular; two are usual."""
 
+_WITHIN = 1e-6
+"""Distance from the plane of a face, in parts of its size, at which a point is on neither side."""
+
 _OFF = 0.1
 """Distance from the interface, in parts of the size of a face, that is no longer on it."""
 
@@ -123,9 +126,14 @@ def joint_meters(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
             if channel.towards is None:
                 faults.append(_beside_beam(on_mesh, channel))
                 continue
-            place = replace(place, faces=replace(place.faces, side=int(_beyond(channel, place))))
+            place = replace(
+                place, faces=replace(place.faces, side=int(_beyond(channel, place) > 0))
+            )
         if place.distance > _OFF * place.size:
             faults.append(_off(on_mesh, channel, place))
+            continue
+        if channel.towards is not None and abs(_beyond(channel, place)) < _WITHIN * place.size:
+            faults.append(_on_no_side(on_mesh, channel))
             continue
         way = _direction(channel, place)
         for sign, (nodes,) in zip((-1.0, 1.0), place.faces.ends, strict=True):
@@ -147,13 +155,13 @@ def _direction(channel: Channel, place: PlaceOnInterface) -> Floats:
         return normal
     if channel.quantity == "slip":
         return np.array([-normal[1], normal[0]])
-    return np.array(channel.direction) * (1.0 if _beyond(channel, place) else -1.0)
+    return np.array(channel.direction) * (1.0 if _beyond(channel, place) > 0.0 else -1.0)
 
 
-def _beyond(channel: Channel, place: PlaceOnInterface) -> bool:
-    """Whether the point of a channel that names a side is on the second one."""
+def _beyond(channel: Channel, place: PlaceOnInterface) -> float:
+    """How far the point of a channel that names a side is on the second one, m."""
     assert channel.towards is not None
-    return float(place.normal @ (np.array(channel.towards) - place.point)) > 0.0
+    return float(place.normal @ (np.array(channel.towards) - place.point))
 
 
 def _stands(on_mesh: CaseOnMesh, place: PlaceOnInterface) -> Bools:
@@ -177,6 +185,18 @@ def _beside_beam(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
         f"gauge '{channel.name}' reads across the interface '{channel.interface}', which a "
         "beam or shell divides: across which of its two sides is not said",
         "Write 'towards: [...]', a point of the ground on the side that is meant.",
+    )
+
+
+def _on_no_side(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
+    assert channel.towards is not None
+    return on_mesh.case.source.fault(
+        (*channel.key, "towards"),
+        "on-no-side",
+        f"gauge '{channel.name}' reads on the side of {format_point(np.array(channel.towards))} "
+        f"of the interface '{channel.interface}', and that point lies in its plane: which side is "
+        "meant is not said",
+        "Write a point of the ground on the side that is meant, off the interface.",
     )
 
 

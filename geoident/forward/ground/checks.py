@@ -39,7 +39,7 @@ def section_faults(case: Case) -> list[Fault]:
 def _fault(case: Case, material: Material) -> Fault | None:
     """Strata or axes that are oblique to the section, or that dip about an axis of revolution."""
     paths = [("materials", material.name, key) for key in _KEYS]
-    written = (path for path in paths if path in case.source.positions)
+    written = (path for path in paths if case.source.has(path))
     path: KeyPath = next(written, ("materials", material.name))
     for values in trials(case.parameters):
         E = np.abs(_moduli(material, values))

@@ -31,14 +31,16 @@ from geoident.io.schema.values import (
     Stress,
 )
 from geoident.io.text.faults import Faults, Places
-from geoident.io.text.yaml_reader import Node, Position
+from geoident.io.text.yaml_reader import Node
 from geoident.model.case import KeyPath
 
 Keys = dict[str, Node]
 """A mapping of a case."""
 
-Pressure = Annotated[CaseNumber, QuantityType("pressure", above=0.0)]
-PastStress = Annotated[CaseNumber, QuantityType("pressure", tied=True, above=0.0)]
+Pressure = Annotated[CaseNumber, QuantityType("pressure", above=0.0, such_as="150 kPa")]
+PastStress = Annotated[
+    CaseNumber, QuantityType("pressure", tied=True, above=0.0, such_as="150 kPa")
+]
 Pressures = Annotated[list[FixedStress], Field(min_length=1), SharesUnit()]
 Strains = Annotated[
     list[Annotated[CaseNumber, QuantityType("strain")]], Field(min_length=1), SharesUnit()
@@ -615,13 +617,14 @@ def with_tests(places: Places, faults: Faults) -> Places:
     fit = data.get("fit", {})
     if isinstance(fit, dict):  # the last row of a test says little of a fit without it
         rest["fit"] = {"backtest": "false", **fit}
-    made_of = {remembering[name].material: test.material for name, test in tests.items()}
-    document = replace(
-        places.document,
-        keys=_also_of_copies(places.document.keys, made_of),
-        values=_also_of_copies(places.document.values, made_of),
-    )
-    return replace(places, document=document, data={**written, **rest})
+    made_of: dict[KeyPath, KeyPath] = {}
+    for name, test in reversed(tests.items()):
+        own = ("materials", remembering[name].material)
+        made_of[own] = ("materials", test.material)
+        if test.past:
+            key = "preconsolidation_stress"
+            made_of[(*own, "yield", key)] = ("tests", name, key)
+    return replace(places, made_of=made_of, data={**written, **rest})
 
 
 def _check_pasts(
@@ -684,19 +687,6 @@ def _with_pasts(
             given[own] = {**of, "yield": law}
         renamed[name] = test.model_copy(update={"material": own})
     return given, renamed
-
-
-def _also_of_copies(
-    places: Mapping[KeyPath, Position], made_of: Mapping[str, str]
-) -> Mapping[KeyPath, Position]:
-    """Places of keys, also of those of materials that are made of others, by name."""
-    copied = {
-        ("materials", copy, *path[2:]): place
-        for copy, name in made_of.items()
-        for path, place in places.items()
-        if path[:2] == ("materials", name)
-    }
-    return {**places, **copied}
 
 
 def _initial_state(test: AnyTest, least: float) -> tuple[str, Keys]:

@@ -239,12 +239,24 @@ def check_sequence(begin: Begin, stages: Sequence[StageSection], faults: Faults)
         ground.build(path, stage)
         reached[stage.name] = ground
         trunk = trunk if stage.independent else ground
+    settled = frozenset[KeyPath]().union(*(ground.settled for ground in reached.values()))
+    refilled = {path: part for ground in reached.values() for path, part in ground.refilled.items()}
+    for path in sorted(refilled.keys() - settled, key=str):
+        group = path[-1]
+        message = f"'{group}' is filled again, and only {refilled[path].text} of the stress that "
+        message += "it had is released: the rest would go on acting beside the new ground"
+        hint = f"Release it to 1, 'release: {{{group}: 1}}', in this stage or an earlier one; of a "
+        hint += "lining that takes its share of the rest, in this stage or a later one."
+        faults.add(path, "still-held", message, hint, key=True)
 
 
 class _Ground:
     """What stands after the stages so far.
 
-    ``excavated`` has, for each group that was taken away, the stage at which it was.
+    ``excavated`` has, for each group that was taken away, the stage at which it was. ``partly``
+    has, for each that left with part of its stress, what is released of it; None: as far as the
+    distance to the face says. ``refilled`` has places where such groups are filled again, with
+    what was released then; ``settled`` those of them after which the rest is released.
     """
 
     def __init__(self, begin: Begin, stages: Sequence[StageSection], faults: Faults) -> None:
@@ -254,7 +266,9 @@ class _Ground:
         self.installed: dict[str, str] = {}
         self.loads = set(begin.loads)
         self.excavated: dict[str, str] = {}
-        self.partly: set[str] = set()
+        self.partly: dict[str, CaseNumber | None] = {}
+        self.refilled: dict[KeyPath, CaseNumber] = {}
+        self.settled: set[KeyPath] = set()
         self.structures: set[str] = set()
         self.supports = set(begin.supports)
         self.known = set(begin.groups)
@@ -316,15 +330,18 @@ class _Ground:
     def _release(self, path: KeyPath, stage: StageSection) -> None:
         """Groups that leave with part of their stress, or release more of it later."""
         away = set() if stage.distance is None else set(self.begin.by_distance)
-        self.partly -= set(stage.excavate) - stage.release.keys() - away
+        for group in stage.excavate:
+            self.partly.pop(group, None)
+            self.refilled = {k: part for k, part in self.refilled.items() if k[-1] != group}
         for group in sorted(away - stage.release.keys()):
             if group not in stage.excavate and group not in self.partly and group in self.known:
                 message = f"no stress of '{group}' is held that could be released by the distance"
                 hint = "Give 'distance' from the stage on that excavates the group."
                 self.faults.add((*path, "distance"), "nothing-held", message, hint, key=True)
-            self.partly.add(group)
+            self.partly[group] = None
         for group, part in stage.release.items():
             place = (*path, "release", group)
+            before = None if part.parameter else self.partly.get(group)
             if group not in stage.excavate and group not in self.partly:
                 message = f"no stress of '{group}' is held that could be released"
                 hint = "Give 'release' from the stage on that excavates the group."
@@ -332,10 +349,21 @@ class _Ground:
             elif part.parameter is None and not 0 <= part.factor <= 1:
                 message = f"'{part.text}' is not between 0 (nothing released) and 1 (all of it)"
                 self.faults.add(place, "out-of-range", message, "Give a part, such as 0.4.")
-            self.partly.add(group)
+            elif before and not before.parameter and part.factor < before.factor:
+                message = f"{part.text} of the stress of '{group}' would be released, and "
+                message += f"{before.text} of it is already"
+                hint = "Parts count from the excavation on and only grow: write at least "
+                self.faults.add(place, "out-of-range", message, f"{hint}{before.text}.")
+            self.partly[group] = part
+            if part.parameter or part.factor == 1.0:
+                self.settled |= {place for place in self.refilled if place[-1] == group}
 
     def _install(self, path: KeyPath, stage: StageSection) -> None:
         for group, material in stage.install.items():
+            part = self.partly.get(group)
+            ends = part is None or (group in stage.release if part.parameter else part.factor >= 1)
+            if part is not None and not ends:
+                self.refilled[(*path, "install", group)] = part
             if self.installed.get(group) == material:
                 message = f"'{group}' is already made of '{material}' by an earlier stage"
                 hint = "Excavate it first if it is to be replaced, or remove this entry."

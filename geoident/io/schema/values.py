@@ -326,7 +326,7 @@ class QuantityType:
     def _example(self) -> str:
         """A number that is allowed there."""
         if self.dimension == "pressure" and self.above == 0:
-            return "15 GPa"
+            return self.such_as or "15 GPa"
         return self.such_as or _EXAMPLES[self.dimension]
 
     def _short(self) -> str:

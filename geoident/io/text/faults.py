@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.text.wording import did_you_mean
 from geoident.io.text.yaml_reader import Document, Node
-from geoident.model.case import KeyPath, Source, format_path
+from geoident.model.case import KeyPath, Source, format_path, path_in_file
 
 OVERRIDES = str(Term.OVERRIDES)
 """Where an override is written, in place of the name of a file."""
@@ -23,14 +23,17 @@ class Places:
         document: the file.
         data: its data, with the overrides.
         overridden: paths that overrides have set.
+        made_of: see `path_in_file`.
     """
 
     document: Document
     data: Node
     overridden: frozenset[KeyPath] = frozenset()
+    made_of: Mapping[KeyPath, KeyPath] = field(default_factory=dict)
 
     def locate(self, path: KeyPath, *, key: bool = False) -> Location:
         """The place of a value (of its key if ``key``), else of what encloses it."""
+        path = path_in_file(path, self.made_of)
         if self.is_overridden(path):
             return Location(OVERRIDES)
         for end in range(len(path), -1, -1):
@@ -56,7 +59,7 @@ class Places:
     def source(self) -> Source:
         """Positions of the keys of the file, for later faults."""
         keys = {k: place for k, place in self.document.keys.items() if not self.is_overridden(k)}
-        return Source(self.document.file, keys)
+        return Source(self.document.file, keys, made_of=self.made_of)
 
 
 @dataclass
@@ -85,7 +88,8 @@ class Faults:
             key: show where the key is written, not its value.
         """
         location = self.places.locate(path, key=key)
-        self.found.append(Fault(code, message, hint, location, format_path(path)))
+        written = format_path(path_in_file(path, self.places.made_of))
+        self.found.append(Fault(code, message, hint, location, written))
         self._keys.append(path)
 
     def of_keys(self) -> list[KeyPath]:
@@ -136,7 +140,8 @@ class Faults:
 
     def shown(self) -> list[Fault]:
         """The faults in the order of the files, as they are shown: each once, not too many."""
-        return shortened(said_once(sorted(self.found, key=_order), self.places.document.file))
+        found = list(dict.fromkeys(sorted(self.found, key=_order)))
+        return shortened(said_once(found, self.places.document.file))
 
 
 _FIRST = 5

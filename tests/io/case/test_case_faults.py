@@ -380,3 +380,36 @@ def test_a_fault_reads_as_file_line_column_path_found_expected_remedy(project, c
         "    Write '8 kPa' or '8 MPa' or '8 GPa', or another of Pa, kPa, MPa, GPa, bar, kbar, "
         "N/m2, kN/m2, MN/m2, N/mm2, kN/mm2, kgf/cm2, psi, ksi, psf, ksf, tsf and 10 more."
     )
+
+
+PARTLY = "excavate: [bench], release: {bench: 0.4}}"
+LINED = "  - {name: lined, install: {bench: shotcrete}"
+REST = "  - {name: more, release: {bench: 60 %}}\n  - {name: rest, release: {bench: 1}}"
+
+
+@pytest.mark.parametrize(
+    "stages",
+    [
+        f"{PARTLY}\n{LINED}, release: {{bench: 1}}}}",
+        f"{PARTLY}\n{LINED}, release: {{bench: $K0}}}}",
+        f"{PARTLY}\n{LINED}}}\n{REST}",
+        f"{PARTLY}\n{REST}\n{LINED}}}",
+        f"{PARTLY}\n{LINED}, independent: true}}\n  - {{base: lined, {REST[5:]}",
+    ],
+)
+def test_ground_that_is_released_in_parts_can_be_lined(stages, project, changed):
+    project.read(changed(BENCH, stages))
+
+
+@pytest.mark.parametrize(
+    "stages",
+    [
+        f"{PARTLY}\n{LINED}}}",
+        f"{PARTLY.replace('0.4', '$K0')}\n{LINED}}}",
+        f"{PARTLY}\n{LINED}}}\n  - {{name: out, excavate: [bench], release: {{bench: 1}}}}",
+        f"{PARTLY}\n{LINED}, independent: true}}\n{REST}",  # of another line of stages
+    ],
+)
+def test_ground_that_stays_partly_held_is_not_filled_again(stages, project, changed):
+    (fault,) = project.faults(changed(BENCH, stages))
+    assert (fault.code, fault.path) == ("still-held", "stages[2].install.bench")
