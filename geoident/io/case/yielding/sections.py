@@ -371,7 +371,7 @@ class HardeningSoilSection(SurfaceBase):
     )
     preconsolidation_stress: Stress | None = optional(
         "Highest vertical stress of the past, with `Eoed` and in place of `OCR` and "
-        "`POP`: effective, compression positive. Less than the stress in situ is without effect.",
+        "`POP`: effective, compression positive. In situ less than what is there has no effect.",
         examples=["180 kPa", "$sigma_p"],
     )
     G0: Stress | None = optional(
